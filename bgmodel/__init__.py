@@ -158,9 +158,9 @@ if not TYPE_CHECKING:  # otherwise mypy would accept any attribute name
 
         if name not in LAZY:
             raise AttributeError(f"module 'bgmodel' has no attribute {name!r}")
-        found = getattr(import_module(LAZY[name]), name)
-        globals()[name] = found
-        return found
+        loaded = getattr(import_module(LAZY[name]), name)
+        globals()[name] = loaded
+        return loaded
 
     def __dir__() -> list[str]:
         return sorted(__all__)

@@ -54,9 +54,9 @@ def check_resamples(resamples: int, groups: npt.ArrayLike | None) -> None:
 
 def _numbered(groups: npt.ArrayLike, trials: int) -> npt.NDArray[np.intp]:
     """Return the group of each trial as a number, 0, 1, ..."""
-    given = np.asarray(groups)
-    require(given.shape == (trials,), "groups", f"must be one per trial, ({trials},)", given.shape)
-    kinds, of = np.unique(given, return_inverse=True)
+    names = np.asarray(groups)
+    require(names.shape == (trials,), "groups", f"must be one per trial, ({trials},)", names.shape)
+    kinds, of = np.unique(names, return_inverse=True)
     require(len(kinds) >= 2, "groups", "must be two or more for an interval", len(kinds))
     return of
 

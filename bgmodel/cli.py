@@ -65,9 +65,9 @@ def main(arguments: list[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A terminal may not have every character of a table or of a user's names.
         sys.stdout.reconfigure(errors="backslashreplace")
-    given = sys.argv[1:] if arguments is None else arguments
+    words = sys.argv[1:] if arguments is None else arguments
     try:
-        run(given)
+        run(words)
     except BrokenPipeError:  # the reader closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -80,16 +80,16 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def run(given: Sequence[str]) -> None:
+def run(words: Sequence[str]) -> None:
     """Run the command that the arguments name; errors: see ``parsed``, and those of it."""
     with _plain_warnings():
-        parsed(given)()
-    if {"-h", "--help"} & {*given} and given[0] in TEMPLATES:
-        whole = getattr(import_module(TEMPLATES[given[0]]), given[0].title()).template()
-        print(f"A whole file, which --template writes:\n\n{indent(whole, '    ')}")
+        parsed(words)()
+    if {"-h", "--help"} & {*words} and words[0] in TEMPLATES:
+        template = getattr(import_module(TEMPLATES[words[0]]), words[0].title()).template()
+        print(f"A whole file, which --template writes:\n\n{indent(template, '    ')}")
 
 
-def parsed(given: Sequence[str]) -> partial[None]:
+def parsed(arguments: Sequence[str]) -> partial[None]:
     """Return the command of some arguments, with the arguments of its function.
 
     Raises
@@ -97,37 +97,37 @@ def parsed(given: Sequence[str]) -> partial[None]:
     ValueError
         With one sentence, for arguments that the command does not have or that it refuses.
     """
-    if given[:1] == ["--completion"]:
-        return partial(_print_completion, *given[1:2])
+    if arguments[:1] == ["--completion"]:
+        return partial(_print_completion, *arguments[1:2])
     try:
-        app = application(given)
-        words = _whole_numbers(app, given)
+        app = application(arguments)
+        words = _whole_numbers(app, arguments)
         command, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
         if isinstance(error.__cause__, InputError):
             raise error.__cause__ from None
-        named = _named(given)
+        named = _named(arguments)
         about = f"`bgmodel {' '.join([*named, '--help'])}` lists what there is"
         raise InputError(f"{_sentence(error)}; {about}", "arguments") from None
     return partial(command, *bound.args, **bound.kwargs)
 
 
-def _named(given: Sequence[str]) -> Sequence[str]:
+def _named(words: Sequence[str]) -> Sequence[str]:
     """Return the words of the arguments that name a command; none if they name nothing."""
-    inner = COMMANDS.get(given[0]) if given else None
-    nested = isinstance(inner, dict) and given[1:2] and given[1] in inner
-    return given[: 2 if nested else 1] if inner is not None else []
+    inner = COMMANDS.get(words[0]) if words else None
+    nested = isinstance(inner, dict) and words[1:2] and words[1] in inner
+    return words[: 2 if nested else 1] if inner is not None else []
 
 
-def _whole_numbers(app: App, given: Sequence[str]) -> list[str]:
+def _whole_numbers(app: App, arguments: Sequence[str]) -> list[str]:
     """Return arguments with whole numbers such as 1e5 written in full; ValueError for fractions."""
-    words = list(given)
-    if not (named := _named(given)) or "--help" in words:
+    words = list(arguments)
+    if not (named := _named(arguments)) or "--help" in words:
         return words
-    own = app[named[0]] if len(named) == 1 else app[named[0]][named[1]]
-    if own.default_command is None:
+    parser = app[named[0]] if len(named) == 1 else app[named[0]][named[1]]
+    if parser.default_command is None:
         return words
-    counts = {name for one in own.assemble_argument_collection()
+    counts = {name for one in parser.assemble_argument_collection()
               if int in (one.hint, *get_args(one.hint)) and get_origin(one.hint) is not tuple
               for name in one.names}  # fmt: skip
     for k, word in enumerate(words):
@@ -151,12 +151,12 @@ def _print_completion(shell: Any = "") -> None:
     print(application(["all"]).generate_completion(prog_name="bgmodel", shell=shell))
 
 
-def application(given: Sequence[str] = ()) -> App:
+def application(words: Sequence[str] = ()) -> App:
     """Return the parser of all commands, which imports only the one that is run.
 
     Parameters
     ----------
-    given : sequence of str
+    words : sequence of str
         The arguments, of which the first name the command; ("all",) imports every command.
     """
     usual = Parameter(negative_bool=(), negative_iterable=(), show_default=_default)
@@ -164,16 +164,16 @@ def application(given: Sequence[str] = ()) -> App:
               help_format="markdown", default_parameter=usual)  # fmt: skip
     for order, (name, place) in enumerate(COMMANDS.items()):
         if isinstance(place, str):
-            _add(app, (name,), place, given, order)
+            _add(app, (name,), place, words, order)
             continue
         about = _about(place[""]) if "" in place else GROUPS[name]
-        chosen = "" in place and (given[:1] == ["all"] or given[:1] == [name])
+        chosen = "" in place and (words[:1] == ["all"] or words[:1] == [name])
         group = App(name=name, help=None if chosen else about, sort_key=order)
-        for inner, own in place.items():
+        for inner, function in place.items():
             if inner:
-                _add(group, (name, inner), own, given, order)
+                _add(group, (name, inner), function, words, order)
             elif chosen:
-                group.default(_function(own))
+                group.default(_function(function))
         app.command(group)
     return app
 
@@ -189,8 +189,8 @@ def _add(app: App, words: tuple[str, ...], place: str, given: Sequence[str], ord
 
 def _function(place: str) -> Callable[..., None]:
     module, name = place.split(":")
-    found: Callable[..., None] = getattr(import_module(f"bgmodel.commands.{module}"), name)
-    return found
+    command: Callable[..., None] = getattr(import_module(f"bgmodel.commands.{module}"), name)
+    return command
 
 
 def _default(value: Any) -> str | None:
@@ -206,11 +206,11 @@ def _about(place: str) -> str:
     """Return the first line of a command's docstring, without importing its module."""
     module, name = place.split(":")
     source = files("bgmodel.commands").joinpath(f"{module}.py").read_text(encoding="utf-8")
-    (found,) = (
+    (command,) = (
         each for each in ast.parse(source).body
         if isinstance(each, ast.FunctionDef) and each.name == name
     )  # fmt: skip
-    return (ast.get_docstring(found) or "").partition("\n")[0]
+    return (ast.get_docstring(command) or "").partition("\n")[0]
 
 
 def _sentence(error: CycloptsError) -> str:

@@ -76,9 +76,9 @@ class Setup:
             ("circuit", CIRCUIT, CircuitName),
             ("engine", ENGINE, EngineName),
         ):
-            given = getattr(self, name)
-            if not isinstance(given, str) or given != default:
-                names.check(name, given, kind)
+            value = getattr(self, name)
+            if not isinstance(value, str) or value != default:
+                names.check(name, value, kind)
         check_types(self, type(self).__name__)
         require(self.seed >= 0, "seed", "must be at least 0", self.seed)
         if self.gain is not None:

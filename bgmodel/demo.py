@@ -89,7 +89,7 @@ class Demo:
 
     def summary(self) -> str:
         """Return a description of the chain in a few sentences."""
-        test, own = (self._outcome(name) for name in (TEST, CIRCUIT))
+        test, spikes = (self._outcome(name) for name in (TEST, CIRCUIT))
         separation = self.learned.learned.mean()
         posterior = np.exp(-self.threshold_nats)
         return (
@@ -101,8 +101,8 @@ class Demo:
             f"{self.learned.best:.2f}; excess cost {self.learned.regret:.1f} %). At the circuit's "
             f"gain of {self.gain:.2g} that is a posterior of {posterior:.2f}.\n"
             f"On one trial with this threshold the test {test}; the spiking circuit, on the same "
-            f"readings, {own}. OUT is the firing rate of SNr in nats: for the leading alternative "
-            "it follows the test's -ln P. Use --seed N for another trial."
+            f"readings, {spikes}. OUT is the firing rate of SNr in nats: for the leading "
+            "alternative it follows the test's -ln P. Use --seed N for another trial."
         )
 
     def _outcome(self, name: str) -> str:

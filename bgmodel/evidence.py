@@ -141,24 +141,24 @@ class Evidence(Facts):
 
     def facts(self) -> dict[str, str]:
         """Return shape, clock, truth and the mean evidence for it."""
-        found = {
+        facts = {
             "trials": f"{self.trials}",
             "readings": f"{self.steps}" if self.lengths is None else f"up to {self.steps}",
             "hypotheses": f"{self.hypotheses}",
             "step_ms": f"{self.step_ms:g}",
         }
         if self.onset_ms:
-            found["onset_ms"] = f"{self.onset_ms:g}"
+            facts["onset_ms"] = f"{self.onset_ms:g}"
         if self.expectancy_nats is not None:
-            found["expectancy_nats"] = f"up to {self.expectancy_nats.max():.3g}"
+            facts["expectancy_nats"] = f"up to {self.expectancy_nats.max():.3g}"
         if np.ptp(self.prior):
-            found["prior"] = " ".join(f"{p:.3g}" for p in self.prior)
+            facts["prior"] = " ".join(f"{p:.3g}" for p in self.prior)
         if self.truth is None:
-            return found | {"truth": "unknown"}
+            return facts | {"truth": "unknown"}
         true = self.log_likelihood[np.arange(self.trials), :, self.truth]
         others = (self.log_likelihood.sum(axis=2) - true) / (self.hypotheses - 1)
         mean = float((true - others).sum() / self.readings.sum())
-        return found | {"truth": f"known, favoured by {mean:.3g} nats per reading"}
+        return facts | {"truth": f"known, favoured by {mean:.3g} nats per reading"}
 
     def plot(self, trial: int = 0, ax: Axes | None = None) -> Figure:
         """Draw the posterior of each hypothesis after every reading of one trial.
@@ -289,17 +289,17 @@ class Evidence(Facts):
     def _among(self, trials: Any) -> Any:
         """Return a slice or an index (N,) of one trial or more."""
         try:
-            found = np.arange(self.trials)[trials]
-            if found.ndim == 0:
-                trials, found = slice(int(found), int(found) + 1), found[None]
-            if found.ndim > 1:
-                raise IndexError(f"an index of {found.ndim} dimensions")
+            chosen = np.arange(self.trials)[trials]
+            if chosen.ndim == 0:
+                trials, chosen = slice(int(chosen), int(chosen) + 1), chosen[None]
+            if chosen.ndim > 1:
+                raise IndexError(f"an index of {chosen.ndim} dimensions")
         except IndexError as error:
             raise IndexError(
                 f"trials must be a number, a slice, a mask or numbers in 0..{self.trials - 1}: "
                 f"{error}"
             ) from None
-        if not found.size:
+        if not chosen.size:
             raise InputError(f"evidence needs at least one trial, got 0 of {self.trials}", "trials")
         return trials
 

@@ -169,9 +169,7 @@ def question(
     names = names[-1:] if alone else names
     if all(isinstance(name, TrialModel) for name in names):
         kind = CHOICES
-    asked.check_unused(kind.unused, f"on {trials.kind}")
-    if asked.hierarchical:
-        asked.check_unused(["pooled"], "in a hierarchy")
+    _check_settings(asked, kind, trials)
     asked, between = asked.split(trials)
     if kind is KNOWN and asked.formula:
         must = "must be of what differs between people if evidence is known: within a person"
@@ -192,6 +190,15 @@ def question(
             "participant",
         )
     return one
+
+
+def _check_settings(asked: FitSettings, kind: Kind, trials: Trials) -> None:
+    """Raise ValueError for settings without effect on these trials."""
+    asked.check_unused(kind.unused, f"on {trials.kind}")
+    if not trials.timed:
+        asked.check_unused(["rt_window"], "on choices without times")
+    if asked.hierarchical:
+        asked.check_unused(["pooled"], "in a hierarchy")
 
 
 def _model_of_choices(one: Question, name: Any, folder: Path | None) -> AnyModel:
@@ -528,11 +535,14 @@ def simulate(
     if not isinstance(values, Mapping):
         raise InputError.of("values", "must be a mapping from names to numbers", values)
     one = question(settings_of(**options), trials, [model])
-    (name,) = one.versions
+    ((name, (asked, made, kind)),) = one.versions.items()
     free = next(iter(one.likelihoods(name).values())).freedom.names
     fixed = {key: value for key, value in values.items() if key not in free}
     if fixed:  # parameters that a fit holds by default
-        one = question(settings_of(**{**options, "fix": fixed}), trials, [model])
+        more = settings_of(fix=fixed).fix
+        asked = replace(asked, fix=(*asked.fix, *more))
+        asked.check_parameters({name: made})
+        one = replace(one, asked=asked, versions={name: (asked, made, kind)})
     parts = []
     for who, likelihood in one.likelihoods(name).items():
         freed = likelihood.freedom

@@ -69,16 +69,16 @@ class Watched:
     @cached_property
     def session(self) -> Session:
         """The decision maker, reading by reading."""
-        given: dict[str, Any] = {
+        settings: dict[str, Any] = {
             "posterior": self.posterior, "step_ms": self.task.step_ms, "t_max": self.task.t_max,
         }  # fmt: skip
         if self.model is None:
-            return Msprt().session(len(self._known.names), **given)
+            return Msprt().session(len(self._known.names), **settings)
         seed = self.model.seed or 0
         usual = self._known.draw(200, 10, rng=seed, step_ms=self.task.step_ms)
         self.model.check_strength(usual)
         self.model.warn_beyond_range(usual)
-        return self.model.session(baseline=self._known.baseline, **given)
+        return self.model.session(baseline=self._known.baseline, **settings)
 
     def decisions(self) -> Iterator[dict[str, Any]]:
         """Yield one row per decision, with ``COLUMNS``, as images arrive."""
@@ -103,12 +103,12 @@ class Watched:
             if decision is None:
                 continue
             choice = int(decision.choice[0])
-            found = (
+            row = (
                 session.trial, names[choice] if choice >= 0 else "none",
                 float(decision.time_ms[0]), bool(decision.forced[0]), readings,
                 path.name, self.latency_ms[-1],
             )  # fmt: skip
-            yield dict(zip(COLUMNS, found, strict=True))
+            yield dict(zip(COLUMNS, row, strict=True))
             session.next()
             begun, readings = None, 0
 
@@ -125,8 +125,8 @@ class Watched:
                 return None
             reading = task.reading(angles)
             angles.clear()
-            found: Array = self._known.likelihood(reading)
-            return found
+            nats: Array = self._known.likelihood(reading)
+            return nats
 
         return read
 
@@ -145,12 +145,12 @@ def images(folder: Path, idle_s: float) -> Iterator[Path]:
         new = sorted(_new_images(folder, seen))
         looked_s = time.monotonic() - begun
         looked: dict[str, int] = {}
-        whole = True
+        complete = True
         for _, name, size in new:
             looked[name] = size
             # Images after an unfinished one wait too, to keep them in order.
-            whole = whole and size > 0 and sizes.get(name) == size
-            if whole:
+            complete = complete and size > 0 and sizes.get(name) == size
+            if complete:
                 seen.add(name)
                 yield folder / name
                 last = time.monotonic()
@@ -163,6 +163,6 @@ def _new_images(folder: Path, seen: set[str]) -> Iterator[tuple[int, str, int]]:
     """Yield modification time, name and size of the images not yet seen."""
     for name in set(os.listdir(folder)) - seen:
         with suppress(FileNotFoundError):  # it may have been deleted
-            found = os.stat(folder / name)
+            status = os.stat(folder / name)
             if name.lower().endswith(IMAGES):
-                yield found.st_mtime_ns, name, found.st_size
+                yield status.st_mtime_ns, name, status.st_size

@@ -117,10 +117,10 @@ class Touched(Facts):
     @classmethod
     def from_dataframe(cls, rows: pd.DataFrame, axis: str, step_ms: float) -> Touched:
         """Return the result from its table, its axis and the time between readings."""
-        given = {name: rows[rows["part"] == name].dropna(axis=1, how="all") for name in PARTS}
+        parts = {name: rows[rows["part"] == name].dropna(axis=1, how="all") for name in PARTS}
         numbers = rows[rows["part"] == "numbers"]
         values = dict(zip(numbers["measure"], numbers["value"], strict=True))
-        return cls(axis, numbers=values, step_ms=step_ms, **given)  # type: ignore[arg-type]
+        return cls(axis, numbers=values, step_ms=step_ms, **parts)  # type: ignore[arg-type]
 
     @styled
     def plot(self) -> Figure:
@@ -211,7 +211,7 @@ def touch(
         model = BasalGanglia(load_circuit(DEFAULT, len(task.names)), engine, seed=seed)
         model = model.adapted_to(evidence)
         groups = readings.groups(trials)
-        found = compare(model, evidence, accuracies=ACCURACIES, groups=groups, seed=seed)
+        matched = compare(model, evidence, accuracies=ACCURACIES, groups=groups, seed=seed)
         taught = chain(readings, model, evidence, learner or Learner(), seed, workers, TO_SPIKE)
         courses, decided = _one_decision(model, evidence, taught.threshold)
     test = Msprt().decide(evidence, posterior=POSTERIOR)
@@ -220,15 +220,15 @@ def touch(
         "one_reading_accuracy": float(curve.set_index("stimulus")["accuracy"][value]),
         "test_accuracy": float(test.accuracy),
         "test_readings": float(test.time_ms.mean() / step_ms),
-        **_at_equal_accuracy(found.table),
+        **_at_equal_accuracy(matched.table),
         "gain": model.gain,
         "folds": folds,
         "spiking_trials": min(trials, TO_SPIKE),
         **taught.gap,
     }
     return Touched(
-        axis, curve, found.curves, found.table, taught.courses, taught.learned, numbers, courses,
-        decided, step_ms, tuple(dict.fromkeys(caught)),
+        axis, curve, matched.curves, matched.table, taught.courses, taught.learned, numbers,
+        courses, decided, step_ms, tuple(dict.fromkeys(caught)),
     )  # fmt: skip
 
 
@@ -317,11 +317,11 @@ def chain(
     pooled = readings.pooled
     if pooled.silent:
         return Chain(pd.DataFrame(), pd.DataFrame(), {})
-    given: dict[str, Any] = {"xi": XI, "runs": RUNS, "seed": seed, "learner": learner}
+    settings: dict[str, Any] = {"xi": XI, "runs": RUNS, "seed": seed, "learner": learner}
     gap, courses = {}, []
     if len(pooled.names) == 2:
         table, summary = learn_gap(
-            pooled, name=(0.0, 0), start_separation=START_SEPARATION, t_max=T_MAX, **given
+            pooled, name=(0.0, 0), start_separation=START_SEPARATION, t_max=T_MAX, **settings
         )
         courses.append(table[["run", "episode", "mean_separation"]].assign(who=TEST))
         gap = {
@@ -331,11 +331,11 @@ def chain(
         }
     rng, step_ms = stream(seed, "touch, learned"), evidence.step_ms
     before = readings.draw(TO_LEARN, T_MAX, rng=rng, step_ms=step_ms)
-    circuit = learn_in_circuit(model, before, evidence, what=CRITERION, **given)
-    own = circuit.to_dataframe().rename(columns={"tonic": "mean_separation"})
+    circuit = learn_in_circuit(model, before, evidence, what=CRITERION, **settings)
+    course_of_circuit = circuit.to_dataframe().rename(columns={"tonic": "mean_separation"})
     if gap:
-        own["mean_separation"] *= 2 / model.gain
-    courses.append(own[["run", "episode", "mean_separation"]].assign(who=POPULATIONS))
+        course_of_circuit["mean_separation"] *= 2 / model.gain
+    courses.append(course_of_circuit[["run", "episode", "mean_separation"]].assign(who=POPULATIONS))
     few = evidence[:spiking]
     gaps = (gap["learned_gap_nats"], gap["optimal_gap_nats"]) if gap else None
     learned = decide_as_learned(
@@ -356,8 +356,8 @@ def _one_decision(
     courses, decided = [], []
     deciders: dict[str, Msprt | BasalGanglia] = {TEST: Msprt(gain), SPIKES: model}
     for who, decider in deciders.items():
-        own = isinstance(decider, BasalGanglia)
-        trace = model.trace(model.activity(one, checked=False), one) if own else decider.run(one)
+        cells = isinstance(decider, BasalGanglia)
+        trace = model.trace(model.activity(one, checked=False), one) if cells else decider.run(one)
         out = pd.DataFrame(np.asarray(trace.out_nats[0]), index=pd.Index(trace.time_ms))
         out = out.rename_axis("time_ms").reset_index()
         long = out.melt("time_ms", var_name="channel", value_name="out_nats").assign(who=who)
@@ -431,7 +431,7 @@ def _as_learned(ax: Axes, of: Touched) -> None:
 def _learning(ax: Axes, of: Touched) -> None:
     if not len(of.learning):
         ax.set(xticks=[], yticks=[], title="Learning")
-        why = "Nothing can be learned from taps that\ndo not distinguish the hypotheses"
+        why = "Taps that do not distinguish the\nhypotheses cannot teach a threshold"
         ax.text(0.5, 0.5, why, ha="center", va="center", color="0.4", transform=ax.transAxes)
         return
     from bgmodel.plots import acquisition
@@ -517,7 +517,7 @@ nats (of the test at gain 1, of the circuit at its gain). regret is the excess c
 criterion, which was found on other trials (so that it may be below 0 by chance), and
 above_test the excess cost over the test, both in per cent; 95 % intervals (bootstrap over folds of
 taps).</p>
-{learned or "<p>Taps do not distinguish the hypotheses: nothing is learned.</p>"}
+{learned or "<p>No learning: the taps do not distinguish the hypotheses.</p>"}
 <h2>One reading</h2>
 <p>For each {html.escape(of.axis)}: how often the likeliest hypothesis is true, with the range
 over the folds of taps. claimed is the mean posterior of that hypothesis, equal to the accuracy if

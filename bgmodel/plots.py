@@ -71,12 +71,12 @@ def output(
     time_ms: npt.ArrayLike, out_nats: npt.NDArray[np.floating], ax: Axes | None = None
 ) -> Figure:
     """Draw OUT (ticks, hypotheses) of a trial against the time from the onset of evidence."""
-    given, (figure, ax) = ax is not None, one_panel(ax)
+    on_axes, (figure, ax) = ax is not None, one_panel(ax)
     for hypothesis, values in enumerate(out_nats.T):
         ax.plot(np.asarray(time_ms), values, label=f"Hypothesis {hypothesis}", **look(hypothesis))
     mark_onset(ax)
     ax.set(xlabel=FROM_ONSET, ylabel="OUT (nats)")
-    legend_above(ax, given=given)
+    legend_above(ax, given=on_axes)
     return figure
 
 
@@ -88,13 +88,13 @@ def posteriors(
     ax: Axes | None = None,
 ) -> Figure:
     """Draw posteriors (readings, hypotheses) of a trial; the true hypothesis is the thick line."""
-    given, (figure, ax) = ax is not None, one_panel(ax)
+    on_axes, (figure, ax) = ax is not None, one_panel(ax)
     for hypothesis, values in enumerate(posterior.T):
         label = f"Hypothesis {hypothesis}" + (" (true)" if hypothesis == truth else "")
         width = 2.5 if hypothesis == truth else 1.0
         ax.step(time_ms, values, where="post", lw=width, label=label, **look(hypothesis))
     ax.set(xlabel=FROM_ONSET, ylabel="Posterior probability", ylim=(-0.02, 1.02))
-    legend_above(ax, given=given)
+    legend_above(ax, given=on_axes)
     return figure
 
 
@@ -112,11 +112,11 @@ def choice_times(
     Hatched parts are trials that the deadline decided. The title has the proportion correct of
     decided trials with Wilson's 95 % interval, and the numbers of trials.
     """
-    given, (figure, ax) = ax is not None, one_panel(ax)
+    on_axes, (figure, ax) = ax is not None, one_panel(ax)
     chosen, times, late = np.asarray(choice), np.asarray(time_ms), np.asarray(forced, dtype=bool)
     decided = chosen >= 0
     ax.set(xlabel=FROM_ONSET.replace("Time", "Decision time"), ylabel="Trials")
-    said = [f"n = {len(chosen)}"]
+    facts = [f"n = {len(chosen)}"]
     if truth is None:
         groups = [
             (f"Chose {c}", chosen == c, look(int(c))["color"], 1)
@@ -131,11 +131,11 @@ def choice_times(
         if decided.any():
             low, high = (float(end) for end in wilson(right.sum(), decided.sum()))
             share = right.sum() / decided.sum()
-            said.insert(0, f"Accuracy {share:.3f} [{low:.3f}, {high:.3f}]")
+            facts.insert(0, f"Accuracy {share:.3f} [{low:.3f}, {high:.3f}]")
     if not decided.all():
-        said.append(f"{int((~decided).sum())} undecided")
+        facts.append(f"{int((~decided).sum())} undecided")
     if not decided.any():
-        titled(ax, ", ".join(said), given=given)
+        titled(ax, ", ".join(facts), given=on_axes)
         ax.text(0.5, 0.5, "No trial was decided", transform=ax.transAxes, ha="center", color=GREY)
         ax.set(xticks=[], yticks=[])
         return figure
@@ -160,7 +160,7 @@ def choice_times(
     ax.axhline(0, color="k", lw=0.8)
     ax.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
     ax.locator_params(axis="y", integer=True)
-    legend_above(ax, title=", ".join(said), given=given)
+    legend_above(ax, title=", ".join(facts), given=on_axes)
     return figure
 
 
@@ -182,9 +182,9 @@ def _limit(
         limit = min(most, 1.5 * highest) if highest else most
         limits[(side + 1) // 2] = side * 1.05 * limit
         for k in np.flatnonzero(np.abs(tops[side]) > 1.05 * limit):
-            said = f"{abs(tops[side][k]):.0f} "
+            height = f"{abs(tops[side][k]):.0f} "
             vertical = "top" if side > 0 else "bottom"
-            ax.text(edges[k], side * limit, said, ha="right", va=vertical, fontsize=7)
+            ax.text(edges[k], side * limit, height, ha="right", va=vertical, fontsize=7)
     ax.set_ylim(*limits)
 
 
@@ -196,7 +196,7 @@ def tradeoff(
     ax: Axes | None = None,
 ) -> Figure:
     """Draw accuracy against mean decision time, a point per threshold, with Wilson intervals."""
-    given, (figure, ax) = ax is not None, one_panel(ax)
+    on_axes, (figure, ax) = ax is not None, one_panel(ax)
     order = np.argsort(mean_ms)
     x, k, n = (np.asarray(values, dtype=float)[order] for values in (mean_ms, correct, decided))
     low, high = wilson(k, n)
@@ -206,8 +206,8 @@ def tradeoff(
     if len(n):
         least, most = int(n.min()), int(n.max())
         many = f"{most}" if least == most else f"{least} to {most}"
-        said = f"{many} decided trials per threshold; bars: 95 % intervals"
-        titled(ax, said, given=given)
+        note = f"{many} decided trials per threshold; bars: 95 % intervals"
+        titled(ax, note, given=on_axes)
     return figure
 
 
@@ -228,13 +228,13 @@ def learned_ratios(exact: npt.ArrayLike, learned: npt.ArrayLike, ax: Axes | None
 
     The dashed line is equality: weights are calibrated if the points lie along it.
     """
-    given, (figure, ax) = ax is not None, one_panel(ax)
-    known, found = np.ravel(exact), np.ravel(learned)
-    ax.plot(known, found, ".", ms=3, alpha=0.5, color=PALETTE[0])
+    on_axes, (figure, ax) = ax is not None, one_panel(ax)
+    known, estimated = np.ravel(exact), np.ravel(learned)
+    ax.plot(known, estimated, ".", ms=3, alpha=0.5, color=PALETTE[0])
     ends = [float(known.min()), float(known.max())]
     ax.plot(ends, ends, "--", color=GREY, lw=1, label="Equal")
     ax.set(xlabel="Exact log-likelihood (nats)", ylabel="Learned (nats)")
-    legend_above(ax, given=given)
+    legend_above(ax, given=on_axes)
     return figure
 
 

@@ -1,4 +1,4 @@
-"""Plausibility checks of log-likelihoods, and of the inputs of a circuit beside them."""
+"""Plausibility checks of log-likelihoods, and of the other inputs of a circuit."""
 
 from __future__ import annotations
 

@@ -27,8 +27,8 @@ def gaussian_evidence(
     Parameters
     ----------
     trials : int
-        Number of trials. Truth is balanced: trial ``k`` belongs to hypothesis ``k mod N``. Draw the
-        trials of a condition of your own at random, because every second trial has the same truth
+        Number of trials. Truth is balanced: trial ``k`` belongs to hypothesis ``k mod N``. Choose
+        the trials of a further condition at random, because every second trial has the same truth
         if N is even.
     d_prime : float
         Discriminability of two hypotheses by one reading: their separation over the standard

@@ -33,17 +33,17 @@ def kind_of(name: str) -> type[Task]:
     """Return the class of a task by its name; ValueError for an unknown one."""
     require(name in KINDS, "task", f"must be one of {', '.join(KINDS)}", name)
     module, _, kind = KINDS[name].rpartition(".")
-    found: type[Task] = getattr(import_module(module), kind)
-    return found
+    task_class: type[Task] = getattr(import_module(module), kind)
+    return task_class
 
 
 def settings_of_tasks() -> dict[str, Field[Any]]:
     """Return the settings of all tasks by name, those of the first kind that has it."""
     every = (each for name in KINDS for each in fields(kind_of(name)))
-    found: dict[str, Field[Any]] = {}
+    by_name: dict[str, Field[Any]] = {}
     for each in sorted(every, key=lambda each: bool(each.kw_only)):
-        found.setdefault(each.name, each)
-    return found
+        by_name.setdefault(each.name, each)
+    return by_name
 
 
 @dataclass(frozen=True)
@@ -103,18 +103,18 @@ class Task:
 
     def settings(self) -> dict[str, Any]:
         """Return the name and all settings, as in a file."""
-        own = sorted(fields(self), key=lambda each: bool(each.kw_only))
-        given = {each.name: getattr(self, each.name) for each in own}
+        ordered = sorted(fields(self), key=lambda each: bool(each.kw_only))
+        values = {each.name: getattr(self, each.name) for each in ordered}
         return {"name": self.name} | {
             key: str(value) if isinstance(value, Path) else value
-            for key, value in given.items()
+            for key, value in values.items()
             if value is not None
         }
 
     def used(self) -> dict[str, Any]:
         """Return the settings in effect, for provenance."""
-        given = {each.name: getattr(self, each.name) for each in fields(self)}
-        return {"name": self.name} | {k: v for k, v in given.items() if v is not None}
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        return {"name": self.name} | {k: v for k, v in values.items() if v is not None}
 
     def seen_from(self, folder: Path) -> Self:
         """Return the task with relative paths resolved against the folder of its file."""
@@ -143,9 +143,9 @@ class Task:
         if isinstance(given, Task):
             return given
         require(isinstance(given, dict), "task", "must be a table of settings", given)
-        own = {key: value for key, value in given.items() if key != "name"}
-        name = given.get("name", "table" if "evidence" in own else Gaussian.name)
-        return toml_files.decoded(own, kind_of(name), "", "task")
+        unnamed = {key: value for key, value in given.items() if key != "name"}
+        name = given.get("name", "table" if "evidence" in unnamed else Gaussian.name)
+        return toml_files.decoded(unnamed, kind_of(name), "", "task")
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
@@ -249,10 +249,10 @@ class Drawn(Task):
         The evidence is then the same with and without expectancy.
         """
         check_evidence_memory(self.trials, self.t_max, self.channels)
-        found = self._drawn(rng, prior, **more)
+        evidence = self._drawn(rng, prior, **more)
         if not self.expectancy_nats:
-            return found
-        return expecting(found, self.expectancy_nats, self.expectancy_ms, rng=ahead)
+            return evidence
+        return expecting(evidence, self.expectancy_nats, self.expectancy_ms, rng=ahead)
 
     def _drawn(
         self, rng: np.random.Generator, prior: Sequence[float] | None, **more: Any

@@ -122,8 +122,8 @@ class Activity:
         that smooths rates; 0 draws them as recorded. The read-out's OUT is never smoothed.
         """
         if not self.rates_hz:
-            said = f"the {self.engine} engine recorded no rates: run it again with rates=True"
-            raise InputError(said, "rates")
+            reason = f"the {self.engine} engine recorded no rates: run it again with rates=True"
+            raise InputError(reason, "rates")
         trials = len(self.output_nats)
         require(trial in range(trials), "trial", f"must be within 0..{trials - 1}", trial)
         spikes = self.spikes or {}
@@ -150,13 +150,13 @@ class Activity:
         trials = np.arange(len(self.output_nats))
         axes = {"trial": trials, "time_ms": self.time_ms, "channel": channels}
         output = xarray.DataArray(self.output_nats, axes, attrs={"units": self.circuit.unit})
-        found = xarray.Dataset({"output": output}, attrs={"circuit": self.circuit.name})
+        dataset = xarray.Dataset({"output": output}, attrs={"circuit": self.circuit.name})
         if self.rates_hz:
             shape = self.output_nats.shape
             rates = np.stack([np.broadcast_to(each, shape) for each in self.rates_hz.values()])
             labels = {"nucleus": list(self.rates_hz), **axes}
-            found["rate_hz"] = xarray.DataArray(rates, labels, attrs={"units": "Hz"})
-        return found
+            dataset["rate_hz"] = xarray.DataArray(rates, labels, attrs={"units": "Hz"})
+        return dataset
 
     def decoded_nats(self, name: str) -> Array:
         """Return the activity of a population, nats (trials, ticks, channels)."""
@@ -194,13 +194,13 @@ class Activity:
         """Return all recorded spikes, with columns population, trial, channel, neuron, time_ms."""
         if not self.spikes:
             such = 'with a spiking engine, such as engine=Ensemble(spikes=("STN",))'
-            said = f"the {self.engine} engine recorded no spikes: name the populations to record"
-            raise InputError(f"{said} {such}", "spikes")
+            reason = f"the {self.engine} engine recorded no spikes: name the populations to record"
+            raise InputError(f"{reason} {such}", "spikes")
         import pandas as pd
 
         parts = [table.assign(population=name) for name, table in self.spikes.items()]
-        whole = pd.concat(parts, ignore_index=True)
-        return whole[["population", *(name for name in whole if name != "population")]]
+        spikes = pd.concat(parts, ignore_index=True)
+        return spikes[["population", *(name for name in spikes if name != "population")]]
 
 
 class RateMeans:
@@ -245,8 +245,8 @@ def spike_table(
 
     time_ms = (np.asarray(tick) + 1) * dt_ms
     names = {"trial": trial, "channel": channel, "neuron": neuron}
-    whole = {name: np.asarray(value, dtype=np.int64) for name, value in names.items()}
-    return pd.DataFrame(whole | {"time_ms": time_ms})
+    columns = {name: np.asarray(value, dtype=np.int64) for name, value in names.items()}
+    return pd.DataFrame(columns | {"time_ms": time_ms})
 
 
 def spike_tables(
@@ -286,8 +286,8 @@ def checked_drive(circuit: CircuitTable, drive: npt.ArrayLike) -> Array:
         load = f"load it with {count}, load_circuit(..., {count})"
         raise InputError(f"the drive has {count} hypotheses, {has}: {load}", "drive")
     if not np.isfinite(values).all():
-        said = "drive must be finite: a hypothesis that is ruled out would need -inf nats"
-        raise InputError(said, "drive")
+        reason = "drive must be finite: a hypothesis that is ruled out would need -inf nats"
+        raise InputError(reason, "drive")
     return values
 
 
@@ -304,20 +304,20 @@ def total_nats(circuit: CircuitTable, drive: Array) -> Array:
 
 def warn_beyond_range(circuit: CircuitTable, drive: Array) -> None:
     """Warn once if ``S``, or the input of a circuit without nats, leaves the circuit's range."""
-    if said := beyond_range(circuit, drive):
-        RangeWarning.warn(said)
+    if warning := beyond_range(circuit, drive):
+        RangeWarning.warn(warning)
 
 
 def beyond_range(circuit: CircuitTable, drive: Array) -> str:
     """Return a warning for a drive that leaves the circuit's range, or "" if it stays inside."""
     in_nats = circuit.unit == NATS
-    found = (
+    nats = (
         total_nats(circuit, drive)
         if in_nats
         else circuit.rest_drive + drive[..., : circuit.channels]
     )
     low, high = circuit.range_nats
-    if found.min() >= low and found.max() <= high:
+    if nats.min() >= low and nats.max() <= high:
         return ""
     where = ", where S = ln sum exp of the inputs" if in_nats else ""
     common, gain = "", " or a lower gain"
@@ -325,7 +325,7 @@ def beyond_range(circuit: CircuitTable, drive: Array) -> str:
         common = ": outside that range, input common to all channels does not cancel"
         gain = ", a lower gain, or evidence with its baseline subtracted"
     return (
-        f"{'S' if in_nats else 'the input'} runs from {found.min():.2f} to {found.max():.2f} "
+        f"{'S' if in_nats else 'the input'} runs from {nats.min():.2f} to {nats.max():.2f} "
         f"{circuit.unit}, {circuit.name} works from {low:.3g} to {high:.3g}{where}{common}; "
         f"give weaker evidence{gain}"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -20,13 +21,21 @@ Truths = npt.NDArray[np.bool_]
 Arrays = dict[str, npt.NDArray[Any]]
 
 
+END = 22
+"""Bytes of the record at the end of an .npz file; from the tenth on, the number of its arrays."""
+
+
 def read_arrays(path: Path) -> Arrays:
     """Return the arrays of an .npz file; OSError or ValueError if it is missing or damaged."""
     try:
         # A damaged shape may end an array before the checksum, which NumPy then does not compare.
-        with zipfile.ZipFile(path) as file:
+        with zipfile.ZipFile(path) as file, path.open("rb") as end:
             if damaged := file.testzip():
                 raise ValueError(f"{damaged} is damaged")
+            # A damaged entry of the directory may hide the next one, which zipfile does not count.
+            end.seek(-END, os.SEEK_END)
+            if len(file.namelist()) != int.from_bytes(end.read()[10:12], "little"):
+                raise ValueError("its directory is damaged")
         with np.load(path, allow_pickle=False) as arrays:
             return dict(arrays)
     except OSError:

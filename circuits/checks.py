@@ -20,21 +20,21 @@ DEEP_KEY = re.compile(rf"(?<![^\s.=,\[\]{{}}])(?:[^\s.=,\[\]{{}}]+[ \t]*\.[ \t]*
 
 def parsed_toml(text: str, file: str) -> dict[str, Any]:
     """Return the contents of a TOML file, ``file`` in errors; ValueError if it is not valid."""
-    found: dict[str, Any] = {}
+    contents: dict[str, Any] = {}
     try:
         if not (deep := bool(DEEP_KEY.search(text))):
-            found = tomllib.loads(text)
+            contents = tomllib.loads(text)
     except ValueError as error:
         raise InputError(f"{file} is not valid TOML: {error}", "path", file) from None
     except RecursionError:
         deep = True
-    level: list[Any] = [found]
+    level: list[Any] = [contents]
     for _ in range(MOST_NESTED):
         inner = [each.values() if isinstance(each, dict) else each for each in level]
         level = [one for each in inner for one in each if isinstance(one, (dict, list))]
     if deep or level:
         raise InputError(f"{file} is nested too deeply", "path", file)
-    return found
+    return contents
 
 
 def check_types(row: Any, owner: str) -> None:
@@ -98,8 +98,8 @@ def check_channel(owner: str, channel: Any, count: int) -> None:
 
 def place_of(text: str) -> tuple[str, int | None]:
     """Split "STN[0]" into a name and a channel; without brackets it is None, all channels."""
-    found = re.fullmatch(r"(.+?)(?:\[(\d+)\])?", text)
-    return (found[1], None if found[2] is None else int(found[2])) if found else (text, None)
+    match = re.fullmatch(r"(.+?)(?:\[(\d+)\])?", text)
+    return (match[1], None if match[2] is None else int(match[2])) if match else (text, None)
 
 
 def is_bool(value: Any) -> bool:
@@ -129,8 +129,8 @@ def check_kind(kind: Any, base: type, what: str) -> str:
 def check_free(name: str, kind: type, known: Mapping[str, type], what: str) -> None:
     """Raise ValueError if a class of another module is registered under this name."""
     if name in known and known[name].__module__ != kind.__module__:
-        said = f"there is {what} {name} already, in {known[name].__module__}"
-        raise InputError(said, what.split()[1])
+        reason = f"there is {what} {name} already, in {known[name].__module__}"
+        raise InputError(reason, what.split()[1])
 
 
 _KINDS = {

@@ -40,12 +40,12 @@ class Circuit(EditableTable):
 
     def __repr__(self) -> str:
         """Return a one-line summary; ``print(circuit)`` shows the tables."""
-        own = (row for row in self.populations if row.spiking and not row.pooled)
+        rows = (row for row in self.populations if row.spiking and not row.pooled)
         return (
             f"Circuit({self.name}: {self.channels} channels in {self.unit}, "
             f"{len(self.populations)} populations, {len(self.projections)} pathways, "
             f"{f'{len(self.courses)} courses, ' if self.courses else ''}"
-            f"{sum(row.neurons for row in own)} cells per channel, sha256 {digest(self)[:8]})"
+            f"{sum(row.neurons for row in rows)} cells per channel, sha256 {digest(self)[:8]})"
         )
 
     def __str__(self) -> str:
@@ -93,7 +93,7 @@ class Circuit(EditableTable):
         trial: int = 0,
         engine: Brian2 | None = None,
     ) -> brian2.Network:
-        """Return the Brian2 network that the ``brian2`` engine runs, to go on from.
+        """Return the Brian2 network that the ``brian2`` engine runs, to be extended.
 
         ``network["STN"]`` is the group of a nucleus, channel by channel, ``network["spikes_STN"]``
         its spike monitor, and ``network["samples"]`` has the rates of all channels of all nuclei.
@@ -188,8 +188,8 @@ class Circuit(EditableTable):
             replace(self.population(name), bias_nats=bias)
             for name, bias in biases(self, reference, rebound_nats).items()
         ]
-        found = self._with(*rows)
-        return found if found == found.unlesioned else replace(found, chronic=True)
+        edited = self._with(*rows)
+        return edited if edited == edited.unlesioned else replace(edited, chronic=True)
 
     def balanced(self, source: str = "STN") -> Self:
         """Return the circuit whose read-out is insensitive to input common to all channels.

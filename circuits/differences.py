@@ -30,12 +30,12 @@ def differences(first: Circuit, second: Circuit) -> Edits:
     for name in ("channels", "input", "readout", "drive_gain", "reference_nats", "centred", "unit",
                  "readout_tau_ms", "default_gain", "courses"):  # fmt: skip
         if getattr(edited, name) != getattr(second, name):
-            said = f"no edits turn {first.name} into {second.name}: they differ in {name}"
-            raise InputError(said, "second")
+            reason = f"no edits turn {first.name} into {second.name}: they differ in {name}"
+            raise InputError(reason, "second")
     for before, after in zip(_rows(edited), _rows(second), strict=True):
         if before != after:
-            said = f"no edits turn {first.name} into {second.name}: {after.name} differs"
-            raise InputError(said, "second")
+            reason = f"no edits turn {first.name} into {second.name}: {after.name} differs"
+            raise InputError(reason, "second")
     return edits
 
 
@@ -50,12 +50,12 @@ def _rows(circuit: Circuit) -> list[Row]:
 def _lines(first: Circuit, second: Circuit) -> Iterator[str]:
     old, new = ({row.name: row for row in _rows(one)} for one in (first, second))
     if missing := [name for name in old if name not in new]:
-        said = f"no edits turn {first.name} into {second.name}, which has no {missing[0]}"
-        raise InputError(said, "second")
+        reason = f"no edits turn {first.name} into {second.name}, which has no {missing[0]}"
+        raise InputError(reason, "second")
     for name, row in new.items():
         if name not in old:
-            given = (f"{field}={shlex.quote(_text(value))}" for field, value in _values(row, None))
-            yield " ".join((f"add {name}", *given))
+            values = (f"{field}={shlex.quote(_text(value))}" for field, value in _values(row, None))
+            yield " ".join((f"add {name}", *values))
             continue
         for field, value in _values(row, old[name]):
             yield f"set {name}.{field} {_text(value)}"

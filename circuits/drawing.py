@@ -42,9 +42,9 @@ FREE = (
 """Places of other nuclei, which take the free one that is nearest to their partners."""
 COLOURS = {"glutamate": PALETTE[1], GABA: PALETTE[0]}
 LOST = "0.6"
-"""Colour of silenced nuclei and of pathways through which nothing passes."""
+"""Colour of silenced nuclei and of pathways that transmit nothing."""
 PARTS = ("_NMDA",)
-"""Endings of rows that stand for a second receptor of a nucleus: they share its box."""
+"""Endings of rows for a second receptor of a nucleus, drawn in the box of the nucleus."""
 SAMPLES = np.linspace(0, 1, 25)
 GRID = 0.1
 """Distance between the points at which pathways leave and enter a nucleus."""
@@ -69,7 +69,7 @@ class Box:
 
     def ports(self) -> Array:
         """Return points on the border with the direction that leads outwards, (n, 4)."""
-        # Ports of all boxes lie on one grid, so that straight pathways are possible.
+        # All boxes have their ports on one grid, so that straight pathways are possible.
         first, last = self.x - self.wide + 0.12, self.x + self.wide - 0.12
         across = np.arange(np.ceil(first / GRID), np.floor(last / GRID) + 1) * GRID
         up = self.y + np.array([-GRID, 0.0, GRID])
@@ -97,26 +97,26 @@ def boxes(circuit: CircuitTable) -> dict[str, Box]:
     """Return the box of each nucleus, by name."""
     names = {p.name for p in circuit.populations}
     shown = [p.name for p in circuit.populations if nucleus(p.name, names) == p.name]
-    found = {
+    placed = {
         name: Box(*PLACES[name], wide=WIDE.get(name, HALF[0])) for name in shown if name in PLACES
     }
     free = list(FREE)
     for name in shown:
-        if name in found:
+        if name in placed:
             continue
         if not free:
-            lowest = min(box.y for box in found.values()) - 1
+            lowest = min(box.y for box in placed.values()) - 1
             free = [(x, lowest) for x in (0.0, 1.0, 2.0, 3.0)]
         partners = {
             q
             for p in circuit.projections
             for q in (p.source, p.target)
-            if name in (p.source, p.target) and q in found
+            if name in (p.source, p.target) and q in placed
         }
-        at = np.array([(found[q].x, found[q].y) for q in partners] or [(1.5, -1.0)])
+        at = np.array([(placed[q].x, placed[q].y) for q in partners] or [(1.5, -1.0)])
         away = [float(np.hypot(*(at - place).T).sum()) for place in np.array(free)]
-        found[name] = Box(*free.pop(int(np.argmin(away))))
-    return found
+        placed[name] = Box(*free.pop(int(np.argmin(away))))
+    return placed
 
 
 def curves(source: Box, target: Box) -> Curve:

@@ -64,8 +64,8 @@ class InputError(ValueError):
         owner : str
             Owner of the field, named first: "STN: tau_ms must be >= 0, got -1".
         """
-        said = f"{owner}: " if owner else ""
-        return cls(f"{said}{field} {must}, got {shown(given)}", field, given)
+        prefix = f"{owner}: " if owner else ""
+        return cls(f"{prefix}{field} {must}, got {shown(given)}", field, given)
 
     def __reduce__(self) -> tuple[Any, ...]:
         plain = self.given is None or isinstance(self.given, (bool, int, float, str))
@@ -91,23 +91,23 @@ def within(owner: str, error: Exception, field: str) -> InputError:
 
     The field is that of the error if it has one, otherwise ``field``.
     """
-    said = f"{owner}: {error}" if owner else str(error)
-    return InputError(said, getattr(error, "field", field), getattr(error, "given", None))
+    message = f"{owner}: {error}" if owner else str(error)
+    return InputError(message, getattr(error, "field", field), getattr(error, "given", None))
 
 
 def shown(given: object) -> str:
     """Return a value as shown in messages: on one line, numbers short, text in quotes."""
-    given = given.item() if isinstance(given, np.generic) else given
-    if isinstance(given, float):
-        return f"{given:g}"
-    if isinstance(given, (np.dtype, type)):
-        return getattr(given, "__name__", str(given))
-    if isinstance(given, np.ndarray):
-        if given.size > 20:
-            return f"an array of {given.dtype}, shape {given.shape}"
-        given = given.tolist()
-    said = " ".join(repr(given).split())
-    return said if len(said) <= LONGEST else f"{said[: LONGEST - 3]}..."
+    value = given.item() if isinstance(given, np.generic) else given
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, (np.dtype, type)):
+        return getattr(value, "__name__", str(value))
+    if isinstance(value, np.ndarray):
+        if value.size > 20:
+            return f"an array of {value.dtype}, shape {value.shape}"
+        value = value.tolist()
+    text = " ".join(repr(value).split())
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
 
 
 def user_level() -> int:
@@ -147,8 +147,8 @@ _COLLECTING = ContextVar("collecting", default=())
 def collected(*kinds: type[BgmodelWarning]) -> Iterator[list[str]]:
     """Yield a list to which this package's warnings within the block are added, not issued.
 
-    Other threads are not affected, also those that start within the block: a thread has a context
-    of its own. The block of a generator must not contain a ``yield``. All kinds by default.
+    Other threads are not affected, also those that start within the block: each thread has its own
+    context. The block of a generator must not contain a ``yield``. All kinds by default.
     """
     kept: list[str] = []
     token = _COLLECTING.set((*_COLLECTING.get(), (kinds or (BgmodelWarning,), kept)))

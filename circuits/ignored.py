@@ -18,8 +18,8 @@ def check_edits(edits: Edits, engine: Engine | str) -> None:
     chosen = engine_of(engine)
     for edit in edits.parsed():
         if chosen.ignores(edit.field or VERBS[edit.verb].changes):
-            said = f"{edit.text!r} has no effect in the {engine} engine"
-            raise InputError(f"{said}: use another engine, such as population", "edits")
+            reason = f"{edit.text!r} has no effect in the {engine} engine"
+            raise InputError(f"{reason}: use another engine, such as population", "edits")
 
 
 def ignored_edits(circuit: Circuit, engine: Engine) -> list[str]:

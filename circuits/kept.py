@@ -26,13 +26,13 @@ def kept(sources: str, key: str, make: Callable[[], Arrays]) -> Arrays:
     """
     if (path := _path(sources, "tables", key)) is None:
         return make()
-    if (found := _read(path)) is not None:
-        return found
+    if (arrays := _read(path)) is not None:
+        return arrays
     with locked(path.with_suffix(".lock")):
-        if (found := _read(path)) is None:
-            found = make()
-            _write(path, found)
-    return found
+        if (arrays := _read(path)) is None:
+            arrays = make()
+            _write(path, arrays)
+    return arrays
 
 
 def recall(sources: str, kind: str, key: str) -> Arrays | None:
@@ -53,7 +53,7 @@ def remember(sources: str, kind: str, key: str, arrays: Arrays, *, most: int) ->
 
 
 def _path(sources: str, kind: str, key: str) -> Path | None:
-    """Return the file of a key, or None if nothing can be stored."""
+    """Return the file of a key, or None without a writable cache folder."""
     root = cache_folder(os.environ.get("NUMBA_CACHE_DIR", ""))
     name = hashlib.sha256(key.encode()).hexdigest()[:32]
     return None if root is None else root / sources / kind / f"{name}.npz"

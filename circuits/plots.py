@@ -296,10 +296,10 @@ def _marks(
     below.axhline(threshold, color=GREY, lw=0.8, ls="--")
     handles.append(_line(f"Threshold, {threshold:.2g}", color=GREY, lw=0.8, ls="--"))
     at = np.flatnonzero((time_ms > 0) & (output <= threshold).any(axis=1))
-    said = f"First crossing, {time_ms[at[0]]:.0f} ms" if len(at) else "Never crossed"
+    label = f"First crossing, {time_ms[at[0]]:.0f} ms" if len(at) else "Never crossed"
     for ax in axes if len(at) else []:
         ax.axvline(time_ms[at[0]], color="k", lw=0.9, ls=":", zorder=3)
-    handles.append(_line(said, color="k", lw=0.9, ls=":"))
+    handles.append(_line(label, color="k", lw=0.9, ls=":"))
     return handles
 
 

@@ -14,6 +14,8 @@ from circuits.declaration.courses import DOPAMINE
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import NATS, CircuitTable
 from circuits.dynamics.fixed_point import resting_hz
+from circuits.laws.family import failures
+from circuits.laws.members import loop
 from circuits.laws.posterior import off_nats
 
 ASSUMED = "assumed"
@@ -134,7 +136,7 @@ def _head(circuit: CircuitTable, resting: Mapping[str, float]) -> str:
         f"read from {circuit.readable_nats[0]:.3g} to {circuit.readable_nats[1]:.3g}{lead}\n"
         f"{_drive(circuit)}, drive gain "
         f"{circuit.drive_gain:g}, read-out filter {circuit.readout_tau_ms:g} ms; {default}"
-        f"{_off(circuit)}{_outside(circuit, resting)}"
+        f"{_off(circuit)}{_family(circuit)}{_outside(circuit, resting)}"
     )
 
 
@@ -161,15 +163,25 @@ def _off(circuit: CircuitTable) -> str:
     return f"\nOUT - (-ln P) at the fixed point, where it is read, nats: {text}"
 
 
+def _family(circuit: CircuitTable) -> str:
+    """Return the constraints of OUT = -ln P that fail, or the free numbers of a member."""
+    if circuit.unit != NATS:
+        return ""
+    if fails := failures(circuit):
+        return "\nnot in the family of OUT = -ln P:" + "".join(f"\n  {text}" for text in fails)
+    free = ", ".join(f"{name} {value:.3g}" for name, value in loop(circuit).items())
+    return f"\nin the family of OUT = -ln P: {free}"
+
+
 def _outside(circuit: CircuitTable, resting: Mapping[str, float]) -> str:
     """Return a line on nuclei that rest outside their published range, if any."""
-    found = []
+    rows = []
     for row in circuit.populations:
         hz = resting.get(row.name, math.nan)
         low, high = row.published_hz or (-math.inf, math.inf)
         if hz < low or hz > high:
-            found.append(f"{row.name} {hz:.0f} ({low:.0f} to {high:.0f})")
-    return f"\nresting rates outside the published range, Hz: {', '.join(found)}" if found else ""
+            rows.append(f"{row.name} {hz:.0f} ({low:.0f} to {high:.0f})")
+    return f"\nresting rates outside the published range, Hz: {', '.join(rows)}" if rows else ""
 
 
 def _drive(circuit: CircuitTable) -> str:

@@ -31,23 +31,23 @@ def read(path: str | Path, channels: int | None = None) -> Circuit:
     """
     path = Path(path)
     try:
-        given = path.read_text(encoding="utf-8-sig")
+        text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{str(path)!r} can't be read as text: {error}", "path") from None
     except OSError as error:
-        said = f"the circuit {str(path)!r} can't be read: {error.strerror}"
-        raise InputError(said, "path") from None
-    found = parse(given, path.name)
-    if channels not in (None, found.channels):
-        held = f"{path.name} contains a circuit for {found.channels} alternatives"
-        said = f"{held}, not {channels}: use {found.channels} channels"
-        raise InputError(said, "channels")
-    return found
+        reason = f"the circuit {str(path)!r} can't be read: {error.strerror}"
+        raise InputError(reason, "path") from None
+    circuit = parse(text, path.name)
+    if channels not in (None, circuit.channels):
+        held = f"{path.name} contains a circuit for {circuit.channels} alternatives"
+        reason = f"{held}, not {channels}: use {circuit.channels} channels"
+        raise InputError(reason, "channels")
+    return circuit
 
 
-def parse(given: str, file: str) -> Circuit:
+def parse(text: str, file: str) -> Circuit:
     """Return the circuit in the text of a file; ``file`` is its name in errors."""
-    return _Reader(given, file).circuit(parsed_toml(given, file))
+    return _Reader(text, file).circuit(parsed_toml(text, file))
 
 
 class _Reader:
@@ -65,14 +65,14 @@ class _Reader:
             if key not in data:
                 raise InputError(f"{self.file}: the key {key!r} is missing", key)
         if (form := data.pop("format")) != FORMAT:
-            said = f"{self._at('', 'format')}: the format must be {FORMAT}, got {form!r}"
-            raise InputError(said, "format")
+            reason = f"{self._at('', 'format')}: the format must be {FORMAT}, got {form!r}"
+            raise InputError(reason, "format")
         cells = self._cells(data.pop("cells", {}))
         tables = {name: self._rows(name, data.pop(name), cells) for name in TABLES if name in data}
         self._check_ends(tables)
-        given = {key: _hashable(value) for key, value in data.items()}
+        settings = {key: _hashable(value) for key, value in data.items()}
         try:
-            return Circuit(**{"name": Path(self.file).stem, **given, **tables})
+            return Circuit(**{"name": Path(self.file).stem, **settings, **tables})
         except (ValueError, TypeError) as error:
             raise within(self._named_in(str(error)), error, "path") from None
 
@@ -110,13 +110,13 @@ class _Reader:
         """Return the rows of a table."""
         where = self._at("", table)
         if not isinstance(given, dict) or set(given) != {"columns", "rows"}:
-            said = f"{where}: {table} must contain columns and rows, and nothing else"
-            raise InputError(said, table)
+            reason = f"{where}: {table} must contain columns and rows, and nothing else"
+            raise InputError(reason, table)
         kind, columns, rows = TABLES[table], given["columns"], given["rows"]
         for name in ("columns", "rows"):
             if not isinstance(given[name], list):
-                said = f"{self._at(table, name)}: {name} must be a list in brackets"
-                raise InputError(said, name)
+                reason = f"{self._at(table, name)}: {name} must be a list in brackets"
+                raise InputError(reason, name)
         self._check_columns(table, kind, columns)
         if (table, len(rows)) in self.lines or (rows and (table, len(rows) - 1) not in self.lines):
             # Here rows are not on separate lines, so they are counted instead.
@@ -130,8 +130,8 @@ class _Reader:
         for name in columns:
             self._known(where, f"column of {table}", name, [f.name for f in fields(kind)])
             if columns.count(name) > 1:
-                said = f"{where}: the column {name!r} of {table} appears twice"
-                raise InputError(said, table)
+                reason = f"{where}: the column {name!r} of {table} appears twice"
+                raise InputError(reason, table)
         if missing := _needed(kind, *columns):
             raise InputError(f"{where}: {table} needs the columns {missing}", table)
 
@@ -145,14 +145,14 @@ class _Reader:
         if kind is Population:
             values["cell"] = self._cell_of(values["cell"], cells, where)
         with _placed(where):
-            found = kind(**values)
-        if found.name in self.places and kind is not Course:
-            said = (
-                f"{where}: there is already a row {found.name!r}: it needs another name or synapse"
+            made = kind(**values)
+        if made.name in self.places and kind is not Course:
+            reason = (
+                f"{where}: there is already a row {made.name!r}: it needs another name or synapse"
             )
-            raise InputError(said, "synapse" if kind is Projection else "row")
-        self.places[found.name] = where
-        return found
+            raise InputError(reason, "synapse" if kind is Projection else "row")
+        self.places[made.name] = where
+        return made
 
     def _cell_of(self, name: Any, cells: Mapping[str, Any], where: str) -> Any:
         """Return the cell named by a row: an entry of the file, or a type without constants."""
@@ -174,8 +174,8 @@ class _Reader:
         """Raise ValueError if a name is unknown."""
         if not isinstance(given, str) or given not in known:
             names = ", ".join(known)
-            said = f"{where}: there is no {what} {given!r}; there are {names}"
-            raise InputError(said, str(given), given)
+            reason = f"{where}: there is no {what} {given!r}; there are {names}"
+            raise InputError(reason, str(given), given)
 
     def _at(self, table: str, what: str | int) -> str:
         """Return the file and the line of a key, or of a row by its number."""
@@ -187,10 +187,10 @@ class _Reader:
         return self.file
 
 
-def _needed(kind: type, *given: str) -> str:
+def _needed(kind: type, *names: str) -> str:
     """Return the fields of a dataclass without a default that are not given, for a message."""
     bare = [f for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]
-    return ", ".join(f.name for f in bare if f.init and f.name not in given)
+    return ", ".join(f.name for f in bare if f.init and f.name not in names)
 
 
 @contextmanager
@@ -206,16 +206,16 @@ def _hashable(value: Any) -> Any:
     return tuple(map(_hashable, value)) if isinstance(value, list) else value
 
 
-def _lines(given: str) -> dict[tuple[str, str | int], int]:
+def _lines(text: str) -> dict[tuple[str, str | int], int]:
     """Return the line number of each key of a table, and of rows that are on separate lines."""
-    table, rows, found = "", 0, dict[tuple[str, str | int], int]()
-    for number, line in enumerate(map(str.strip, given.splitlines()), 1):
+    table, rows, numbers = "", 0, dict[tuple[str, str | int], int]()
+    for number, line in enumerate(map(str.strip, text.splitlines()), 1):
         if header := re.match(r"\[\s*([\w.-]+)\s*\]", line):
             table, rows = header[1], 0
-            found["", table] = number
+            numbers["", table] = number
         elif re.match(r"""\[\s*["']""", line):
-            found[table, rows] = number
+            numbers[table, rows] = number
             rows += 1
         elif key := re.match(r"""["']?([\w -]+?)["']?\s*=""", line):
-            found[table, key[1]] = number
-    return found
+            numbers[table, key[1]] = number
+    return numbers

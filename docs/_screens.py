@@ -1,6 +1,7 @@
 """Pictures of the explorer for its tutorial; ``python docs/_screens.py`` makes them anew."""
 
 import io
+import re
 import shutil
 import subprocess
 import sys
@@ -12,7 +13,8 @@ from playwright.sync_api import Page, TimeoutError, sync_playwright
 
 FOLDER = Path(__file__).parent / "tutorials"
 COLOURS = 48
-WIDE, PHONE = 1400, 400
+WIDE, HIGH, PHONE = 1400, 4000, 400
+"""Sizes of the window: the page scrolls within it, so that it is as high as the page."""
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 
 
@@ -34,19 +36,14 @@ def settled(page: Page) -> None:
 
 def saved(page: Page, name: str, left: int, high: int, top: int = 0) -> None:
     """Write the upper part of the page, from a column and a row on, to a file with few colours."""
-    page.evaluate("window.scrollTo(0, 0)")
-    whole = Image.open(io.BytesIO(page.screenshot(full_page=True))).convert("RGB")
+    whole = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
     written(whole.crop((left, top, whole.width, high)), name)
 
 
 def panel(page: Page, name: str, title: str) -> None:
     """Write one panel of the page."""
-    page.evaluate("window.scrollTo(0, 0)")
-    whole = Image.open(io.BytesIO(page.screenshot(full_page=True))).convert("RGB")
-    box = page.get_by_label(title, exact=True).bounding_box()
-    assert box is not None
-    left, top = box["x"], box["y"]
-    written(whole.crop((*map(int, (left, top, left + box["width"], top + box["height"])),)), name)
+    card = page.locator(".card", has_text=re.compile(rf"^\s*{re.escape(title)}")).first
+    written(Image.open(io.BytesIO(card.screenshot())).convert("RGB"), name)
 
 
 def written(picture: Image.Image, name: str) -> None:
@@ -60,7 +57,7 @@ def written(picture: Image.Image, name: str) -> None:
 def lesions(page: Page) -> None:
     """Take a lesion that makes decisions faster, and one that slows them."""
     enter(page, "Lesion: cells lost (%)", "10")
-    saved(page, "lesion", 0, 1130)
+    saved(page, "lesion", 0, 1180)
     again(page)
     enter(page, "New edit (then Enter)", "lesion D1 10%")
     panel(page, "lesion_d1", "Behaviour")
@@ -79,14 +76,14 @@ def conflict(page: Page) -> None:
     page.get_by_role("button", name="Use the edited circuit as the control").click()
     settled(page)
     enter(page, "New edit (then Enter)", "lesion D1 10%")
-    saved(page, "conflict", 0, 780)
+    saved(page, "conflict", 0, 1000)
 
 
 def dopamine(page: Page) -> None:
     """Take the warning of an oscillation, and a trial that has it."""
     again(page)
     enter(page, "New edit (then Enter)", "dopamine 0.1")
-    saved(page, "dopamine", 360, 760, top=63)  # the bar above would be cut
+    saved(page, "dopamine", 0, 860, top=70)  # without the bar above
     panel(page, "dopamine_trial", "One trial in spikes")
 
 
@@ -104,7 +101,7 @@ def series(page: Page) -> None:
     dopamine(page)
     again(page)
     enter(page, "New edit (then Enter)", "lesion STN 10%")
-    page.set_viewport_size({"width": PHONE, "height": 800})
+    page.set_viewport_size({"width": PHONE, "height": HIGH})
     page.wait_for_timeout(1500)
     saved(page, "phone", 0, 1500)
 
@@ -118,7 +115,7 @@ def main() -> None:
         address = process.stdout.readline().split()[-1]
         with sync_playwright() as driver:
             browser = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-            page = browser.new_page(viewport={"width": WIDE, "height": 900})
+            page = browser.new_page(viewport={"width": WIDE, "height": HIGH})
             page.set_default_timeout(180_000)
             page.goto(address)
             series(page)

@@ -72,9 +72,9 @@ def refusal(capsys):
     def refused(*arguments):
         capsys.readouterr()
         assert run(*arguments) == 2
-        said = capsys.readouterr().err
-        assert all(line.startswith("bgmodel: ") for line in said.splitlines()), said
-        return said
+        printed = capsys.readouterr().err
+        assert all(line.startswith("bgmodel: ") for line in printed.splitlines()), printed
+        return printed
 
     return refused
 

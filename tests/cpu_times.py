@@ -46,16 +46,16 @@ def listed(path: Path) -> set[str]:
 
 def sorted_out(runs: Iterable[Iterable[tuple[str, float]]]) -> tuple[list[str], list[str]]:
     """Return the names of slow and of long tests, from names and CPU seconds of each run."""
-    found: dict[str, list[float]] = defaultdict(list)
+    measured: dict[str, list[float]] = defaultdict(list)
     for times in runs:
         most: dict[str, float] = defaultdict(float)
         for name, seconds in times:
             most[named(name)] = max(most[named(name)], seconds)
         for name, seconds in most.items():
-            found[name].append(seconds)
-    apart = {name for name in found if "README" in name}
-    long = {n for n, each in found.items() if min(each) >= LONG_S} - apart - {NEVER_LONG}
-    slow = {n for n, each in found.items() if max(each) >= SLOW_S} - apart - long
+            measured[name].append(seconds)
+    apart = {name for name in measured if "README" in name}
+    long = {n for n, each in measured.items() if min(each) >= LONG_S} - apart - {NEVER_LONG}
+    slow = {n for n, each in measured.items() if max(each) >= SLOW_S} - apart - long
     return sorted(slow), sorted(long)
 
 

@@ -107,33 +107,33 @@ def try_out(python: str, archive: Path, *constraints: str) -> float:
     """Install an archive in a fresh environment and run what a user would; return seconds."""
     started = time.monotonic()
     with tempfile.TemporaryDirectory() as place:
-        own, work = Path(place) / "venv", Path(place) / "work"
+        environment, work = Path(place) / "venv", Path(place) / "work"
         work.mkdir()
-        _run([python, "-m", "venv", str(own)])
+        _run([python, "-m", "venv", str(environment)])
         # Nothing of the checkout, nothing compiled before.
         kept = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV")}
         there = {**kept, "XDG_CACHE_HOME": str(work / "cache"), "MPLBACKEND": "Agg"}
         there.pop("NUMBA_CACHE_DIR", None)
-        there["PATH"] = f"{own / 'bin'}{os.pathsep}{kept['PATH']}"
-        pip = [str(own / "bin" / "python"), "-m", "pip", "install", "-q"]
+        there["PATH"] = f"{environment / 'bin'}{os.pathsep}{kept['PATH']}"
+        pip = [str(environment / "bin" / "python"), "-m", "pip", "install", "-q"]
         _run([*pip, *constraints, str(archive)], work, there)
         shipped = len([n for n in tracked() if n.startswith("bgmodel/experiments/shipped/")])
         code = IMPORTS.replace("{shipped}", str(shipped))
-        _run([str(own / "bin" / "python"), "-c", code], work, there)
+        _run([str(environment / "bin" / "python"), "-c", code], work, there)
         (work / "sweep.toml").write_text(SWEEP)
         for command in COMMANDS:
-            _run([str(own / "bin" / "bgmodel"), *command.split()], work, there)
+            _run([str(environment / "bin" / "bgmodel"), *command.split()], work, there)
         for name in ("demo.png", "outcome.csv", "mine.toml"):
             if not (work / name).stat().st_size:
                 raise SystemExit(f"{name} is empty")
         names = "import numpy, numba, brian2; print(*map(lambda m: m.__version__, (numpy, numba,"
         names += " brian2)))"
-        shown = [str(own / "bin" / "python"), "-c", names]
+        shown = [str(environment / "bin" / "python"), "-c", names]
         versions = subprocess.run(
             shown, cwd=work, env=there, check=True, capture_output=True, text=True
         )
         numpy, numba, brian2 = versions.stdout.split()
-        check_replaced(own, pip, work, there)
+        check_replaced(environment, pip, work, there)
     seconds = time.monotonic() - started
     print(
         f"{_version(python)}, {archive.name}{' with constraints.txt' if constraints else ''}: "

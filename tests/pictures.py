@@ -12,14 +12,14 @@ def boxes(figure):
     """Return the box of every text and legend that is drawn, pixels, with its text."""
     figure.draw_without_rendering()
     renderer = figure.canvas.get_renderer()
-    found = [(text.get_text(), text) for text in figure.texts]
-    found += [(text_of(legend), legend) for legend in figure.legends]
+    parts = [(text.get_text(), text) for text in figure.texts]
+    parts += [(text_of(legend), legend) for legend in figure.legends]
     for ax in figure.axes:
         if ax.get_visible():
-            found += list(of_axes(ax))
+            parts += list(of_axes(ax))
     return [
         (name, part.get_window_extent(renderer))
-        for name, part in found
+        for name, part in parts
         if part.get_visible() and name.strip() and getattr(part, "get_alpha", float)() != 0
     ]
 
@@ -50,7 +50,7 @@ def covered(figure):
         edge = figure.bbox
     finally:
         plt.close(figure)
-    found = [
+    overlaps = [
         (name, "the edge")
         for name, box in every
         if box.x0 < edge.x0 - SLACK or box.x1 > edge.x1 + SLACK
@@ -60,15 +60,15 @@ def covered(figure):
         wide = min(a.x1, b.x1) - max(a.x0, b.x0)
         high = min(a.y1, b.y1) - max(a.y0, b.y0)
         if wide > SLACK and high > SLACK and not ("legend" in one and other in one):
-            found.append((one, other))
-    return found
+            overlaps.append((one, other))
+    return overlaps
 
 
 def under_legends(figure):
     """Return panel and label of each line with a data point under the legend of its panel."""
     figure.draw_without_rendering()
     renderer = figure.canvas.get_renderer()
-    found = []
+    hidden = []
     for ax in figure.axes:
         if legend := ax.get_legend():
             box = legend.get_window_extent(renderer).padded(-3)
@@ -76,5 +76,5 @@ def under_legends(figure):
                 points = line.get_transform().transform(line.get_xydata())
                 level = len(points) == 2 and (points[0] == points[1]).any()  # a reference line
                 if line.get_visible() and not level and any(box.contains(*p) for p in points):
-                    found.append((ax.get_title("left"), line.get_label()))
-    return found
+                    hidden.append((ax.get_title("left"), line.get_label()))
+    return hidden

@@ -38,11 +38,11 @@ def compared(gap, seed, trials, step, **more):
 def test_the_log_likelihood_is_that_of_pyddm(gap, more):
     """Within 0.5 nats of 2 000 trials, at a step that takes seconds."""
     pytest.importorskip("pyddm")
-    own, fine, limit = compared(gap, 92_001, 400, 0.002, **more)
-    assert own.sum() == pytest.approx(limit.sum(), abs=0.5)
-    assert np.abs(own - limit).max() < 0.1
+    ours, fine, limit = compared(gap, 92_001, 400, 0.002, **more)
+    assert ours.sum() == pytest.approx(limit.sum(), abs=0.5)
+    assert np.abs(ours - limit).max() < 0.1
     # A difference would be seen: PyDDM's own step is worth more at half of this size.
-    assert abs(own.sum() - fine.sum()) < 2.0
+    assert abs(ours.sum() - fine.sum()) < 2.0
 
 
 @pytest.mark.parametrize("name", ["drift_sd", "start", "fall_per_s"])
@@ -54,7 +54,7 @@ def test_another_value_of_a_parameter_is_told_by_its_likelihood(name):
 
     def at(**values):
         held = {k: v for k, v in {**VALUES, **RESPONSES, **values}.items() if k != "bound"}
-        found = likelihood_of(GapModel(EXPONENTIAL), design, free=["bound"], fixed=held)
-        return found(np.array([VALUES["bound"]]))
+        likelihood = likelihood_of(GapModel(EXPONENTIAL), design, free=["bound"], fixed=held)
+        return likelihood(np.array([VALUES["bound"]]))
 
     assert at(**{name: 0.8 * VALUES[name]}) < at() - 1.5

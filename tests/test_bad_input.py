@@ -121,6 +121,8 @@ LEGAL = {
 """Odd values that make sense, by argument; None does so where it is the default."""
 FIELDS = {
     "taps": ["path"],
+    "withheld": ["deadline_s"],
+    "spikes": ["evidence"],
     "d_prime": ["log_likelihood"],
     "conflict": ["log_likelihood"],
     "channels": ["trials"],  # of which there are too many for the memory

@@ -45,8 +45,8 @@ def model():
 def decided(model, drift, bias, threshold=THRESHOLD, grid=GRID):
     """Return the probability of each response in each bin, (drifts, 2, bins)."""
     drift = np.atleast_1d(np.asarray(drift, float))
-    given = {"sensitivity": 1.0, "threshold_nats": threshold, "bias_nats": bias}
-    values = {name: np.full(len(drift), value) for name, value in given.items()}
+    settings = {"sensitivity": 1.0, "threshold_nats": threshold, "bias_nats": bias}
+    values = {name: np.full(len(drift), value) for name, value in settings.items()}
     return model.decided(values, drift, grid)
 
 
@@ -62,11 +62,11 @@ def exact(drift, bias):
 @pytest.mark.parametrize("bias", [0.3, 0.6, -0.6, 0.9])
 @pytest.mark.parametrize("drift", [0.0, 1.5, -1.5, 4.0])
 def test_an_ideal_circuit_with_a_bias_is_a_walk_from_another_start(model, drift, bias):
-    found = decided(model, drift, bias)[0]
+    density = decided(model, drift, bias)[0]
     ones, mean_s = exact(drift, bias)
-    assert found[1].sum() / found.sum() == pytest.approx(ones, abs=0.012)
+    assert density[1].sum() / density.sum() == pytest.approx(ones, abs=0.012)
     time_s = (np.arange(GRID.bins) + 1) * BIN_S
-    assert (found.sum(axis=0) @ time_s) / found.sum() == pytest.approx(mean_s, rel=0.03)
+    assert (density.sum(axis=0) @ time_s) / density.sum() == pytest.approx(mean_s, rel=0.03)
     # A negative control: the bias of the other sign would be seen.
     opposite = decided(model, drift, -bias)[0]
     assert abs(opposite[1].sum() / opposite.sum() - ones) > 0.03 or abs(drift) > 3
@@ -94,9 +94,9 @@ def test_between_simulated_biases_responses_change_steadily(model):
 
 
 def test_parts_of_the_trials_add_up_with_a_bias_too(model):
-    whole = replace(model, _kept={})
-    halves = [decided(half, 1.0, 0.3)[0].sum(axis=1) for half in whole.halves()]
-    both = decided(whole, 1.0, 0.3)[0].sum(axis=1)
+    undivided = replace(model, _kept={})
+    halves = [decided(half, 1.0, 0.3)[0].sum(axis=1) for half in undivided.halves()]
+    both = decided(undivided, 1.0, 0.3)[0].sum(axis=1)
     assert np.mean(halves, axis=0) == pytest.approx(both, abs=0.01)
     assert np.abs(halves[0] - halves[1]).max() > 0
 
@@ -120,13 +120,13 @@ def test_the_start_of_a_test_is_found_as_the_bias_of_a_circuit():
     model = Integrator(IDEAL, noise_nats=2.0, trials=1000, seed=32, seconds=4.0)
     with unwarned():
         likelihood = asked.likelihood(asked.design(choices), model)
-    found = optimum(likelihood)
-    values = {name: float(np.atleast_1d(v)[0]) for name, v in found.values.items()}
+    best = optimum(likelihood)
+    values = {name: float(np.atleast_1d(v)[0]) for name, v in best.values.items()}
     # The start is a share of the bound, and the bias of the log odds of the threshold.
     assert values["bias_nats"] / log_odds(values["threshold_nats"]) == pytest.approx(0.25, abs=0.05)
     without = replace(asked, free=())
     plain = optimum(without.likelihood(without.design(choices), model))
-    assert found.log_likelihood > plain.log_likelihood + 50
+    assert best.log_likelihood > plain.log_likelihood + 50
 
 
 def test_more_than_two_alternatives_have_no_bias():

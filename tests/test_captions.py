@@ -25,8 +25,8 @@ def drawn_letters(script):
     path = SCRIPTS[script].folder / f"draw_{script.removeprefix('fig')}.py"
     tree = ast.parse(path.read_text(encoding="utf-8"))
     texts = [x.value for x in ast.walk(tree) if isinstance(x, ast.Constant)]
-    found = [re.match("([a-z])  ", x) for x in texts if isinstance(x, str)]
-    return {match[1] for match in found if match}
+    matches = [re.match("([a-z])  ", x) for x in texts if isinstance(x, str)]
+    return {match[1] for match in matches if match}
 
 
 def test_every_figure_has_a_caption_and_every_caption_a_figure():

@@ -43,8 +43,8 @@ def test_a_saved_table_is_written_over_only_when_forced_and_never_while_it_is_re
     before = (here / "mine.toml").read_bytes()
     four = ("circuit", "show", "gpr", "--save", "mine.toml", "--channels", 4)
     assert "'mine.toml' already exists" in refusal(*four)
-    own = ("circuit", "show", "mine.toml", "--save", "mine.toml", "--force")
-    assert "circuit and save are the same file" in refusal(*own)
+    onto_itself = ("circuit", "show", "mine.toml", "--save", "mine.toml", "--force")
+    assert "circuit and save are the same file" in refusal(*onto_itself)
     assert (here / "mine.toml").read_bytes() == before
     assert run(*four, "--force") == 0
     assert anatomy.load_circuit("mine.toml").channels == 4
@@ -157,7 +157,7 @@ def test_a_circuit_that_is_not_there_or_wrong_gets_one_sentence(here, command, n
     row = next(line for line in text.splitlines() if '["STN", ' in line)
     (here / "bad.toml").write_text(text.replace(row, row.replace("8,", '"x",')))
     name = [name] if command[-1] == "show" else ["--circuit", name]
-    said = refusal(*command, *name)
-    assert says in said
-    assert said.count("\n") == 1
+    sentence = refusal(*command, *name)
+    assert says in sentence
+    assert sentence.count("\n") == 1
     assert [path.name for path in here.iterdir()] == ["bad.toml"]

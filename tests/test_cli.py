@@ -69,12 +69,12 @@ def test_a_users_own_table_comes_back_with_its_ids_and_columns(tmp_path, capsys,
     table = own_table(mine)
     more = ALGEBRA if command != ("decide",) else ()
     assert run(*command, "--save", out, "--task", mine, "--posterior", 0.95, *more) == 0
-    said = capsys.readouterr().out
-    assert "read 30 trials of 1 to 12 readings, hypotheses left, up, right" in said
-    found = pd.read_csv(out, dtype=str)
-    assert found["trial"].tolist() == [f"t{n:03d}" for n in range(30)]
-    assert found["session"].tolist() == [f"00{n % 3}" for n in range(30)]
-    assert (table["trial"].iloc[found["row"].astype(int)] == found["trial"].to_numpy()).all()
+    printed = capsys.readouterr().out
+    assert "read 30 trials of 1 to 12 readings, hypotheses left, up, right" in printed
+    rows = pd.read_csv(out, dtype=str)
+    assert rows["trial"].tolist() == [f"t{n:03d}" for n in range(30)]
+    assert rows["session"].tolist() == [f"00{n % 3}" for n in range(30)]
+    assert (table["trial"].iloc[rows["row"].astype(int)] == rows["trial"].to_numpy()).all()
     about = read_provenance(out)
     kept = about["parameters"]["command"]
     options = kept["task"]
@@ -92,13 +92,13 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(tmp_p
     more = ALGEBRA if command != ("decide",) else ()
     with pytest.warns(UserWarning, match="300 of 300 trials never meet the threshold"):
         assert run(*command, "--save", out, "--task", mine, "--posterior", 0.95, *more) == 0
-    found = read_table(out)
-    assert found["forced"].all()
-    share = found["response"].value_counts(normalize=True)
+    decisions = read_table(out)
+    assert decisions["forced"].all()
+    share = decisions["response"].value_counts(normalize=True)
     assert set(share.index) == {"left", "up", "right"}
     assert share.max() < 0.45
     expected = first_crossing(Msprt().run(Evidence(np.zeros((300, 1, 3)))), 0.1).choice
-    assert (found["response"] == np.array(["left", "up", "right"])[expected]).all()
+    assert (decisions["response"] == np.array(["left", "up", "right"])[expected]).all()
 
 
 BAD_USE = {
@@ -220,11 +220,11 @@ def test_options_say_what_they_are():
 @cache
 def every_option():
     """Return the options of each command: name, and what its help says, by its parser."""
-    found = {}
+    named = {}
     for name, app in cli.commands():
         arguments = app.assemble_argument_collection(parse_docstring=True)
-        found[name] = {a.names[0]: a for a in arguments if a.names and a.names[0].startswith("--")}
-    return found
+        named[name] = {a.names[0]: a for a in arguments if a.names and a.names[0].startswith("--")}
+    return named
 
 
 SHARED = {"--save", "--plot", "--json", "--force", "--workers"}
@@ -238,12 +238,12 @@ def test_there_are_few_commands_and_few_options_and_each_says_what_it_is():
     for command, options in every.items():
         assert len(options.keys() - SHARED) <= 15, command
         for name, argument in options.items():
-            said = argument.parameter.help
-            assert len(said or "") > 8, f"{command} {name}"
+            text = argument.parameter.help
+            assert len(text or "") > 8, f"{command} {name}"
 
 
 def test_an_option_of_a_function_has_its_default_and_its_words():
-    """Nothing is declared twice."""
+    """Signature and docstring of the function are the only declaration."""
     from bgmodel.commands.options import described
 
     for command, function, names in (
@@ -296,8 +296,8 @@ def test_no_default_of_an_option_changes_by_accident(option):
 def test_a_task_is_its_name_and_settings_in_any_order(tmp_path):
     assert task_of(Gaussian(), ["d_prime=2", "trials=7"]) == Gaussian(d_prime=2, trials=7)
     usual = SameDifferent(trials=9, period_mm=3)
-    found = task_of(usual, ["channels=3", "orientation"])
-    assert found == Orientation(channels=3, trials=9, period_mm=3)
+    task = task_of(usual, ["channels=3", "orientation"])
+    assert task == Orientation(channels=3, trials=9, period_mm=3)
     assert task_of(usual, ["mine.csv", "step_ms=20"]) == EvidenceTable(Path("mine.csv"), step_ms=20)
     for words in (["walk"], ["gaussian", "orientation"], ["period_mm=2"], ["trials"], ["=3"]):
         with pytest.raises(InputError):
@@ -319,10 +319,10 @@ def test_a_whole_number_is_written_in_any_way_and_is_never_rounded():
 
 
 def test_text_of_a_setting_stays_as_it_is_written():
-    found = task_of(SameDifferent(), ["taps=a,b.parquet"])
-    assert found.taps == Path("a,b.parquet")
-    given = record_of(OURS, ["upper=2", "rt=2024-01-01", "alternatives=4"])
-    assert (given.upper, given.rt, given.alternatives) == ("2", "2024-01-01", 4)
+    task = task_of(SameDifferent(), ["taps=a,b.parquet"])
+    assert task.taps == Path("a,b.parquet")
+    columns = record_of(OURS, ["upper=2", "rt=2024-01-01", "alternatives=4"])
+    assert (columns.upper, columns.rt, columns.alternatives) == ("2", "2024-01-01", 4)
 
 
 def test_an_option_that_a_page_or_a_message_names_exists():
@@ -340,8 +340,8 @@ def test_an_option_that_a_page_or_a_message_names_exists():
 
 
 def test_a_record_has_the_types_of_its_fields():
-    found = record_of(StopTask(), ["delays_ms=100,200", "share=1e-1", "staircases=2"])
-    assert found == StopTask(delays_ms=(100.0, 200.0), share=0.1, staircases=2)
+    task = record_of(StopTask(), ["delays_ms=100,200", "share=1e-1", "staircases=2"])
+    assert task == StopTask(delays_ms=(100.0, 200.0), share=0.1, staircases=2)
     assert record_of(StopTask(), []) == StopTask()
     for words in (["pace=3"], ["share=x"], ["staircases=1.5"], ["share=.1", "share=.2"]):
         with pytest.raises(InputError):

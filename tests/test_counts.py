@@ -51,11 +51,11 @@ COUNTS = {
 
 @pytest.mark.parametrize(("pattern", "count"), COUNTS.items())
 def test_a_count_on_a_page_is_that_of_the_package(pattern, count):
-    found = [
+    counts = [
         (path.name, match[1].lower())
         for path in PAGES
         for match in re.finditer(pattern, " ".join(prose(path).split()), re.IGNORECASE)
     ]
-    assert found
+    assert counts
     allowed = {str(count), *WORDS[count : count + 1]}
-    assert [each for each in found if each[1] not in allowed] == []
+    assert [each for each in counts if each[1] not in allowed] == []

@@ -36,8 +36,8 @@ def test_a_nucleus_whose_axons_are_all_cut_by_a_fraction_is_lesioned_by_it(
     """In one channel of the source where its pathways stay within channels."""
     table = anatomy.load_circuit(name, 3)
     drive = np.array([[0.0, 0.0, 0.0], [0.6, 0.2, -0.3]])
-    own = all(p.pattern == "channel" for p in paths_of(table, nucleus))
-    channel = channel if own and not table.population(nucleus).pooled else None
+    by_channel = all(p.pattern == "channel" for p in paths_of(table, nucleus))
+    channel = channel if by_channel and not table.population(nucleus).pooled else None
     cut = table
     for p in paths_of(table, nucleus):
         cut = cut.cut(p.source, p.target, fraction, channel)
@@ -86,8 +86,8 @@ def test_populations_and_rates_settle_where_the_fixed_point_of_a_cut_is():
     drive = np.repeat([[[0.4, -0.2]]], 80, axis=1)
     held = run(table, drive[:, :1], engine="algebra", step_ms=50.0).output_nats[0, 0]
     for engine, more in (("rate", {}), ("population", {"noise": False, "laws": "lines"})):
-        found = run(table, drive, engine=engine, step_ms=50.0, **more).output_nats[0, -1]
-        np.testing.assert_allclose(found, held, atol=0.01)
+        settled = run(table, drive, engine=engine, step_ms=50.0, **more).output_nats[0, -1]
+        np.testing.assert_allclose(settled, held, atol=0.01)
 
 
 @pytest.mark.parametrize(
@@ -137,16 +137,16 @@ def test_activity_of_a_silenced_channel_is_0_and_of_all_others_that_without_its_
     for p in paths_of(table, "GPe"):
         cut = cut.cut(p.source, p.target, 1.0)
     tables = cut, table.lesion("GPe", 1.0), table.lesion("STN", 1.0, channel=1)
-    by_axons, whole, half = (run(each, drive, engine=engine, **more) for each in tables)
-    np.testing.assert_array_equal(whole.output_nats, by_axons.output_nats)
-    np.testing.assert_array_equal(whole.rates_hz["STN"], by_axons.rates_hz["STN"])
+    by_axons, silenced, half = (run(each, drive, engine=engine, **more) for each in tables)
+    np.testing.assert_array_equal(silenced.output_nats, by_axons.output_nats)
+    np.testing.assert_array_equal(silenced.rates_hz["STN"], by_axons.rates_hz["STN"])
     assert by_axons.rates_hz["GPe"].any()
-    assert not whole.rates_hz["GPe"].any()
+    assert not silenced.rates_hz["GPe"].any()
     assert not half.rates_hz["STN"][..., 1].any()
     assert half.rates_hz["STN"][..., 0].any()
     assert half.rates_hz["STN"].dtype == by_axons.rates_hz["STN"].dtype
     if engine == "ensemble":
-        assert len(by_axons.spikes["GPe"]) > len(whole.spikes["GPe"]) == 0
+        assert len(by_axons.spikes["GPe"]) > len(silenced.spikes["GPe"]) == 0
         assert set(half.spikes["STN"]["channel"]) == {0}
 
 

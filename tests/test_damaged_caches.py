@@ -8,7 +8,7 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as some
 
 from circuits.arrays import read_arrays
@@ -46,8 +46,8 @@ def test_damaged_code_is_compiled_again_and_written_whole(folder, ending, damage
     assert made() == (42, 0.5, 0)
     assert made() == (42, 0.5, 2)
     (file,) = folder.rglob(f"*{ending}")
-    whole = file.read_bytes()
-    file.write_bytes(damage(whole))
+    contents = file.read_bytes()
+    file.write_bytes(damage(contents))
     value, other, hits = made()
     assert (value, other) == (42, 0.5)
     assert hits <= (2 if ending == ".nbi" else 1)  # not every byte of an index matters
@@ -84,19 +84,20 @@ ARRAYS = {"x": np.arange(5.0), "of": np.array([[1, 2]], np.int16), "name": np.ar
 
 
 @given(share=some.floats(0, 1, exclude_max=True), cut=some.booleans())
+@example(share=0.88, cut=False)  # hides an entry of the directory
 def test_arrays_with_a_changed_byte_are_read_as_written_or_not_at_all(tmp_path_factory, share, cut):
     path = tmp_path_factory.getbasetemp() / "some.npz"
     np.savez(path, **ARRAYS)
-    whole = path.read_bytes()
-    path.write_bytes(whole[: int(share * len(whole))] if cut else flipped(whole, share))
+    contents = path.read_bytes()
+    path.write_bytes(contents[: int(share * len(contents))] if cut else flipped(contents, share))
     try:
-        found = read_arrays(path)
+        arrays = read_arrays(path)
     except (OSError, ValueError):
         return
-    assert found.keys() == ARRAYS.keys()
+    assert arrays.keys() == ARRAYS.keys()
     for name, values in ARRAYS.items():
-        assert found[name].tobytes() == values.tobytes()
-        assert (found[name].dtype, found[name].shape) == (values.dtype, values.shape)
+        assert arrays[name].tobytes() == values.tobytes()
+        assert (arrays[name].dtype, arrays[name].shape) == (values.dtype, values.shape)
 
 
 @pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
@@ -121,7 +122,7 @@ def test_damaged_states_are_forgotten(folder, damage):
     remember(SOURCES, "kind", "key", ARRAYS, most=1)
     (file,) = folder.rglob("*.npz")
     file.write_bytes(damage(file.read_bytes()))
-    found = recall(SOURCES, "kind", "key")
-    assert found is None or found["x"].tolist() == ARRAYS["x"].tolist()
+    state = recall(SOURCES, "kind", "key")
+    assert state is None or state["x"].tolist() == ARRAYS["x"].tolist()
     remember(SOURCES, "kind", "key", ARRAYS, most=1)
     assert recall(SOURCES, "kind", "key") is not None

@@ -1,4 +1,4 @@
-"""Files from which work goes on: damaged, they count as absent, and never give other numbers."""
+"""Files from which a run resumes: damaged ones count as absent and never give other numbers."""
 
 import numpy as np
 import pandas as pd
@@ -48,25 +48,25 @@ FIELDS = {
 
 
 def tables(folder):
-    found = read_piece(folder, "a", {"k": 1})
-    return found and [each.to_csv() for each in found]
+    piece = read_piece(folder, "a", {"k": 1})
+    return piece and [each.to_csv() for each in piece]
 
 
 def passages(folder):
-    found = read_crossings(folder / "x.parquet", LEVELS, DRIFTS)
-    return found and [np.asarray(each).tolist() for each in (found.bins, found.choice)]
+    crossings = read_crossings(folder / "x.parquet", LEVELS, DRIFTS)
+    return crossings and [np.asarray(each).tolist() for each in (crossings.bins, crossings.choice)]
 
 
 def library(folder):
-    found = _load(folder / "x.npz", TINY)
-    return found and [each.tobytes() for each in found.values()]
+    fields = _load(folder / "x.npz", TINY)
+    return fields and [each.tobytes() for each in fields.values()]
 
 
 def decisions(folder):
     if shards.state(SHARD, folder) != "done":
         return None
-    behaviour, said = shards.read(POINT, folder)
-    return said, behaviour.decision.time_ms.tolist(), behaviour.posterior.tolist()
+    behaviour, remark = shards.read(POINT, folder)
+    return remark, behaviour.decision.time_ms.tolist(), behaviour.posterior.tolist()
 
 
 STORES = {
@@ -82,25 +82,25 @@ STORES = {
 def test_a_damaged_file_counts_as_absent_until_it_is_written_again(tmp_path, write, read, damage):
     assert read(tmp_path) is None
     write(tmp_path)
-    whole = read(tmp_path)
+    written = read(tmp_path)
     (file, *_) = sorted(tmp_path.rglob("*.*z")) or sorted(tmp_path.rglob("*.parquet"))
     file.write_bytes(damage(file.read_bytes()))
-    assert read(tmp_path) in (None, whole)  # some bytes of a file mean nothing
+    assert read(tmp_path) in (None, written)  # some bytes of a file mean nothing
     write(tmp_path)
-    assert read(tmp_path) == whole
+    assert read(tmp_path) == written
 
 
 @given(share=some.floats(0, 1, exclude_max=True), cut=some.booleans())
 def test_a_table_with_a_changed_byte_is_read_as_written_or_refused(tmp_path_factory, share, cut):
     path = tmp_path_factory.getbasetemp() / "some.parquet"
     write_table(TABLE, path, seed=3, rows=[1, 2])
-    whole, about = path.read_bytes(), read_provenance(path)
-    path.write_bytes(whole[: int(share * len(whole))] if cut else flipped(whole, share))
+    contents, about = path.read_bytes(), read_provenance(path)
+    path.write_bytes(contents[: int(share * len(contents))] if cut else flipped(contents, share))
     try:
-        found, behind = read_table(path), read_provenance(path)
+        table, behind = read_table(path), read_provenance(path)
     except (OSError, ValueError):
         return
-    pd.testing.assert_frame_equal(found, TABLE)
+    pd.testing.assert_frame_equal(table, TABLE)
     assert behind == about
 
 

@@ -52,11 +52,11 @@ def test_a_decision_is_the_first_crossing_of_the_learned_threshold(found):
 
 
 def test_it_says_and_draws_both_decisions(found):
-    said, figure = found.summary(), demos.draw(found)
-    assert f"of {found.learned.learned.mean():.2f} nats" in said
+    text, figure = found.summary(), demos.draw(found)
+    assert f"of {found.learned.learned.mean():.2f} nats" in text
     for name, decision in found.decisions.items():
         time_ms = decision.time_ms[0]
-        assert f"after {time_ms:.0f} ms" in said
+        assert f"after {time_ms:.0f} ms" in text
         style = "--" if name == "MSPRT" else "-"
         for panel in figure.axes[1:]:
             assert any(
@@ -93,8 +93,8 @@ def test_rasters_have_the_spikes_from_the_onset_on_of_as_many_cells_as_the_title
 def test_the_command_writes_a_picture_and_says_what_one_sees(found, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(demos, "demo", lambda *_: found)
     assert run("demo", "--plot", tmp_path / "demo.svg") == 0
-    said = capsys.readouterr().out
-    assert found.summary() in said
-    assert said.endswith(f"-> {tmp_path / 'demo.svg'}\n")
+    printed = capsys.readouterr().out
+    assert found.summary() in printed
+    assert printed.endswith(f"-> {tmp_path / 'demo.svg'}\n")
     assert (tmp_path / "demo.svg").stat().st_size > 1000
     assert run("demo", "--plot", tmp_path / "demo.svg") == 2

@@ -18,12 +18,12 @@ NAMES = {
 }  # fmt: skip
 """Distributions whose modules have another name."""
 ELSEWHERE = {"hssm", "_notebooks"}
-"""HSSM needs an environment of its own; the other is a file of this folder."""
+"""HSSM needs a separate environment; the other is a file of this folder."""
 
 
 def imported():
     """Return the packages that are imported anywhere, with the first file that does so."""
-    found = {}
+    paths = {}
     for folder in FOLDERS:
         for path in sorted((ROOT / folder).rglob("*.py")):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -31,9 +31,9 @@ def imported():
                 if isinstance(node, ast.ImportFrom) and not node.level and node.module:
                     names = [node.module]
                 for name in names:
-                    found.setdefault(name.partition(".")[0], path.relative_to(ROOT).as_posix())
+                    paths.setdefault(name.partition(".")[0], path.relative_to(ROOT).as_posix())
     ours = {*FOLDERS, "tests", *sys.stdlib_module_names, *ELSEWHERE}
-    return {name: path for name, path in found.items() if name not in ours}
+    return {name: path for name, path in paths.items() if name not in ours}
 
 
 def declared():

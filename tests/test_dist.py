@@ -12,15 +12,15 @@ from tests.helpers import ROOT
 
 def test_every_file_of_the_packages_is_named_as_code_or_as_data():
     told = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
-    patterns = {name.replace(".", "/"): found for name, found in told["package-data"].items()}
+    patterns = {name.replace(".", "/"): endings for name, endings in told["package-data"].items()}
     folders = {name.replace(".", "/") for name in told["packages"]}
     for name in dist.tracked():
         path = PurePath(name)
         code = path.suffix == ".py" and str(path.parent) in folders
         data = any(
             path.is_relative_to(folder) and path.relative_to(folder).match(pattern)
-            for folder, found in patterns.items()
-            for pattern in found
+            for folder, endings in patterns.items()
+            for pattern in endings
         )
         assert code or data, f"{name} would not be in the wheel"
 

@@ -28,14 +28,14 @@ CENTRED = np.array([[1.1, -0.3, -0.8], [0.0, 0.0, 0.0], [-0.5, 1.5, -1.0]])
 
 
 def all_of(circuit, drive, engine, **options):
-    given = {"step_ms": 100} | options
-    return run(circuit, drive, engine=engine, seed=SEED, **given)
+    settings = {"step_ms": 100} | options
+    return run(circuit, drive, engine=engine, seed=SEED, **settings)
 
 
 def held(circuit, engine):
     """Return the run of a drive that stays for 350 ms, 35 of the longest time constants."""
-    given = {"settle_ms": 0} if engine in TIMED else {}
-    return all_of(circuit, CENTRED[:, None, :], engine, step_ms=350, **given)
+    settings = {"settle_ms": 0} if engine in TIMED else {}
+    return all_of(circuit, CENTRED[:, None, :], engine, step_ms=350, **settings)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -102,18 +102,18 @@ COURSES = (
 @pytest.mark.parametrize("engine", DROPPING)
 def test_a_dropped_trial_is_the_whole_one_cut_short(engine, circuit, level):
     drive = growing(6, 5)
-    whole = all_of(circuit, drive, engine)
+    full_run = all_of(circuit, drive, engine)
     cut = all_of(circuit, drive, engine, drop_below=level)
     ends = []
-    for full, short in zip(whole.output_nats, cut.output_nats, strict=True):
+    for full, short in zip(full_run.output_nats, cut.output_nats, strict=True):
         over = np.flatnonzero(full.min(axis=1) < level)
         ends.append(over[0] + 1 if len(over) else len(full))
         npt.assert_array_equal(short[: ends[-1]], full[: ends[-1]])
         assert np.isnan(short[ends[-1] :]).all()
     assert len(set(ends)) > 2
-    assert len(whole.time_ms) in ends
+    assert len(full_run.time_ms) in ends
     for name, rates in cut.rates_hz.items():
-        for end, full, short in zip(ends, whole.rates_hz[name], rates, strict=True):
+        for end, full, short in zip(ends, full_run.rates_hz[name], rates, strict=True):
             npt.assert_array_equal(short[:end], full[:end])
             assert np.isnan(short[end:]).all()
 
@@ -137,11 +137,11 @@ def test_a_trial_with_courses_does_not_depend_on_those_beside_it(engine):
     """More trials than run side by side, some of them over early: others take their place."""
     circuit = TABLE.add(*COURSES)
     drive = np.tile(growing(6, 2), (12, 1, 1))
-    whole = all_of(circuit, drive, engine, drop_below=0.9, settle_ms=50)
+    together = all_of(circuit, drive, engine, drop_below=0.9, settle_ms=50)
     for trial in (0, 65, 71):
         alone = all_of(circuit, drive[trial : trial + 1], engine, settle_ms=50, first_trial=trial)
-        kept = np.isfinite(whole.output_nats[trial])
-        npt.assert_array_equal(whole.output_nats[trial][kept], alone.output_nats[0][kept])
+        kept = np.isfinite(together.output_nats[trial])
+        npt.assert_array_equal(together.output_nats[trial][kept], alone.output_nats[0][kept])
 
 
 ONE = TABLE.scale("ctx", "D1", 0.8, 1).scale("STN", "SNr", 1.2, 0).scale("D2", "GPe", 0, 2)
@@ -160,21 +160,21 @@ def test_an_edit_of_one_channel_acts_on_every_engine(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_lesion_in_one_channel_acts_on_every_engine_and_in_each_is_the_whole_lesion(engine):
-    whole = anatomy.bogacz_gurney(3)
-    y = CENTRED + whole.reference_nats - np.log(3)
+    intact = anatomy.bogacz_gurney(3)
+    y = CENTRED + intact.reference_nats - np.log(3)
     # D1 subtracts its channel's y from OUT; Sigma is ln sum exp y over the surviving STN.
-    of_d1 = held(whole.lesion("D1", 0.1, channel=1), engine).output_nats[:, -1]
+    of_d1 = held(intact.lesion("D1", 0.1, channel=1), engine).output_nats[:, -1]
     exact = -log_softmax(CENTRED, axis=1) + 0.1 * y * [0, 1, 0]
     npt.assert_allclose(of_d1, exact, atol=CLOSE[engine], rtol=0)
-    of_stn = held(whole.lesion("STN", 0.25, channel=0), engine).output_nats[:, -1]
+    of_stn = held(intact.lesion("STN", 0.25, channel=0), engine).output_nats[:, -1]
     sigma = logsumexp(y, axis=1, b=[0.75, 1, 1], keepdims=True)
     npt.assert_allclose(of_stn, np.maximum(sigma - y, 0), atol=CLOSE[engine], rtol=0)
-    each = whole
+    each = intact
     for channel in range(3):
         each = each.lesion("STN", 0.2, channel=channel).lesion("STN", 0.5, channel=channel)
-    whole = whole.lesion("STN", 0.6)
-    found, expected = (held(c, engine).output_nats for c in (each, whole))
-    npt.assert_allclose(found, expected, atol=CLOSE[engine], rtol=0)
+    lesioned = intact.lesion("STN", 0.6)
+    out, expected = (held(c, engine).output_nats for c in (each, lesioned))
+    npt.assert_allclose(out, expected, atol=CLOSE[engine], rtol=0)
 
 
 SHORT = {"step_ms": 40, "settle_ms": 20, "spikes": ("ctx", "D1", "STN", "GPe", "SNr")}
@@ -247,9 +247,9 @@ def edited(number):
 def test_an_edit_leaves_the_spiking_engines_with_the_same_spikes(circuit):
     walk = np.random.default_rng(2).normal(0, 0.4, (8, 2, circuit.channels)).cumsum(axis=1)
     names = tuple(row.name for row in circuit.populations if row.spiking)
-    given = {"step_ms": 30, "settle_ms": 0, "seed": 1, "spikes": names}
-    fast = run(circuit, walk, engine="ensemble", **given)
-    plain = run(circuit, walk, engine="brian2", **given)
+    options = {"step_ms": 30, "settle_ms": 0, "seed": 1, "spikes": names}
+    fast = run(circuit, walk, engine="ensemble", **options)
+    plain = run(circuit, walk, engine="brian2", **options)
     order = ["trial", "channel", "time_ms", "neuron"]
     for name in names:
         a, b = (each.spikes[name].sort_values(order)[order] for each in (fast, plain))
@@ -262,9 +262,9 @@ def test_courses_act_through_connections_cell_by_cell_as_through_whole_blocks():
     sparse = TABLE.with_connections(0.5).add(*COURSES)
     drive = np.repeat(CENTRED[:1, None], 1, axis=1)
     names = ("D1", "D2", "SNr")
-    given = {"step_ms": 70, "settle_ms": 10, "spikes": names}
+    options = {"step_ms": 70, "settle_ms": 10, "spikes": names}
     plain, brian2, fast = (
-        all_of(sparse, drive, engine, **given) for engine in ("plain", "brian2", "ensemble")
+        all_of(sparse, drive, engine, **options) for engine in ("plain", "brian2", "ensemble")
     )
     order = ["channel", "time_ms", "neuron"]
     for name in names:
@@ -274,14 +274,14 @@ def test_courses_act_through_connections_cell_by_cell_as_through_whole_blocks():
         )
         assert one == two
         assert len(one ^ three) <= 0.02 * len(one)
-    without = all_of(sparse.steady, drive, "plain", **given)
+    without = all_of(sparse.steady, drive, "plain", **options)
     assert len(plain.spikes["D1"]) > 1.1 * len(without.spikes["D1"])
     # Synapses each for itself add up to the blocks' sums.
-    whole, each = (
-        all_of(TABLE.add(*COURSES), drive, "brian2", explicit=explicit, **given)
+    blocks, each = (
+        all_of(TABLE.add(*COURSES), drive, "brian2", explicit=explicit, **options)
         for explicit in (False, True)
     )
-    npt.assert_allclose(whole.output_nats, each.output_nats, atol=1e-9)
+    npt.assert_allclose(blocks.output_nats, each.output_nats, atol=1e-9)
 
 
 @pytest.mark.parametrize("circuit", [anatomy.bogacz_gurney(3), TABLE], ids=["exact", "spiking"])
@@ -291,6 +291,6 @@ def test_rates_under_courses_are_alike(circuit):
     drive = np.repeat(CENTRED[:1, None], 3, axis=1)
     rows = tuple(replace(p, cell=Rate(signed=p.cell.lowest_hz < 0)) for p in circuit.populations)
     circuit = replace(circuit, populations=rows)
-    found = all_of(circuit, drive, "rate", dt_ms=0.1).output_nats
+    out = all_of(circuit, drive, "rate", dt_ms=0.1).output_nats
     for engine in SPIKING:
-        npt.assert_allclose(all_of(circuit, drive, engine).output_nats, found, atol=0.02)
+        npt.assert_allclose(all_of(circuit, drive, engine).output_nats, out, atol=0.02)

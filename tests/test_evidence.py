@@ -58,8 +58,8 @@ def test_evidence_without_sense_is_refused(call, says):
 def small():
     """Return two trials, the first of one reading, the second of two, of two hypotheses."""
     values = np.array([[[1.0, 0.0], [0.0, 0.0]], [[0.5, 2.0], [0.0, 1.5]]])
-    given = {"prior": [0.25, 0.75], "lengths": [1, 2], "step_ms": 50.0, "onset_ms": 100.0}
-    return Evidence(values, np.array([0, 1]), **given)
+    settings = {"prior": [0.25, 0.75], "lengths": [1, 2], "step_ms": 50.0, "onset_ms": 100.0}
+    return Evidence(values, np.array([0, 1]), **settings)
 
 
 def test_sums_of_what_readings_say():
@@ -70,9 +70,9 @@ def test_sums_of_what_readings_say():
     odds = np.exp(want[..., 1] - want[..., 0])
     np.testing.assert_allclose(drawn.posterior[..., 1], odds / (1 + odds), rtol=1e-14)
     assert drawn.mean_reading == pytest.approx(5 / 6)  # 3 readings of 2 hypotheses
-    own = replace(drawn, baseline=0.5).own_totals
+    sums = replace(drawn, baseline=0.5).own_totals
     read = 0.5 * np.array([[0, 1, 1], [0, 1, 2]])[..., None]  # none after the last reading
-    np.testing.assert_allclose(own, want - log.mean() - read, rtol=1e-14)
+    np.testing.assert_allclose(sums, want - log.mean() - read, rtol=1e-14)
 
 
 def test_a_part_keeps_the_numbers_of_its_trials_and_what_belongs_to_all():
@@ -187,8 +187,8 @@ def test_nats_that_drown_what_tells_hypotheses_apart_are_refused(shared):
 
 @pytest.mark.parametrize(("shape", "doubted"), [((9, 2, 40), True), ((9, 40, 2), False)])
 def test_more_hypotheses_than_readings_are_doubted(shape, doubted):
-    found = told(Evidence, np.random.default_rng(1).normal(size=shape))
-    assert any("axes exchanged" in text for text in found) == doubted
+    texts = told(Evidence, np.random.default_rng(1).normal(size=shape))
+    assert any("axes exchanged" in text for text in texts) == doubted
 
 
 def test_a_trial_is_drawn_as_its_posteriors_up_to_its_last_reading():

@@ -43,11 +43,11 @@ def ran(words, folder):
     if words[0] == "bgmodel":
         with (
             chdir(folder),
-            redirect_stdout(StringIO()) as said,
+            redirect_stdout(StringIO()) as printed,
             redirect_stderr(StringIO()) as told,
         ):
             status = main(words[1:])
-        return status, said.getvalue(), told.getvalue()
+        return status, printed.getvalue(), told.getvalue()
     where = os.pathsep.join([str(folder), str(ROOT), os.environ.get("PYTHONPATH", "")])
     program = [sys.executable] if words[0] == "python" else words[:1]
     done = subprocess.run(
@@ -66,10 +66,10 @@ def follow(folder, text):
     script = "\n".join(blocks(text, "console", folder / "recipe.md"))
     for part in script.split("$ ")[1:]:
         command, _, shown = part.partition("\n")
-        status, said, told = ran(shlex.split(command), folder)
-        assert status == 0, f"{command}\n{said}\n{told}"
+        status, printed, told = ran(shlex.split(command), folder)
+        assert status == 0, f"{command}\n{printed}\n{told}"
         if shown.strip():
-            assert said == shown
+            assert printed == shown
 
 
 @pytest.mark.parametrize("recipe", RECIPES)

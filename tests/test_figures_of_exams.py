@@ -21,11 +21,11 @@ def texts(ax):
 def test_figure_e1_has_a_cell_per_answer_and_per_domain(tmp_path):
     numbers, domains = table_path("exam_numbers"), table_path("exam_domains")
     figure = figE1.draw(FAST, numbers, domains, output=tmp_path)
-    table, whole = pd.read_csv(numbers), pd.read_csv(domains)
+    table, scores = pd.read_csv(numbers), pd.read_csv(domains)
     answers, shares = figure.axes[:2]
     first = table[table["sitting"] == table["sitting"].min()]
     assert len(cells(answers)) == len(first)
-    assert len(cells(shares)) == len(whole[["domain", "examinee"]].drop_duplicates())
+    assert len(cells(shares)) == len(scores[["domain", "examinee"]].drop_duplicates())
     columns = [label.get_text() for label in answers.get_xticklabels()]
     assert columns[0] == DEFAULT
     assert set(columns) == set(table["examinee"])

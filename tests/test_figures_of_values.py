@@ -51,5 +51,5 @@ def test_trials_are_aligned_to_reversals():
 
 def test_the_error_of_a_median_is_that_of_the_normal_law():
     times = np.random.default_rng(1).normal(500, 100, 4000)
-    found = values.median_and_error(times)
-    assert found["median_se"] == pytest.approx(100 * np.sqrt(np.pi / 2) / np.sqrt(4000), rel=0.25)
+    median = values.median_and_error(times)
+    assert median["median_se"] == pytest.approx(100 * np.sqrt(np.pi / 2) / np.sqrt(4000), rel=0.25)

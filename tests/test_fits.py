@@ -15,6 +15,7 @@ from bgmodel.fitting.known.trials import known_trials
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.stops.race import likelihood as stop_likelihood
 from bgmodel.learning.values.models import likelihood
+from bgmodel.trials.record import joined
 from circuits.errors import DataWarning, FitWarning, InputError
 from tests.helpers import refused
 from tests.known_trials import simulated
@@ -46,19 +47,19 @@ def test_a_size_that_few_trials_hardly_identify_is_said_once():
     """As one with a large error, or as one at a bound."""
     asked = known_likelihood(EXACT["leaky_sum"], simulated(25, 42))
     with pytest.warns(FitWarning) as told:
-        found = fit_likelihood(asked)
-    said = [str(each.message) for each in told]
-    at_bound = dict(zip(asked.freedom.names, found.optimum.at_bound, strict=True))
+        fit = fit_likelihood(asked)
+    texts = [str(each.message) for each in told]
+    at_bound = dict(zip(asked.freedom.names, fit.optimum.at_bound, strict=True))
     assert at_bound["noise"]
     assert not at_bound["threshold"]
-    assert [sum(name in each for each in said) for name in ("noise", "threshold")] == [1, 1]
+    assert [sum(name in each for each in texts) for name in ("noise", "threshold")] == [1, 1]
 
 
 def test_draws_are_of_the_posterior():
     fixed = {"lapse": 0.02, "t0_sd_s": 0.05, "bias_1": 0.0, "t0_s": 0.3}
     asked = {"evidence": EVIDENCE, "forced": True, "fix": fixed, "draws": True}
-    found = bg.fit(DATA, "msprt", **asked)
-    spread, error = found.posterior.draws.std(axis=0), found.directions.standard_errors
+    fit = bg.fit(DATA, "msprt", **asked)
+    spread, error = fit.posterior.draws.std(axis=0), fit.directions.standard_errors
     np.testing.assert_allclose(spread, error, rtol=0.4)
 
 
@@ -117,8 +118,8 @@ def test_a_group_with_known_evidence_is_fitted_with_what_differs_between_people(
     likelihoods = one.likelihoods("msprt")
     assert list(likelihoods) == ["p0", "p1", "p2", "p3"]
     assert one.predictors(likelihoods).names == ("threshold by group[T.b]",)
-    for who, (own, readings) in enumerate(parts):
-        alone = bg.read_trials(own, evidence=readings, forced=True)
+    for who, (rows, readings) in enumerate(parts):
+        alone = bg.read_trials(rows, evidence=readings, forced=True)
         made = known_likelihood(EXACT["msprt"], known_trials(alone))
         start = made.freedom.start
         np.testing.assert_array_equal(likelihoods[f"p{who}"].each(start), made.each(start))
@@ -154,12 +155,30 @@ def test_rewarded_choices_are_fitted_by_learners():
 def test_stop_signal_trials_are_fitted_by_their_stop_process():
     """Also by conditions; where a signal of the evidence can hold no place, it is refused."""
     table = stop_table(people=1).assign(drug=lambda t: np.resize(["on", "off"], len(t)))
+    table["stimulus"] = np.resize(["left", "left", "right"], len(table))
+    table["response"] = table["stimulus"].where(table["rt"].notna())
     fit = bg.fit(table, "constant_gap", vary={"ssrt_ms": "drug"}, fix={"failures": 0.02})
     assert fit.summary().index.tolist() == ["ssrt_ms[drug=off]", "ssrt_ms[drug=on]", "ssrt_sd_ms"]
     likely = stop_likelihood("constant_gap", bg.read_trials(table), fixed={"failures": 0.02})
     alike = bg.fit(table, "constant_gap", fix={"failures": 0.02})
     assert alike.log_likelihood == pytest.approx(likely(alike.optimum.vector))
     assert fit.log_likelihood >= alike.log_likelihood - 0.1
+    cells = alike.cells()  # every response is correct in the data, and so in the model
+    assert cells["model_wrong_s"].isna().all()
+    assert cells["model_correct_s"].between(0.3, 0.6).all()
+    figure = alike.plot()
+    assert [ax.get_xlabel() for ax in figure.axes] == [
+        "Stop-signal delay (ms)", "Response time (ms)"
+    ]  # fmt: skip
+    (line,) = [each for each in figure.axes[0].lines if each.get_label() == "Model"]
+    read, vector = alike.optimum.likelihood.trials, alike.optimum.vector
+    p = alike.optimum.likelihood.model.p_respond(read, alike.optimum.likelihood.values(vector))
+    for ssd_ms, drawn in zip(*line.get_data(), strict=True):
+        there = read.ssd_s[np.isfinite(read.ssd_s)] == ssd_ms / 1000
+        assert drawn == pytest.approx(p[there].mean(), abs=0.03)  # of 200 copies of the trials
+    (line,) = [x for x in figure.axes[1].lines if x.get_label() == "Failed stops, Model"]
+    assert line.get_ydata()[-1] == pytest.approx(p.mean(), abs=0.03)
+    plt.close(figure)
     for options in ({"engine": "rate"}, {"pooled": True}, {"rt_window": (0.1, 2.0)}):
         with refused(next(iter(options))):
             bg.fit(table, "constant_gap", **options)
@@ -213,12 +232,40 @@ def test_simulated_choices_have_the_accuracy_and_the_mean_time_of_the_closed_for
         assert abs(made.rt_s[some].mean() - mean_s[some][0]) < 4 * spread + 0.005
 
 
+def test_a_simulation_has_the_values_that_options_fix_too():
+    """The trials are read once: what is fixed is added to what the options fix."""
+    table, options = bg.read_trials("roitman_shadlen_2002", **MONKEY), {"fix": {"t0_s": 0.9}}
+    made = bg.simulate(
+        "constant_gap", {"sensitivity": 12.0, "start": 0.2}, table, seed=1, **options
+    )
+    assert np.nanquantile(made.rt_s, 0.05) > 0.85  # a few are lapses
+    even = made.strength == 0
+    assert made.response[even].mean() > 0.5
+
+
 def test_what_is_simulated_is_found_again_by_its_fit():
     made = bg.simulate("constant_gap", GAP, "roitman_shadlen_2002", seed=2, **MONKEY)
     table = bg.fit(made, "constant_gap").parameters().set_index("parameter")
     for name in ("sensitivity", "bound", "t0_s"):
         row = table.loc[name]
         assert abs(row["value"] - GAP[name]) < 4 * row["standard_error"]
+
+
+def test_trials_of_people_one_after_the_other_are_those_that_were_read():
+    """Every column comes back, for every kind."""
+    parts = [tables(simulated(40, 50 + k)) for k in range(2)]
+    data, evidence = (
+        pd.concat([part[k].assign(participant_id=f"p{who}") for who, part in enumerate(parts)])
+        for k in (0, 1)
+    )
+    rewarded = bg.read_trials("pedersen_frank_2020")
+    for whole in (
+        bg.read_trials(data, evidence=evidence, forced=True),
+        bg.read_trials(stop_table(2)),
+        rewarded.where(np.isin(rewarded.participant, ["3", "4"])),
+        bg.read_trials("roitman_shadlen_2002", strength="coherence"),
+    ):
+        assert joined(list(whole.by_participant().values())).checksum == whole.checksum
 
 
 def test_every_kind_of_trials_is_simulated_for_every_person():

@@ -72,8 +72,8 @@ def test_reward_sets_the_criteria_at_which_test_and_spikes_decide(found):
     # The example trial is decided in spikes at the learned threshold.
     shown = found.courses[found.courses["who"] == SPIKES]
     choice, time_ms = found.decided.set_index("who").loc[SPIKES, ["choice", "time_ms"]]
-    own = shown[shown["channel"] == choice].set_index("time_ms")["out_nats"]
-    assert own[time_ms] <= rows[SPIKES, "criterion"] < own[own.index < time_ms].min()
+    out = shown[shown["channel"] == choice].set_index("time_ms")["out_nats"]
+    assert out[time_ms] <= rows[SPIKES, "criterion"] < out[out.index < time_ms].min()
     # What populations learned is drawn as the gap that it corresponds to.
     drawn = found.learning[found.learning["who"] == POPULATIONS]
     ends = drawn.groupby("run")["mean_separation"].apply(
@@ -117,14 +117,14 @@ def test_a_task_without_taps_is_refused(task):
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_a_decoder_of_nothing_decides_at_chance_and_says_so():
-    found = told(taps_of(900, scrambled=True), EdgeTurn)
-    assert any("does not distinguish the 2 hypotheses" in remark for remark in found.remarks)
-    assert found.numbers["one_reading_accuracy"] == pytest.approx(0.5, abs=0.05)
-    assert found.numbers["test_accuracy"] == pytest.approx(0.5, abs=0.12)
-    assert not len(found.learning)
-    assert not len(found.learned)
+    touched = told(taps_of(900, scrambled=True), EdgeTurn)
+    assert any("does not distinguish the 2 hypotheses" in remark for remark in touched.remarks)
+    assert touched.numbers["one_reading_accuracy"] == pytest.approx(0.5, abs=0.05)
+    assert touched.numbers["test_accuracy"] == pytest.approx(0.5, abs=0.12)
+    assert not len(touched.learning)
+    assert not len(touched.learned)
     # What it states is what it reaches: no choice is surer than chance.
-    assert "test_accuracy" in page(found, "nothing", "")
+    assert "test_accuracy" in page(touched, "nothing", "")
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")

@@ -99,9 +99,9 @@ def test_several_thresholds_have_a_row_each(evidence):
 def test_a_table_of_evidence_is_read(tmp_path):
     path = tmp_path / "mine.csv"
     path.write_text("trial,step,ll_left,ll_right,truth\n" + "1,1,-1,-2,left\n1,2,-1,-3,left\n")
-    found = bg.read_evidence(path, step_ms=50.0)
-    assert found.log_likelihood.tolist() == [[[-1, -2], [-1, -3]]]
-    assert found.step_ms == 50.0
+    read = bg.read_evidence(path, step_ms=50.0)
+    assert read.log_likelihood.tolist() == [[[-1, -2], [-1, -3]]]
+    assert read.step_ms == 50.0
 
 
 SHORT = bg.gaussian_evidence(5, seed=1)
@@ -175,8 +175,8 @@ def test_an_experiment_has_its_verdicts_and_its_report():
 
 def test_a_condition_decides_as_the_command_and_refuses_what_it_refuses(tmp_path):
     out = tmp_path / "a.csv"
-    given = ("--task", "trials=40", "t_max=20", "--edits", "lesion STN 5%", "--seed", 3)
-    assert run("circuit", "run", "--save", out, *given) == 0
+    options = ("--task", "trials=40", "t_max=20", "--edits", "lesion STN 5%", "--seed", 3)
+    assert run("circuit", "run", "--save", out, *options) == 0
     asked = bg.Condition(
         edits=Edits(["lesion STN 5%"]), seed=3, task=bg.Gaussian(trials=40, t_max=20)
     )

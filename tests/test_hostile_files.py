@@ -62,7 +62,7 @@ def test_a_command_refuses_a_deep_file_too(tmp_path, capsys):
 
 
 def npz(path, **arrays):
-    """Write arrays as np.savez does; text stays text, bytes are written as they are."""
+    """Write arrays as np.savez does; text stays text, and bytes are not changed."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
         for name, values in arrays.items():
             stream = io.BytesIO()

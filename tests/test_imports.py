@@ -81,10 +81,10 @@ def test_every_package_is_shipped():
     held = {path for package in ("bgmodel", "circuits") for path in (ROOT / package).rglob("*")}
     code = {".py", ".pyc", ".nbi", ".nbc"}
     assert shipped == {path for path in held if path.is_file() and path.suffix not in code}
-    found = {
+    packages = {
         n for p in ("bgmodel", "circuits") for n, path in modules(p) if "__init__" in path.name
     }
-    assert set(settings["packages"]) == found
+    assert set(settings["packages"]) == packages
 
 
 HEAVY = {"torch", "brian2", "matplotlib", "numba", "cv2", "scipy", "tqdm", "platformdirs"}

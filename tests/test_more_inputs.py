@@ -74,8 +74,8 @@ def test_every_column_keeps_its_place_in_the_file_and_the_hash(tmp_path):
     from circuits.declaration.table_files import digest, write
 
     table = BASE.with_inputs("STN", "GPe[1]")
-    found = load_circuit(write(table, tmp_path / "one.toml"), 2)
-    assert replace(found, name=table.name) == table
+    restored = load_circuit(write(table, tmp_path / "one.toml"), 2)
+    assert replace(restored, name=table.name) == table
     assert digest(table) != digest(BASE) == digest(table.with_inputs())
 
 

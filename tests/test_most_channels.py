@@ -26,8 +26,8 @@ def test_at_its_most_alternatives_a_circuit_rests_where_it_reads(name):
 @pytest.mark.parametrize("name", LIMITED)
 def test_one_more_is_refused_with_the_number(name, tmp_path, monkeypatch, capsys):
     most = load_circuit(name).most_channels
-    said = f"{name} takes at most {most} alternatives, got {most + 1}"
-    with pytest.raises(ValueError, match=said):
+    sentence = f"{name} takes at most {most} alternatives, got {most + 1}"
+    with pytest.raises(ValueError, match=sentence):
         load_circuit(name, most + 1)
     monkeypatch.chdir(tmp_path)
     for command in (
@@ -35,4 +35,4 @@ def test_one_more_is_refused_with_the_number(name, tmp_path, monkeypatch, capsys
         ["compare"],
     ):
         assert run(*command, "--circuit", name, "--task", f"channels={most + 1}") == 2
-        assert capsys.readouterr().err.strip() == f"bgmodel: {said}"
+        assert capsys.readouterr().err.strip() == f"bgmodel: {sentence}"

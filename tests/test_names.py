@@ -13,6 +13,6 @@ def test_an_unknown_circuit_or_engine_is_answered_with_all_there_are(command, re
     monkeypatch.setitem(ENGINES, "pen", "by hand")
     timed = set(ENGINES)
     for option, known in (("--circuit", anatomy.CIRCUITS), ("--engine", timed)):
-        said = refusal(*command.split(), option, "quill")
-        assert all(name in said for name in known), said
-        assert said.count("\n") == 1
+        sentence = refusal(*command.split(), option, "quill")
+        assert all(name in sentence for name in known), sentence
+        assert sentence.count("\n") == 1

@@ -47,14 +47,14 @@ def test_no_output_names_a_place_on_a_machine(notebook):
 
 def test_warnings_are_those_of_the_package(notebook):
     """A warning of another library tells the reader nothing."""
-    said = [
+    lines = [
         line
         for cell in code(notebook)
         for output in cell["outputs"]
         if output.get("name") == "stderr"
         for line in "".join(output["text"]).splitlines()
     ]
-    assert [line for line in said if getattr(errors, line.split(":")[0], None) is None] == []
+    assert [line for line in lines if getattr(errors, line.split(":")[0], None) is None] == []
 
 
 def test_no_input_is_confounded_with_the_truth(notebook):

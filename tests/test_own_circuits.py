@@ -67,8 +67,8 @@ def test_noise_in_one_tick_decides_nothing(engine):
     bare = reads(0.0)
     for call in ("run", "decide"):
         with refused("readout_tau_ms set readout_tau_ms"):
-            given = {"posterior": 0.7} if call == "decide" else {}
-            getattr(bg.BasalGanglia(bare, engine), call)(evidence, **given)
+            level = {"posterior": 0.7} if call == "decide" else {}
+            getattr(bg.BasalGanglia(bare, engine), call)(evidence, **level)
     with refused("readout_tau_ms"):
         bg.BasalGanglia(bare, engine).session(posterior=0.7).begin()
     bg.BasalGanglia(reads(30.0), engine).run(evidence)
@@ -98,11 +98,11 @@ def test_the_cure_of_a_read_out_off_chance_keeps_its_rate(bias, channels):
     circuit = reads(30.0, channels=channels, bias_nats=bias)
     out = rest_out(circuit)
     assume(not 0 < out < 1.05 * np.log(channels))
-    (said,) = doubts(circuit)
-    better = cured(circuit, said)
+    (doubt,) = doubts(circuit)
+    better = cured(circuit, doubt)
     assert rest_out(better) == pytest.approx(np.log(channels), abs=1e-3)
     assert doubts(better) == []
-    if "baseline_hz" in said and resting_hz(circuit)["SNr"] > 0:
+    if "baseline_hz" in doubt and resting_hz(circuit)["SNr"] > 0:
         assert resting_hz(better)["SNr"] == pytest.approx(resting_hz(circuit)["SNr"], rel=1e-3)
 
 
@@ -143,9 +143,9 @@ def test_the_gain_of_a_loop_is_the_product_of_its_weights(weights):
         circuit = ring(*weights, **fields)
         share = 2 if fields else 1
         wiring = wired(circuit)
-        names, found = amplifying(wiring, wiring.bias)
+        names, amplification = amplifying(wiring, wiring.bias)
         assert names == [f"N{k}" for k in range(len(weights))]
-        assert found == pytest.approx(gain * share ** len(weights))
+        assert amplification == pytest.approx(gain * share ** len(weights))
 
 
 @given(st.lists(st.floats(0.5, 3), min_size=1, max_size=4))
@@ -160,7 +160,7 @@ def test_a_loop_that_has_no_rest_is_named_and_cured_by_weakening_it(weights):
         resting_state(circuit)
     weaker = circuit.scale("N0", f"N{1 % len(weights)}", 0.9 / gain)
     assert np.isfinite(resting_state(weaker)[1]).all()
-    assert not any("loop" in said for said in doubts(weaker))
+    assert not any("loop" in doubt for doubt in doubts(weaker))
 
 
 @pytest.mark.parametrize("engine", ["rate", "population"])
@@ -178,7 +178,7 @@ def test_a_nucleus_added_to_the_default_circuit_names_the_loop_that_it_makes():
     with pytest.raises(ValueError, match="the loop STN -> PPN -> STN has a gain of"):
         resting_state(circuit)
     held = load_circuit("macaque").edited(new, "add STN->PPN weight=1", "add PPN->STN weight=1")
-    assert any("STN -> PPN -> STN" in said for said in doubts(held))
+    assert any("STN -> PPN -> STN" in doubt for doubt in doubts(held))
 
 
 @pytest.mark.parametrize("name", [name for name in CIRCUITS if name != "linear_gpe"])

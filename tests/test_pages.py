@@ -41,6 +41,7 @@ PARSED = {
     "bgmodel decide --task edge-turn": "there is no table of decoded taps",
     "bgmodel fit trials.csv --strength contrast --formula": "tests of formulas fit one",
     "bgmodel fit search.csv": "there is no such table; a test of the command writes one",
+    "bgmodel fit go_no_go.csv": "there is no such table; tests of trials without times make one",
     "bgmodel fit theirs.csv": "there is no such table; a test of the command writes one",
     "bgmodel compare": "1 000 trials take minutes; a test of the command compares a hundred",
     "bgmodel fit clicks": "there is no such table; a test of the command writes one",
@@ -204,13 +205,13 @@ def saved_by(command):
 
 
 def test_no_command_of_a_page_writes_over_the_file_of_another():
-    own = [file for file, _ in own_files()]
-    assert len(set(own)) == len(own)
+    sources = [file for file, _ in own_files()]
+    assert len(set(sources)) == len(sources)
     for page in RUN:
         told = [c for block in blocks("console", [page]) for c, _ in commands(block.values[0])]
         outputs = [saved_by(parsed(c)) for c in told]
         written = [str(path) for path in outputs if path is not None]
-        assert len({*written, *own}) == len(written) + len(own)
+        assert len({*written, *sources}) == len(written) + len(sources)
 
 
 def test_every_exception_is_of_a_command_or_a_block_that_is_there():
@@ -237,8 +238,8 @@ def test_every_file_that_a_page_names_is_there(page):
     )
     made = ("figures/out", "figures/fast", "benchmarks/out", "docs/_build")
     # What a recipe of `docs/extending.md` lets its reader write is there once it is followed.
-    own = re.findall(r"^# (\S+\.\w+)$", prose(page), re.MULTILINE)
-    wanted = [p for p in paths if not p.startswith(made) and p not in own]
+    listed = re.findall(r"^# (\S+\.\w+)$", prose(page), re.MULTILINE)
+    wanted = [p for p in paths if not p.startswith(made) and p not in listed]
     assert [p for p in wanted if not (ROOT / p).exists()] == []
 
 

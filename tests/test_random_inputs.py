@@ -80,12 +80,12 @@ def emptied():
 def assert_refused(typed, arguments, words=("",)):
     """Hold a command to one sentence that names one of the words, and to writing nothing."""
     before = sorted(FOLDER.rglob("*"))
-    status, said = typed(arguments)
-    assert status == 2, (arguments, said)
-    assert "Traceback" not in said
-    last = said.strip().splitlines()[-1]
-    assert last.startswith("bgmodel: "), said
-    assert 20 < len(last) < 400, said
+    status, printed = typed(arguments)
+    assert status == 2, (arguments, printed)
+    assert "Traceback" not in printed
+    last = printed.strip().splitlines()[-1]
+    assert last.startswith("bgmodel: "), printed
+    assert 20 < len(last) < 400, printed
     assert any(word in last for word in words), (last, words)
     assert sorted(FOLDER.rglob("*")) == before
 
@@ -127,10 +127,10 @@ def test_an_experiments_file_is_run_as_it_is_written(count, typed):
     def one(file):
         emptied()
         FILE.write_text(tomlkit.dumps(file))
-        found = Experiment.from_toml(FILE)
-        assert (found.name, found.seed, found.note) == (file["name"], file["seed"], file["note"])
-        assert found.predictions[0].at_least == file["predictions"][0]["at_least"]
-        assert list(found.manipulation.edits) == file["manipulation"]["edits"]
+        read = Experiment.from_toml(FILE)
+        assert (read.name, read.seed, read.note) == (file["name"], file["seed"], file["note"])
+        assert read.predictions[0].at_least == file["predictions"][0]["at_least"]
+        assert list(read.manipulation.edits) == file["manipulation"]["edits"]
         assert (
             typed(["experiment", str(FILE), "--save", f"{FOLDER}/out.csv", "--trials", "220"])[0]
             == 0
@@ -190,8 +190,8 @@ def decided(table, posterior):
 def test_a_table_is_decided_as_its_trials_are_one_by_one(count):
     def one(table, posterior):
         names = [name.removeprefix("ll_") for name in table if name.startswith("ll_")]
-        found = decided(table, posterior).to_dict("records")
-        for (key, rows), trial in zip(tables.trials_of(table), found, strict=True):
+        rows_decided = decided(table, posterior).to_dict("records")
+        for (key, rows), trial in zip(tables.trials_of(table), rows_decided, strict=True):
             total = rows[[f"ll_{name}" for name in names]].to_numpy(dtype=float).cumsum(axis=0)
             out = -log_softmax(total, axis=1)
             met = (out <= -np.log(posterior) + 1e-10).any(axis=1)
@@ -220,11 +220,11 @@ def test_a_command_decides_a_table_as_python_does_or_says_what_is_wrong(ending, 
         tables.write(table, path)
         assert typed(words)[0] == 0
         as_text = {"dtype": str, "keep_default_na": False}
-        found = pd.read_csv(out, **as_text) if ending == ".csv" else read_table(out)
+        decisions = pd.read_csv(out, **as_text) if ending == ".csv" else read_table(out)
         scaled = {name: gain * table[name] for name in table if name.startswith("ll_")}
         expected = decided(table.assign(**scaled), posterior)
         for name in expected.columns.intersection(["trial", "row", "forced", "steps", *tables.OWN]):
-            assert found[name].astype(str).tolist() == expected[name].astype(str).tolist(), name
+            assert decisions[name].astype(str).tolist() == expected[name].astype(str).tolist(), name
 
     choices = st.sampled_from(tables.WRONG), st.sampled_from([1, 0.7]), numbers(0.55, 0.99)
     tried(count, one, tables.tables(), *choices)

@@ -45,8 +45,8 @@ def split(circuit, source, target, share, **fields):
 
 
 def ran(circuit, engine, **options):
-    given = {"settle_ms": 20, "step_ms": 20} if ENGINES[engine].timed else {"step_ms": 20}
-    return run(circuit, DRIVE, engine=engine, seed=SEED, **given | options)
+    timing = {"settle_ms": 20, "step_ms": 20} if ENGINES[engine].timed else {"step_ms": 20}
+    return run(circuit, DRIVE, engine=engine, seed=SEED, **timing | options)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -180,12 +180,12 @@ def filters(*rows):
 @pytest.mark.parametrize(("fast_ms", "slow_ms"), [(5.0, 100.0), (2.0, 30.0)])
 def test_a_step_through_two_receptors_is_the_sum_of_two_filters(fast_ms, slow_ms):
     table = filters(("AMPA", 0.75, fast_ms), ("NMDA", 0.25, slow_ms))
-    found = run(table, np.array([[[1.0, 0.0]]]), engine="rate", step_ms=400, dt_ms=0.1, settle_ms=0)
+    step = run(table, np.array([[[1.0, 0.0]]]), engine="rate", step_ms=400, dt_ms=0.1, settle_ms=0)
     # Rates are interpolated from tick to tick, and a pathway takes at least one.
-    late = found.time_ms - 0.15
+    late = step.time_ms - 0.15
     wanted = 0.75 * -np.expm1(-late / fast_ms) + 0.25 * -np.expm1(-late / slow_ms)
-    npt.assert_allclose(found.output_nats[0, :, 0], wanted, atol=2e-2)
-    npt.assert_allclose(found.output_nats[0, 20:, 0], wanted[20:], atol=2e-3)
+    npt.assert_allclose(step.output_nats[0, :, 0], wanted, atol=2e-2)
+    npt.assert_allclose(step.output_nats[0, 20:, 0], wanted[20:], atol=2e-3)
     alone = run(filters(("", 1.0, fast_ms)), np.array([[[1.0, 0.0]]]), engine="rate", step_ms=400)
     assert np.abs(alone.output_nats[0, :, 0] - wanted).max() > 0.1
 
@@ -246,9 +246,9 @@ def test_a_circuit_is_drawn_with_all_receptors_of_a_pathway():
 def test_edits_name_a_receptor_after_its_pathway(lines, by_hand):
     table = split(MACAQUE, "STN", "SNr", 0.7, tau_ms=100.0)
     assert table.edited(*lines) == by_hand(table) != table
-    found = table.edited(*differences(table, table.edited(*lines)))
+    edited = table.edited(*differences(table, table.edited(*lines)))
     bare = lambda c: [replace(p, cite="") for p in c.projections]  # noqa: E731
-    assert bare(found) == bare(table.edited(*lines))
+    assert bare(edited) == bare(table.edited(*lines))
 
 
 def test_a_row_is_known_by_its_pair_and_its_receptor():

@@ -117,8 +117,8 @@ def single(values):
     """Return circuit, gain, posterior, seed and task of a run with these values alone."""
     task = {key.removeprefix("task."): v for key, v in values.items() if key.startswith("task.")}
     task = Gaussian(**{"trials": 20, **task})
-    own = {key: value for key, value in values.items() if key not in RUN}
-    table = load_circuit(values.get("circuit", "macaque"), task.channels).edited(*edited(own))
+    changes = {key: value for key, value in values.items() if key not in RUN}
+    table = load_circuit(values.get("circuit", "macaque"), task.channels).edited(*edited(changes))
     gain, posterior = gain_of(table, values.get("gain")), values.get("posterior", 0.82)
     return table, gain, posterior, values.get("seed", 0), task
 
@@ -146,14 +146,14 @@ def test_every_row_is_a_single_run_with_exactly_what_it_names(drawn):
         with pytest.raises(ValueError, match=r"the point|edit the same"):
             plan.all_points()
         return
-    for found, point, (table, gain, posterior, seed, task) in zip(
+    for read, point, (table, gain, posterior, seed, task) in zip(
         plan.all_points(), points, wanted, strict=True
     ):
-        assert digest(found.edited) == digest(table)
-        assert gain_of(found.edited, found.gain) == gain
-        assert found.threshold_nats == threshold_from_posterior(posterior, task.channels)
-        assert (found.seed, found.task) == (seed, task)
-        assert found.engine == (base | point).get("engine", "population")
+        assert digest(read.edited) == digest(table)
+        assert gain_of(read.edited, read.gain) == gain
+        assert read.threshold_nats == threshold_from_posterior(posterior, task.channels)
+        assert (read.seed, read.task) == (seed, task)
+        assert read.engine == (base | point).get("engine", "population")
 
 
 @pytest.mark.parametrize(
@@ -169,14 +169,14 @@ def test_a_row_decides_as_the_single_run_does(base, point, tmp_path):
     (setting,) = of_plan(base | same, {key: (value,) for key, value in point.items()}).all_points()
     (shard,) = setting.shards()
     shards.compute(shard, tmp_path)
-    found, _ = shards.read(setting, tmp_path)
+    behaviour, _ = shards.read(setting, tmp_path)
     table, gain, posterior, _, _ = single(base | same | point)
     model = BasalGanglia(table, Population(rates=False), gain, setting.block_seed(0))
     threshold = float(threshold_from_posterior(posterior))
     want = behaviour_of(model, setting.block(0, 20).evidence, threshold, 500.0)
-    assert np.array_equal(found.decision.choice, want.decision.choice)
-    assert np.array_equal(found.decision.time_ms, want.decision.time_ms)
-    assert np.array_equal(found.anticipatory, want.anticipatory)
+    assert np.array_equal(behaviour.decision.choice, want.decision.choice)
+    assert np.array_equal(behaviour.decision.time_ms, want.decision.time_ms)
+    assert np.array_equal(behaviour.anticipatory, want.anticipatory)
 
 
 @pytest.mark.parametrize(
@@ -217,8 +217,8 @@ def test_a_row_decides_as_the_single_run_does(base, point, tmp_path):
     ],
 )  # fmt: skip
 def test_a_point_replaces_the_same_edit_in_any_spelling(edits, grid, rows):
-    (found,) = Plan(edits=Edits(edits), grid=grid).all_points()
-    assert digest(found.edited) == digest(load_circuit(found.circuit).edited(*rows))
+    (read,) = Plan(edits=Edits(edits), grid=grid).all_points()
+    assert digest(read.edited) == digest(load_circuit(read.circuit).edited(*rows))
 
 
 @pytest.mark.parametrize(
@@ -253,5 +253,5 @@ def test_a_key_a_value_or_a_point_that_is_there_twice_is_refused(wrong):
 
 def test_two_courses_of_one_nucleus_may_both_be_named():
     early, late = "add D2[0] to_ms=300 amount", "add D2[0] from_ms=400 amount"
-    (found,) = Plan(grid={early: (0.1,), late: (0.2,)}).all_points()
-    assert found.edited == load_circuit("macaque").edited(f"{early}=0.1", f"{late}=0.2")
+    (read,) = Plan(grid={early: (0.1,), late: (0.2,)}).all_points()
+    assert read.edited == load_circuit("macaque").edited(f"{early}=0.1", f"{late}=0.2")

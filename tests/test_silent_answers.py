@@ -37,10 +37,10 @@ def test_biases_are_compensated_once():
     twice = lost.compensate().lesion("GPe", 0.05)
     with refused("reference circuit before all edits"):
         twice.compensate()
-    whole = lost.lesion("GPe", 0.05).compensate()
+    at_once = lost.lesion("GPe", 0.05).compensate()
     again = twice.compensate(bg.load_circuit("macaque"))
     for name in ("STN", "SNr"):
-        assert again[name].bias_nats == pytest.approx(whole[name].bias_nats, abs=1e-6)
+        assert again[name].bias_nats == pytest.approx(at_once[name].bias_nats, abs=1e-6)
 
 
 @pytest.mark.parametrize(("test", "given"), [
@@ -151,10 +151,10 @@ def test_readings_without_information_are_no_padding(share, steps, seed):
     rng = np.random.default_rng(seed)
     values = rng.normal(size=(200, steps, 3))
     values[rng.random((200, steps)) < share] = -1.5
-    assert not [said for said in told(bg.Evidence, values) if "padded" in said]
+    assert not [text for text in told(bg.Evidence, values) if "padded" in text]
     values = rng.normal(size=(200, steps, 3))
     values[:, rng.integers(steps) :] = 0
-    assert not [said for said in told(bg.Evidence, values) if "padded" in said]
+    assert not [text for text in told(bg.Evidence, values) if "padded" in text]
 
 
 def fed(session, evidence, *, sums):
@@ -354,15 +354,15 @@ def test_responses_that_do_not_follow_the_strength_are_doubted():
     for name in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005"):
         right = read_trials(name, strength="coherence")
         for who in right.people():
-            said = told(check_sides, right.where(right.participant == who))
-            assert not any("by chance" in text for text in said)
+            texts = told(check_sides, right.where(right.participant == who))
+            assert not any("by chance" in text for text in texts)
 
 
 def test_strengths_with_the_sign_of_the_responses_are_doubted():
     table = choices(("a",), trials=200)
     signed = table.assign(coh=np.abs(table["coh"]) * (2 * table["response"] - 1))
-    [said] = told(check_sides, read_trials(signed, strength="coh"))
-    assert "each of 200 responses agrees" in said
+    [text] = told(check_sides, read_trials(signed, strength="coh"))
+    assert "each of 200 responses agrees" in text
     once = signed.assign(response=[1 - signed["response"][0], *signed["response"][1:]])
     for right in (table, once):
         assert not any(
@@ -383,4 +383,4 @@ def test_a_non_decision_time_above_a_second_is_doubted():
     late = monkey.where(np.arange(monkey.trials) % 8 == 0)
     late = replace(late, rt_s=late.rt_s + 0.9)
     likelihood = likelihood_of(GapModel(), design_of(late))
-    assert any("check that rt begins" in said for said in told(fit_likelihood, likelihood))
+    assert any("check that rt begins" in text for text in told(fit_likelihood, likelihood))

@@ -43,8 +43,8 @@ def fitted(table, free="+start", model="constant_gap", **options):
     names = ((free,) if free else ()) if isinstance(free, str) else free
     asked = FitSettings(strength="coherence", free=names, **options)
     choices = asked.read(table)
-    found = optimum(asked.likelihood(asked.design(choices), asked.model(model)))
-    return found, {k: float(np.atleast_1d(v)[0]) for k, v in found.values.items()}
+    best = optimum(asked.likelihood(asked.design(choices), asked.model(model)))
+    return best, {k: float(np.atleast_1d(v)[0]) for k, v in best.values.items()}
 
 
 @pytest.mark.parametrize(
@@ -57,10 +57,10 @@ def fitted(table, free="+start", model="constant_gap", **options):
 def test_a_start_is_recovered(model, more):
     table = drawn(91_001, model=GapModel(GAPS[model]), **more)
     with unwarned():
-        found, values = fitted(table, model=model)
+        best, values = fitted(table, model=model)
     without, _ = fitted(table, "", model=model)
-    assert values["start"] * found.likelihood.design.side[0] == pytest.approx(0.25, abs=0.05)
-    assert found.log_likelihood > without.log_likelihood + 50
+    assert values["start"] * best.likelihood.design.side[0] == pytest.approx(0.25, abs=0.05)
+    assert best.log_likelihood > without.log_likelihood + 50
 
 
 def test_a_start_between_falling_bounds_is_likelier_than_none_or_its_mirror():
@@ -81,15 +81,15 @@ def test_a_start_between_falling_bounds_is_likelier_than_none_or_its_mirror():
 
 def test_without_a_bias_it_is_worth_nothing():
     table = drawn(91_002, start=0.0)
-    found, _ = fitted(table)
-    assert dict(zip(found.likelihood.freedom.names, found.vector, strict=True))["start"] == (
+    best, _ = fitted(table)
+    assert dict(zip(best.likelihood.freedom.names, best.vector, strict=True))["start"] == (
         pytest.approx(0.0, abs=0.06)
     )
     # Twice the gain is chi-squared with one degree of freedom.
     asked = FitSettings(strength="coherence")
     by_side = design_of(asked.read(table), sides=True)
     without = optimum(likelihood_of(GapModel(), by_side))
-    assert 0 <= found.log_likelihood - without.log_likelihood + 1e-3 < 5.5
+    assert 0 <= best.log_likelihood - without.log_likelihood + 1e-3 < 5.5
 
 
 def test_exchanged_responses_exchange_the_bias():
@@ -105,10 +105,10 @@ def test_exchanged_responses_exchange_the_bias():
 
 def test_splitting_sides_alone_changes_no_likelihood():
     choices = read_trials(drawn(91_004, start=0.0), strength="coherence")
-    whole, sides = (likelihood_of(GapModel(), design_of(choices, sides=s)) for s in (False, True))
+    plain, sides = (likelihood_of(GapModel(), design_of(choices, sides=s)) for s in (False, True))
     assert sides.design.cells == 5
-    assert whole.design.cells == 3
-    assert sides(whole.freedom.start) == pytest.approx(whole(whole.freedom.start), rel=1e-12)
+    assert plain.design.cells == 3
+    assert sides(plain.freedom.start) == pytest.approx(plain(plain.freedom.start), rel=1e-12)
     assert set(sides.design.conditions[FAVOURS]) == {"0", "1"}
 
 
@@ -125,8 +125,8 @@ def test_a_bias_that_is_not_fitted_is_warned_of_with_the_way_to_fit_it():
 def test_a_start_of_each_level_of_a_condition():
     left, right = drawn(91_006, start=0.3), drawn(91_007, start=-0.3)
     table = pd.concat([left.assign(cue="a"), right.assign(cue="b")], ignore_index=True)
-    found, _ = fitted(table, "", vary=("start=cue",))
-    values = dict(zip(found.likelihood.freedom.names, found.vector, strict=True))
+    best, _ = fitted(table, "", vary=("start=cue",))
+    values = dict(zip(best.likelihood.freedom.names, best.vector, strict=True))
     assert values["start[cue=a]"] == pytest.approx(0.3, abs=0.06)
     assert values["start[cue=b]"] == pytest.approx(-0.3, abs=0.06)
 
@@ -143,5 +143,5 @@ def test_python_fits_it_by_the_same_name_and_a_circuit_says_that_it_has_none():
         bg.fit(table, "constant_gap", strength="coherence", free=["+start", "bound"])
     both = FitSettings(free=("+start",))
     models = {name: both.model(name) for name in ("constant_gap", "macaque")}
-    (said,) = both.check_parameters(models)
-    assert said == "macaque has no start and is fitted without"
+    (text,) = both.check_parameters(models)
+    assert text == "macaque has no start and is fitted without"

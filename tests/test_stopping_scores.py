@@ -26,18 +26,18 @@ NONE = np.nan
 
 def test_agreement_counts_outcomes_and_compares_times_of_those_that_responded_in_both():
     one = np.array([*np.arange(40.0), NONE, NONE])
-    found = agreement(one, np.append(one[:-1] - 3, 7.0))
-    assert found["same"] == pytest.approx(41 / 42)
+    scores = agreement(one, np.append(one[:-1] - 3, 7.0))
+    assert scores["same"] == pytest.approx(41 / 42)
     chance = (40 * 41 + 2 * 1) / 42**2
-    assert found["same_chance"] == pytest.approx(chance)
-    assert found["same_corrected"] == pytest.approx((41 / 42 - chance) / (1 - chance))
-    assert (found["times_r"], found["times_ms"]) == (pytest.approx(1.0), pytest.approx(3.0))
+    assert scores["same_chance"] == pytest.approx(chance)
+    assert scores["same_corrected"] == pytest.approx((41 / 42 - chance) / (1 - chance))
+    assert (scores["times_r"], scores["times_ms"]) == (pytest.approx(1.0), pytest.approx(3.0))
 
 
 def test_few_common_responses_have_no_correlation_and_equal_certainty_no_correction():
-    found = agreement(np.arange(5.0), np.arange(5.0))
-    assert np.isnan(found["times_r"])
-    assert np.isnan(found["same_corrected"])
+    scores = agreement(np.arange(5.0), np.arange(5.0))
+    assert np.isnan(scores["times_r"])
+    assert np.isnan(scores["same_corrected"])
 
 
 def test_omissions_count_as_the_slowest_time_and_not_in_a_standard_error():
@@ -62,11 +62,11 @@ def test_common_input_raises_s_and_changes_no_posterior():
 
 def test_log_odds_jump_at_the_delay_and_add_what_is_wanted():
     go = evidence_of("tone", 10, 4)
-    given = abrupt(go, 800.0, float(np.log(np.expm1(1.0))))
-    z = log_odds_of_stop(given)
+    with_stops = abrupt(go, 800.0, float(np.log(np.expm1(1.0))))
+    z = log_odds_of_stop(with_stops)
     assert z[:, 1:81] == pytest.approx(-30.0)
     assert z[:, 81:] == pytest.approx(z[0, 81])
-    added = StopMsprt().run(given).out_nats[..., :4] - Msprt().run(go).out_nats
+    added = StopMsprt().run(with_stops).out_nats[..., :4] - Msprt().run(go).out_nats
     assert added[:, 90] == pytest.approx(1.0)
 
 

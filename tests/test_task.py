@@ -1,4 +1,4 @@
-"""Tasks: what all of them have, which settings each has, and the evidence that they draw."""
+"""Tasks: the interface of all, the settings of each, and the evidence that they draw."""
 
 import json
 from dataclasses import fields, replace
@@ -23,8 +23,8 @@ DRAWN = [Gaussian(channels=3), SameDifferent(1.5), Orientation(4)]
 
 def test_a_competitor_rises_and_nothing_else():
     """Means of the readings: the true channel's, its fraction in the next one, 0 in the others."""
-    given = {"rng": bg.stream(1, "r"), "hypotheses": 4}
-    drawn = separated_evidence(4000, 5, 0.8, conflict=0.5, **given)
+    options = {"rng": bg.stream(1, "r"), "hypotheses": 4}
+    drawn = separated_evidence(4000, 5, 0.8, conflict=0.5, **options)
     turned = [
         np.roll(x.mean(axis=0), -k) for x, k in zip(drawn.log_likelihood, drawn.truth, strict=True)
     ]
@@ -36,14 +36,14 @@ def test_a_competitor_rises_and_nothing_else():
 
 @pytest.mark.parametrize("task", DRAWN, ids=lambda task: task.name)
 def test_a_task_draws_the_trials_that_it_is_asked_for(task):
-    found = task.evidence(12, seed=3)
-    assert (found.trials, found.steps, found.hypotheses) == (12, task.t_max, task.channels)
-    assert found.step_ms == task.step_ms
+    drawn = task.evidence(12, seed=3)
+    assert (drawn.trials, drawn.steps, drawn.hypotheses) == (12, task.t_max, task.channels)
+    assert drawn.step_ms == task.step_ms
     assert task.evidence(seed=3).trials == task.trials
     same = replace(task, trials=12).evidence(seed=bg.stream(3))
-    np.testing.assert_array_equal(found.log_likelihood, same.log_likelihood)
+    np.testing.assert_array_equal(drawn.log_likelihood, same.log_likelihood)
     other = task.evidence(12, seed=4)
-    assert not np.array_equal(found.log_likelihood, other.log_likelihood)
+    assert not np.array_equal(drawn.log_likelihood, other.log_likelihood)
     assert len(task.names) == task.channels
 
 
@@ -52,14 +52,14 @@ def test_taps_may_be_a_table_or_its_file(tmp_path):
     task, taps = SameDifferent(2.0, trials=20), load_taps()
     taps = taps[taps["period_mm"] == 2]  # of other gratings, some are copies
     taps.to_parquet(tmp_path / "mine.parquet")
-    found = task.evidence(seed=1)
-    for given in (taps, tmp_path / "mine.parquet", str(tmp_path / "mine.parquet")):
-        same = task.evidence(taps=given, seed=1)
-        np.testing.assert_array_equal(found.log_likelihood, same.log_likelihood)
+    drawn = task.evidence(seed=1)
+    for source in (taps, tmp_path / "mine.parquet", str(tmp_path / "mine.parquet")):
+        same = task.evidence(taps=source, seed=1)
+        np.testing.assert_array_equal(drawn.log_likelihood, same.log_likelihood)
     named = replace(task, taps=tmp_path / "mine.parquet").evidence(seed=1)
-    np.testing.assert_array_equal(found.log_likelihood, named.log_likelihood)
+    np.testing.assert_array_equal(drawn.log_likelihood, named.log_likelihood)
     other = task.evidence(taps=taps.sample(frac=1, random_state=1), seed=1)
-    assert not np.array_equal(found.log_likelihood, other.log_likelihood)
+    assert not np.array_equal(drawn.log_likelihood, other.log_likelihood)
     with refused("taps .*tactile"):
         Gaussian().evidence(taps=taps, seed=1)
 
@@ -100,9 +100,9 @@ def test_files_are_looked_for_in_the_folder_of_the_file_that_names_them():
     plain = Condition(circuit=CircuitName("appendix_b"))
     assert seen_from(folder, plain) == plain
     assert circuit_seen_from(folder, "mine.toml") == str(folder / "mine.toml")
-    own = replace(plain, task=EvidenceTable("own.csv"), posterior=None, threshold=0.3)
-    assert seen_from(folder, own).task.evidence == folder / "own.csv"
-    absolute = replace(own, task=EvidenceTable("/data/own.csv"))
+    condition = replace(plain, task=EvidenceTable("own.csv"), posterior=None, threshold=0.3)
+    assert seen_from(folder, condition).task.evidence == folder / "own.csv"
+    absolute = replace(condition, task=EvidenceTable("/data/own.csv"))
     assert seen_from(folder, absolute).task.evidence == Path("/data/own.csv")
     taps = replace(plain, task=EdgeTurn(taps="own.csv"))
     assert seen_from(folder, taps).task.taps == folder / "own.csv"

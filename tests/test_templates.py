@@ -28,9 +28,9 @@ def test_help_shows_a_file_that_can_be_copied(command, columns, monkeypatch, cap
     monkeypatch.setenv("COLUMNS", columns)
     after = help_of(command, capsys).partition("--template writes:\n")[2].splitlines()
     shown = "\n".join(takewhile(lambda line: not line or line.startswith("    "), after))
-    whole = KINDS[command].template()
-    assert tomllib.loads(textwrap.dedent(shown)) == tomllib.loads(whole)
-    lines = [line for line in whole.splitlines() if line]
+    template = KINDS[command].template()
+    assert tomllib.loads(textwrap.dedent(shown)) == tomllib.loads(template)
+    lines = [line for line in template.splitlines() if line]
     assert [line.strip() for line in shown.splitlines() if line.strip()] == lines
 
 
@@ -49,6 +49,6 @@ def test_no_file_is_written_over(command, name, tmp_path, monkeypatch, refusal):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.toml").write_text("mine")
     force = ["--force"] if command == "experiment" else []
-    said = refusal(command, name, "--template", *force)
-    assert "must be a new .toml file" in said or "none" in said
+    sentence = refusal(command, name, "--template", *force)
+    assert "must be a new .toml file" in sentence or "none" in sentence
     assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]

@@ -42,7 +42,7 @@ def test_varying_drifts_give_the_mean_density_at_any_bound(mean, sd, bound, shar
     for gap in (CONSTANT, EXPONENTIAL):
         at, slope = gap.at(bound, {"fall_per_s": 0.7}, times)
         rest = passage.falling_at_rest(at, slope, times, start=start)
-        (own,) = passage.with_drift(rest, at, times, [mean], start, sd)
+        (shares,) = passage.with_drift(rest, at, times, [mean], start, sd)
         for place in (2, 20, 55):
             one = slice(place, place + 1)
 
@@ -53,60 +53,60 @@ def test_varying_drifts_give_the_mean_density_at_any_bound(mean, sd, bound, shar
 
             wide = (mean - 9 * sd, mean + 9 * sd)
             for response in (0, 1):
-                (said, _) = quad(
+                (integral, _) = quad(
                     lambda v, k=response: norm.pdf(v, mean, sd) * density(v)[k],
                     *wide, epsabs=1e-10, limit=200,
                 )  # fmt: skip
-                assert own[response, place] == pytest.approx(said, rel=1e-6, abs=1e-8)
+                assert shares[response, place] == pytest.approx(integral, rel=1e-6, abs=1e-8)
 
 
 @given(st.floats(-3, 3), st.floats(0.1, 3.0), st.floats(0.3, 0.9))
 @settings(max_examples=20)
 def test_choices_under_varying_drifts_are_those_of_quadrature(mean, sd, bound):
-    own = decided(mean, bound=bound, drift_sd=sd)[0]
-    said, _ = quad(
+    masses = decided(mean, bound=bound, drift_sd=sd)[0]
+    integral, _ = quad(
         lambda v: norm.pdf(v, mean, sd) * chosen(v, bound, 0.0), mean - 9 * sd, mean + 9 * sd
     )
-    assert own.sum() == pytest.approx(1, abs=1e-3)
-    assert own[1].sum() == pytest.approx(said, abs=5e-4)
+    assert masses.sum() == pytest.approx(1, abs=1e-3)
+    assert masses[1].sum() == pytest.approx(integral, abs=5e-4)
 
 
 @given(st.floats(-3, 3), st.floats(0.05, 0.9), st.floats(0.3, 0.9), st.floats(-0.7, 0.7))
 @settings(max_examples=20)
 def test_choices_under_varying_starts_are_those_of_quadrature(drift, spread, bound, share):
-    own = decided(drift, bound=bound, start=share, start_spread=spread)[0]
+    masses = decided(drift, bound=bound, start=share, start_spread=spread)[0]
     half = spread * (1 - abs(share)) * bound
     middle = share * bound
-    said, _ = quad(lambda z: chosen(drift, bound, z) / (2 * half), middle - half, middle + half)
-    assert own.sum() == pytest.approx(1, abs=1e-3)
-    assert own[1].sum() == pytest.approx(said, abs=5e-4)
+    integral, _ = quad(lambda z: chosen(drift, bound, z) / (2 * half), middle - half, middle + half)
+    assert masses.sum() == pytest.approx(1, abs=1e-3)
+    assert masses[1].sum() == pytest.approx(integral, abs=5e-4)
 
 
 def test_choices_under_both_are_those_of_quadrature_in_two_dimensions():
     values = {"bound": 0.7, "start": 0.2, "start_spread": 0.6, "drift_sd": 1.5}
-    own = decided(1.0, **values)[0]
+    masses = decided(1.0, **values)[0]
     half = 0.6 * 0.8 * 0.7
-    said, _ = dblquad(
+    integral, _ = dblquad(
         lambda v, z: norm.pdf(v, 1.0, 1.5) * chosen(v, 0.7, z) / (2 * half),
         0.14 - half, 0.14 + half, 1.0 - 9 * 1.5, 1.0 + 9 * 1.5,
     )  # fmt: skip
-    assert own[1].sum() == pytest.approx(said, abs=2e-4)
+    assert masses[1].sum() == pytest.approx(integral, abs=2e-4)
     # A negative control: with a start a little further the choices are others.
-    assert abs(decided(1.0, **{**values, "start": 0.21})[0, 1].sum() - said) > 1e-3
+    assert abs(decided(1.0, **{**values, "start": 0.21})[0, 1].sum() - integral) > 1e-3
 
 
 @GAP
 def test_without_variability_it_is_the_test_alone(gap):
     same = {"bound": 0.8, "start": -0.3}
-    own = decided([0.0, 1.0, -2.0], gap, **same)
+    masses = decided([0.0, 1.0, -2.0], gap, **same)
     none = decided([0.0, 1.0, -2.0], gap, **same, drift_sd=0.0, start_spread=0.0)
-    assert np.array_equal(own, none)
+    assert np.array_equal(masses, none)
     for name, small in (("drift_sd", 1e-4), ("start_spread", 1e-4)):
         nearly = decided([0.0, 1.0, -2.0], gap, **same, **{name: small})
-        assert nearly == pytest.approx(own, abs=1e-6)
+        assert nearly == pytest.approx(masses, abs=1e-6)
         # It grows with the variance, not with the standard deviation.
         two, four = (
-            np.abs(decided([1.0], gap, **same, **{name: x}) - own[1]).max() for x in (0.02, 0.04)
+            np.abs(decided([1.0], gap, **same, **{name: x}) - masses[1]).max() for x in (0.02, 0.04)
         )
         assert four / two == pytest.approx(4, rel=0.05)
 
@@ -139,12 +139,12 @@ def test_exchanged_sides_exchange_the_responses(gap):
 @given(st.floats(-5, 5), st.floats(0, 5), st.floats(0, 0.9), st.floats(0.3, 8.0))
 @settings(max_examples=25)
 def test_any_values_within_bounds_give_masses(gap, drift, sd, spread, bound):
-    found = decided(drift, gap, Grid(300), bound=bound, drift_sd=sd, start_spread=spread)
-    assert np.isfinite(found).all()
-    assert (found >= 0).all()
-    assert found.sum() < 1 + 4e-3
+    masses = decided(drift, gap, Grid(300), bound=bound, drift_sd=sd, start_spread=spread)
+    assert np.isfinite(masses).all()
+    assert (masses >= 0).all()
+    assert masses.sum() < 1 + 4e-3
     if gap is EXPONENTIAL and bound < 1:
-        assert found.sum() > 1 - 0.02
+        assert masses.sum() > 1 - 0.02
 
 
 def test_mean_and_spread_of_times_against_simulated_walks():
@@ -164,10 +164,10 @@ def test_mean_and_spread_of_times_against_simulated_walks():
         if not len(left):
             break
     mass = decided(drift, bound=bound, drift_sd=sd, start_spread=spread)[0]
-    said = {name: value[0] for name, value in moments(mass[None] / BIN_S, GRID).items()}
+    exact = {name: value[0] for name, value in moments(mass[None] / BIN_S, GRID).items()}
     error = 1 / np.sqrt(trials)
-    assert (response == 1).mean() == pytest.approx(said["accuracy"], abs=4 * 0.4 * error)
-    assert np.nanmean(at) == pytest.approx(said["mean_s"], abs=4 * said["sd_s"] * error)
+    assert (response == 1).mean() == pytest.approx(exact["accuracy"], abs=4 * 0.4 * error)
+    assert np.nanmean(at) == pytest.approx(exact["mean_s"], abs=4 * exact["sd_s"] * error)
     wrong, right = mass @ GRID.middles_s / mass.sum(axis=1)
     for k, mean in ((0, wrong), (1, right)):
         some = at[response == k]
@@ -181,8 +181,8 @@ def test_varying_drifts_are_recovered_and_nothing_is_gained_without():
     plain = ("sensitivity", "bound", "t0_s")
 
     def gain(table):
-        found, values = fitted(table, free=(*plain, "drift_sd"), fix=held)
-        return found.log_likelihood - fitted(table, free=plain, fix=held)[0].log_likelihood, values
+        best, values = fitted(table, free=(*plain, "drift_sd"), fix=held)
+        return best.log_likelihood - fitted(table, free=plain, fix=held)[0].log_likelihood, values
 
     nats, values = gain(table)
     assert values["drift_sd"] == pytest.approx(1.5, abs=0.4)
@@ -194,10 +194,10 @@ def test_varying_drifts_are_recovered_and_nothing_is_gained_without():
 def test_varying_starts_are_recovered():
     table = drawn(94_004, trials=1500, start=0.0, start_spread=0.7)
     held, plain = ("t0_sd_s=0.05", "lapse=0.01"), ("sensitivity", "bound", "t0_s")
-    found, values = fitted(table, free=(*plain, "start_spread"), fix=held)
+    best, values = fitted(table, free=(*plain, "start_spread"), fix=held)
     without, _ = fitted(table, free=plain, fix=held)
     assert values["start_spread"] == pytest.approx(0.7, abs=0.15)
-    assert found.log_likelihood > without.log_likelihood + 8
+    assert best.log_likelihood > without.log_likelihood + 8
 
 
 def test_both_differ_between_conditions_and_are_free_by_name():
@@ -207,17 +207,17 @@ def test_both_differ_between_conditions_and_are_free_by_name():
         strength="coherence", free=("+drift_sd",), vary=("start_spread=cue",), fix=("lapse=0.01",)
     )
     design = asked.design(asked.read(cued))
-    found = asked.likelihood(design, asked.model("falling_gap"))
-    assert found.freedom.names == [
+    built = asked.likelihood(design, asked.model("falling_gap"))
+    assert built.freedom.names == [
         "sensitivity", "bound", "fall_per_s", "start_spread[cue=a]", "start_spread[cue=b]",
         "drift_sd", "t0_s", "t0_sd_s",
     ]  # fmt: skip  # those by default, without the fixed one, and those asked for
     # They are symmetric, and sides are no cells.
     assert design.cells == 6
-    vector = found.freedom.start
+    vector = built.freedom.start
     vector[3] = 0.6
     by_cue = np.array(design.conditions["cue"])
-    changed = found.density(vector) != found.density(found.freedom.start)
+    changed = built.density(vector) != built.density(built.freedom.start)
     assert set(by_cue[changed.any(axis=(1, 2))]) == {"a"}
     with refused("drift_sd must lie between 0 and 5"):
         bg.fit(some, "constant_gap", strength="coherence", fix={"drift_sd": -1.0})

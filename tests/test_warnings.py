@@ -10,8 +10,7 @@ from contextlib import contextmanager
 import pytest
 
 from bgmodel.experiments.experiment import Experiment
-from bgmodel.explorer.html import MEASURES
-from bgmodel.explorer.panels import Memory, panels
+from bgmodel.explorer.panels import MEASURES, Memory, panels
 from bgmodel.explorer.runs import Runs
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.simulated_evidence import gaussian_evidence
@@ -103,7 +102,7 @@ def test_a_warning_is_an_error_in_a_thread_if_a_user_says_so():
 
 
 def test_a_cell_that_runs_while_the_explorer_computes_keeps_its_warning(monkeypatch):
-    run, begun, decided, found = Experiment.run, threading.Event(), threading.Event(), []
+    run, begun, decided, shown = Experiment.run, threading.Event(), threading.Event(), []
 
     def during(self, **named):
         begun.set()
@@ -113,7 +112,7 @@ def test_a_cell_that_runs_while_the_explorer_computes_keeps_its_warning(monkeypa
     monkeypatch.setattr(Experiment, "run", during)
     state = small("macaque", "algebra")
     with process() as issued:
-        thread = threading.Thread(target=lambda: found.append(next(panels(state, Memory()))))
+        thread = threading.Thread(target=lambda: shown.append(next(panels(state, Memory()))))
         thread.start()
         assert begun.wait(WAIT_S)
         decide()
@@ -121,7 +120,7 @@ def test_a_cell_that_runs_while_the_explorer_computes_keeps_its_warning(monkeypa
         decided.set()
         thread.join(WAIT_S)
         assert len(issued) == 1
-    assert [(panel.name, panel.warnings) for panel in found] == [(MEASURES, ())]
+    assert [(panel.name, panel.warnings) for panel in shown] == [(MEASURES, ())]
 
 
 def cells(count):

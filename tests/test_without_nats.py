@@ -52,8 +52,8 @@ def test_lesions_of_a_circuit_without_nats_are_compared_in_its_unit(tmp_path, ca
     asked = ["--circuit", "gpr", "--engine", "rate", "--gain", "0.1", "--edits", "lesion STN 50%"]
     asked += ["--task", "trials=100", "t_max=20", "--accuracies", "0.9", "0.97"]
     assert main(["compare", "--save", str(path), *asked]) == 0
-    said = capsys.readouterr().err
-    assert "gpr works in salience, not nats: its thresholds are in salience" in said
+    printed = capsys.readouterr().err
+    assert "gpr works in salience, not nats: its thresholds are in salience" in printed
     assert "circuit minus intact" in set(pd.read_csv(path)["model"])
 
 
@@ -70,9 +70,9 @@ def test_lesions_of_a_circuit_without_nats_are_compared_in_its_unit(tmp_path, ca
 def test_the_command_says_what_saliences_do_not_have(asked, says, tmp_path, monkeypatch, refusal):
     monkeypatch.chdir(tmp_path)
     engine = ("--engine", "rate") if asked.startswith("run") else ()
-    said = refusal("circuit", *asked.split(), *engine)
-    assert says in said
-    assert said.count("\n") == 1
+    sentence = refusal("circuit", *asked.split(), *engine)
+    assert says in sentence
+    assert sentence.count("\n") == 1
 
 
 @pytest.mark.parametrize("name", ["gpr", "humphries"])

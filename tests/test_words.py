@@ -17,7 +17,7 @@ PHRASES = {
     "of its own": r"\bof (?:your|its|their|our|one's) own\b",
     "so many": r"\bso (?:many|much)\b(?! that)",
     "is told": r"\b(?:is|are) (?:told|said)\b",
-    "no leading zero": r"(?<![\w.\d/)\]])\.\d+\b",
+    "no leading zero": r"(?<![\w.\d/)\]:+])\.\d+\b",
 }
 PAGES = [
     ROOT / "README.md",
@@ -34,7 +34,7 @@ PAGES = [
 ]
 MADE = {"gallery.md", "changelog.md"}
 PACKAGES = ("bgmodel", "circuits", "figures", "benchmarks")
-IN_CODE = 60
+IN_CODE = 8
 """Hits in docstrings, comments and messages, of which each was looked at."""
 
 
@@ -73,13 +73,13 @@ def test_a_page_has_none_of_the_phrases(page):
 
 
 def test_code_has_few_of_the_phrases():
-    found = [
+    phrases = [
         (str(module.relative_to(ROOT)), *hit)
         for package in PACKAGES
         for module in sorted((ROOT / package).rglob("*.py"))
         for hit in hits(prose_in(module))
     ]
-    assert len(found) <= IN_CODE, found
+    assert len(phrases) <= IN_CODE, phrases
 
 
 def test_the_phrases_are_found_where_they_are():

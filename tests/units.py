@@ -25,8 +25,8 @@ def of_name(name):
 
 def of_label(text):
     """Return the unit of an axis by its label, or None."""
-    found = LABELLED.search(text.replace("\n", " ").strip())
-    unit = (found[1] or found[2]) if found else None
+    match = LABELLED.search(text.replace("\n", " ").strip())
+    unit = (match[1] or match[2]) if match else None
     return SAME.get(unit, unit)
 
 
@@ -95,9 +95,9 @@ class Units(ast.NodeVisitor):
         if not isinstance(node.func, ast.Attribute):
             return
         on, method = ast.unparse(node.func.value), node.func.attr
-        given = {each.arg: each.value for each in node.keywords}
+        keywords = {each.arg: each.value for each in node.keywords}
         for axis in "xy":
-            label = given.get(f"{axis}label") if method == "set" else None
+            label = keywords.get(f"{axis}label") if method == "set" else None
             if method == f"set_{axis}label":
                 label = node.args[0]
             if text := self.text(label):
@@ -109,7 +109,7 @@ class Units(ast.NodeVisitor):
         elif method in ("axvline", "axhline", "hist", "axvspan", "axhspan") and node.args:
             self.add(on, "y" if "h" in method[2] else "x", self.unit(node.args[0]), node)
         if method == "plot" and self.calls.get(on) in TIMED:
-            ax = given.get("ax", node.args[0] if node.args else None)
+            ax = keywords.get("ax", node.args[0] if node.args else None)
             if ax is not None:
                 self.add(ast.unparse(ax), "x", "ms", node)
 
@@ -118,7 +118,7 @@ class Units(ast.NodeVisitor):
         return unit if isinstance(arg, ast.Starred) and isinstance(unit, tuple) else [unit]
 
     def text(self, label):
-        """Return a label's text, as far as it is written there."""
+        """Return a label's text, without the parts computed at run time."""
         match label:
             case ast.Constant(str(text)):
                 return text
@@ -156,11 +156,11 @@ def mixed(source, constants=()):
     tree = ast.parse(source)
     scopes = [("", tree.body)]
     scopes += [(n.name, n.body) for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
-    found = []
+    mixtures = []
     for name, body in scopes:
         units = Units(dict(constants))
         for statement in body:
             units.visit(statement)
         every = [*units.done, *units.axes.items()]
-        found += [(name, *axis, each) for axis, each in every if len(each) > 1]
-    return found
+        mixtures += [(name, *axis, each) for axis, each in every if len(each) > 1]
+    return mixtures

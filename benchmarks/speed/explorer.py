@@ -22,21 +22,22 @@ LAST = PANELS[-1]
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 COMMAND = [sys.executable, "-m", "bgmodel", "explore", "--port", "0", "--no-browser"]
 WAIT_MS, LOOK_MS = 300_000, 5
-KEYS = """([title, before]) => {
-    const found = [];
+HASH = """([title, before]) => {
+    let hash = null;
     const look = (root) => root.querySelectorAll("*").forEach((e) => {
-        if (e.dataset && e.dataset.key) found.push(e.dataset.key);
+        const text = e.children.length ? "" : e.textContent;
+        if (text.startsWith(`${title} (circuit `)) hash = text.slice(-9, -1);
         if (e.shadowRoot) look(e.shadowRoot);
     });
-    look(document.querySelector(`section[aria-label="${title}"]`));
-    return found[0] && found[0] !== before ? found[0] : null;
+    look(document);
+    return hash !== before ? hash : null;
 }"""
-"""Returns the state that a panel shows, unless it is the one before."""
+"""Returns the hash of the circuit that a panel shows, unless it is the one before."""
 
 
 def key_of(page: Any, title: str, before: str = "") -> str:
-    """Wait until a panel shows another state, and return that one's hash."""
-    handle = page.wait_for_function(KEYS, arg=[title, before], polling=LOOK_MS)
+    """Wait until a panel shows another circuit, and return its hash."""
+    handle = page.wait_for_function(HASH, arg=[title, before], polling=LOOK_MS)
     return str(handle.json_value())
 
 

@@ -81,7 +81,7 @@ def show(
     print(table)
     if text := edits.text():
         print(f"\nedited, in this order: {text}")
-        say_of_edits(edits)
+        say_of_edits(edits, circuit=table)
     if rest:
         _show_rest(table)
     if scatter is not None:
@@ -101,11 +101,11 @@ def _show_rest(table: Circuit) -> None:
         from bgmodel.integrators.criterion import doubts
         from bgmodel.integrators.steady import resting_activity
 
-        for said in doubts(table):
-            BgmodelWarning.warn(said)
+        for doubt in doubts(table):
+            BgmodelWarning.warn(doubt)
         print("\nwithout evidence, 4 trials of 5 s:")
-        found = resting_activity(table, seed=0)
-        print(found.to_string(index=False, float_format="{:.2f}".format))
+        activity = resting_activity(table, seed=0)
+        print(activity.to_string(index=False, float_format="{:.2f}".format))
     print(f"\nan input of 1 {table.unit.removesuffix('s')} to one nucleus at rest:")
     print(table.effect_of_nats().to_string(index=False, float_format="{:.3g}".format))
 
@@ -156,9 +156,9 @@ def export(
     output.unused("plot")
     output.check((".py",), condition=condition)
     for name, usual in (("engine", ENGINE), ("posterior", None), ("threshold", None)):
-        given = getattr(condition, name)
-        brian2 = given == BRIAN2
-        require(given == usual or brian2, name, "has no effect on a script: leave it out", given)
+        value = getattr(condition, name)
+        brian2 = value == BRIAN2
+        require(value == usual or brian2, name, "has no effect on a script: leave it out", value)
     condition = replace(condition, engine=BRIAN2)
     trials = range(condition.trials)
     require(trial in trials, "trial", f"must be within 0..{len(trials) - 1}", trial)
@@ -230,8 +230,8 @@ def run(
     _check_files(condition, save_rates, save_spikes, save_nwb, nwb_trials)
     trials = condition.drawn(STREAM)
     evidence = trials.evidence
-    say_of_edits(condition.edits)
     model = condition.model(evidence.hypotheses, workers=workers).adapted_to(evidence)
+    say_of_edits(condition.edits, circuit=model.circuit)
     posterior = condition.stopping_posterior
     threshold = model.threshold(condition.threshold, posterior)
     started = time.perf_counter()
@@ -253,9 +253,9 @@ def run(
     if condition.task.file is not None:
         output.note(trials.summary())
     accuracy = f"{result['correct'].mean():.3f}" if evidence.truth is not None else None
-    said = "no truth given" if accuracy is None else f"accuracy {accuracy}"
+    scored = "no truth given" if accuracy is None else f"accuracy {accuracy}"
     text = (
-        f"{len(result)} trials, {said}, mean time {np.nanmean(decision.time_ms):.0f} ms, "
+        f"{len(result)} trials, {scored}, mean time {np.nanmean(decision.time_ms):.0f} ms, "
         f"forced {result['forced'].sum()}, gain {decision.gain:g}, in "
         f"{time.perf_counter() - started:.1f} s"
     )
@@ -272,8 +272,8 @@ def run(
     if save_nwb is not None:
         from circuits.nwb import write_nwb
 
-        whole = [_whole(model, evidence, k, k + 1) for k in nwb_trials]
-        write_nwb(whole, save_nwb, table=result.iloc[[*nwb_trials]])
+        activities = [_whole(model, evidence, k, k + 1) for k in nwb_trials]
+        write_nwb(activities, save_nwb, table=result.iloc[[*nwb_trials]])
         output.note(f"-> {save_nwb}")
 
 
@@ -319,18 +319,18 @@ def _run_with_signals(condition: Condition, stop: StopTask, workers: int, output
     if task.file is None:
         stop.check_ends(task.step_ms * task.t_max)
     evidence = condition.drawn(STREAM).evidence
-    say_of_edits(condition.edits)
     model = condition.model(evidence.hypotheses, workers=workers, rates=False)
+    say_of_edits(condition.edits, circuit=model.circuit)
     model = model.adapted_to(evidence)
     level = model.threshold(condition.threshold, condition.stopping_posterior)
     runs = len(stop.delays_ms) if stop.staircases else 1
     say_before("running", model, evidence)
     with bar(runs * evidence.trials):
         trials = stop.decide(model, evidence, threshold=level, seed=condition.seed)
-    found, table = estimate_ssrt(trials, checked=False), inhibition_function(trials)
+    estimate, table = estimate_ssrt(trials, checked=False), inhibition_function(trials)
     ssrt_ms = ssrt_by_delay(table)
-    text = f"{table.round(3).to_string(index=False)}\n{told(found, ssrt_ms, stop)}"
-    facts = {**vars(found), "ssrt_by_delay_ms": ssrt_ms, "trials": len(trials.rt_ms)}
+    text = f"{table.round(3).to_string(index=False)}\n{told(estimate, ssrt_ms, stop)}"
+    facts = {**vars(estimate), "ssrt_by_delay_ms": ssrt_ms, "trials": len(trials.rt_ms)}
     if np.isnan(ssrt_ms):
         facts |= {"ssrt_ms": None, "ssrt_mean_ms": None}
     output.show(text, table, **facts)

@@ -79,13 +79,13 @@ def compare(
     baselines = baselines_on(zero_is_nothing=isinstance(task, Gaussian))
     if left := [name for name in BASELINES if name not in baselines]:
         say(f"{' and '.join(left)} are left out: the zero of this evidence is arbitrary")
-    whole = setup.intact(evidence.hypotheses)
-    intact = None if model.circuit == whole else whole
+    original = setup.intact(evidence.hypotheses)
+    intact = None if model.circuit == original else original
     runs = 1 + (intact is not None) + (options["noise_ceiling"] and model.engine.noisy)
     say_before("comparing", model, evidence, runs=runs)
-    given: dict[str, Any] = {"seed": setup.seed, "baselines": baselines, "intact": intact}
+    settings: dict[str, Any] = {"seed": setup.seed, "baselines": baselines, "intact": intact}
     with bar(runs * evidence.trials), collected() as cautions:
-        found = comparing.compare(model, evidence, **given, **options)
+        comparison = comparing.compare(model, evidence, **settings, **options)
     if output.json:
         for text in cautions:
             say(text)
@@ -93,8 +93,8 @@ def compare(
         f"{model.circuit.name} on {model.engine}, gain {model.gain:g}, seed {setup.seed}, "
         f"{evidence.trials} trials; [95 % intervals: bootstrap over trials]"
     )
-    text = f"{about}\n{verdicts(found.table, cautions)}\n\n{page(found.table)}"
-    output.show(text, found.table, trials=evidence.trials)
+    text = f"{about}\n{verdicts(comparison.table, cautions)}\n\n{page(comparison.table)}"
+    output.show(text, comparison.table, trials=evidence.trials)
     behind = made_with(model, setup=replace(setup, gain=model.gain), task=task, **options)
-    output.write(found.table, setup.seed, **behind)
-    output.draw(found.plot)
+    output.write(comparison.table, setup.seed, **behind)
+    output.draw(comparison.plot)

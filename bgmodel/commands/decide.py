@@ -67,12 +67,12 @@ def decide(
     output.unused("plot")
     output.check(task=task)
     if posterior is not None and boundary_separation is not None:
-        said = "boundary_separation and posterior both set the threshold: give one of them"
-        raise InputError(said, "boundary_separation")
+        reason = "boundary_separation and posterior both set the threshold: give one of them"
+        raise InputError(reason, "boundary_separation")
     stream(seed)
-    own, tactile = task.file is not None, isinstance(task, Tactile)
+    from_file, tactile = task.file is not None, isinstance(task, Tactile)
     must = "is for your own table, given by --task: leave it out"
-    require(own or not onset_ms, "onset_ms", must, onset_ms)
+    require(from_file or not onset_ms, "onset_ms", must, onset_ms)
     if not tactile and density != Density():
         raise InputError("density is for tactile evidence and has no effect here", "density")
     if task.file is not None:
@@ -90,15 +90,15 @@ def decide(
     evidence = trials.evidence
     test, threshold, about = _test(evidence.hypotheses, boundary_separation, posterior)
     decision = test.decide(evidence, threshold, forced=forced)
-    result = tables.trial_table(decision, trials, seed=None if own else seed, model=about)
+    result = tables.trial_table(decision, trials, seed=None if from_file else seed, model=about)
     options: dict[str, Any] = {"task": task, "prior": prior, "forced": forced}
     separation = SEPARATION_NATS if boundary_separation is None else boundary_separation
     level = {"boundary_separation": separation} if posterior is None else {"posterior": posterior}
     options |= level
-    options |= {"onset_ms": onset_ms} if own else {}
+    options |= {"onset_ms": onset_ms} if from_file else {}
     options |= {"density": density} if tactile else {}
     output.show(_shown(about, result, forced), result, **_facts(result))
-    output.write(result, None if own else seed, command=options_of(**options))
+    output.write(result, None if from_file else seed, command=options_of(**options))
 
 
 def _test(
@@ -132,12 +132,12 @@ def _facts(table: pd.DataFrame) -> dict[str, Any]:
 
 def _shown(name: str, table: pd.DataFrame, forced: bool) -> str:
     """Return a one-line summary of the decisions."""
-    found = _facts(table)
-    accuracy = "no trial decided" if found["undecided"] == len(table) else "no truth given"
-    if found["accuracy"] is not None:
+    measures = _facts(table)
+    accuracy = "no trial decided" if measures["undecided"] == len(table) else "no truth given"
+    if measures["accuracy"] is not None:
         of = "" if forced else " of those decided"
-        accuracy = f"accuracy {found['accuracy']:.3f}{of}"
+        accuracy = f"accuracy {measures['accuracy']:.3f}{of}"
     return (
         f"{name}: {len(table)} trials, {accuracy}, mean readings {table['steps'].mean():.2f}, "
-        f"forced {found['forced']}, undecided {found['undecided']}"
+        f"forced {measures['forced']}, undecided {measures['undecided']}"
     )

@@ -26,7 +26,7 @@ def demo(*, seed: int = 1, plot: Path = Path("demo.png"), force: bool = False) -
     from bgmodel.demo import demo as shown
     from bgmodel.demo import draw
 
-    found = shown(seed)
-    save_figure(draw(found), plot)
-    print(found.summary())
+    chain = shown(seed)
+    save_figure(draw(chain), plot)
+    print(chain.summary())
     print(f"-> {plot}")

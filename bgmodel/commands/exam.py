@@ -77,21 +77,21 @@ def exam(
         asked.check(circuit, edits)
         count, version = len(asked.questions.numbers), asked.questions.version
         say(f"an exam of {count} numbers, list {version}; the whole list takes about a minute")
-        found = asked.take(circuit, edits=edits, engine=engine, workers=workers, **options)
+        marked = asked.take(circuit, edits=edits, engine=engine, workers=workers, **options)
     else:
-        found = asked.mark(data, rates, seed=options["seed"])
-    domain = found.summary().to_dict("records")
-    facts = {"examinee": found.examinee, "seed": found.seed, "domains": domain}
-    output.show(found.text(), found.table, **facts, **found.parameters)
+        marked = asked.mark(data, rates, seed=options["seed"])
+    domain = marked.summary().to_dict("records")
+    facts = {"examinee": marked.examinee, "seed": marked.seed, "domains": domain}
+    output.show(marked.text(), marked.table, **facts, **marked.parameters)
     if output.save is not None and output.save.suffix == ".json":
-        found.to_json(output.save)
+        marked.to_json(output.save)
         output.note(f"-> {output.save}")
     else:
-        given = {"circuit": circuit, "edits": edits, "engine": engine, "data": data,
-                 "rates": rates, "domains": domains,
-                 "numbers": [recorded(path) for path in numbers], **options}  # fmt: skip
-        output.write(found.table, found.seed, command=options_of(**given), **found.parameters)
-    output.draw(found.plot)
+        settings = {"circuit": circuit, "edits": edits, "engine": engine, "data": data,
+                    "rates": rates, "domains": domains,
+                    "numbers": [recorded(path) for path in numbers], **options}  # fmt: skip
+        output.write(marked.table, marked.seed, command=options_of(**settings), **marked.parameters)
+    output.draw(marked.plot)
 
 
 def _list(asked: Exam, tasks: bool, output: Output) -> None:

@@ -82,8 +82,8 @@ def experiment(
     asked = Experiment.from_toml(file)
     if trials is not None:
         asked = replace(asked, task=asked.task.changed(trials=trials))
-    given: dict[str, Any] = {"seed": seed, "engine": engine}
-    asked = replace(asked, **{k: v for k, v in given.items() if v is not None})
+    replaced: dict[str, Any] = {"seed": seed, "engine": engine}
+    asked = replace(asked, **{k: v for k, v in replaced.items() if v is not None})
     asked.check_differs()
     read = [] if asked.task.file is None else [("task.evidence", asked.task.file)]
     written = [] if output.save is None else [("save", output.save), ("trials", more[0])]
@@ -96,10 +96,10 @@ def experiment(
 
 def _list(output: Output) -> None:
     """List the shipped experiments."""
-    found = shipped()
-    width = max(map(len, found)) + 2
-    text = "\n".join(f"{name:<{width}}{one.name} ({one.source})" for name, one in found.items())
-    rows = [(file, one.name, one.source) for file, one in found.items()]
+    known = shipped()
+    width = max(map(len, known)) + 2
+    text = "\n".join(f"{name:<{width}}{one.name} ({one.source})" for name, one in known.items())
+    rows = [(file, one.name, one.source) for file, one in known.items()]
     output.show(text, pd.DataFrame(rows, columns=["file", "name", "source"]))
 
 
@@ -113,13 +113,13 @@ def _print(file: str) -> None:
 
 def _run(asked: Experiment, workers: int) -> Outcome:
     """Announce the experiment and run it."""
-    given = asked.given()
-    evidence = given.evidence
+    trials = asked.given()
+    evidence = trials.evidence
     check_trials(evidence.trials)
     control = asked.conditions[0].model(evidence.hypotheses, workers=workers, rates=False)
     say_before("an experiment on", control, evidence, runs=2)
     with bar(2 * evidence.trials):
-        return asked.run(workers=workers, given=given)
+        return asked.run(workers=workers, given=trials)
 
 
 def _finish(asked: Experiment, done: Outcome, output: Output) -> None:

@@ -97,7 +97,8 @@ def fit(
         How the table is read, name=value: rt, response, participant, ssd and trial_type (columns
         of other names), rt_unit (s or ms), upper (the response that counts as 1), alternatives
         (their number), stimulus (column of the correct alternative), deadline_s (time at which a
-        trial without a response ended), rt_window (earliest and latest response time to fit, s, as
+        trial without a response ended), withheld (the response of a go/no-go task that is given by
+        waiting until then), rt_window (earliest and latest response time to fit, s, as
         0,inf for all), restore_delays (of stop signals, those recorded as 0).
     vary
         Parameters that differ between levels of a column: "sensitivity=conflict",
@@ -233,8 +234,8 @@ class FitRun(FitSettings):
         }
         self.output.note(one.trials.summary())
         fitted = [kept.person(who, one.people[who], each) for who, each in likelihoods.items()]
-        found = [each for person in fitted for each in person]
-        parameters = kept.gather(found)
+        pieces = [each for person in fitted for each in person]
+        parameters = kept.gather(pieces)
         if self.compare:
             self.output.note("\n" + kept.compare(fitted, likelihoods))
         self.output.show("\n" + parameters.round(4).to_string(index=False), parameters)
@@ -242,14 +243,14 @@ class FitRun(FitSettings):
 
     def _asked(self) -> dict[str, Any]:
         """Return the options that all fits in one folder must share; participants may differ."""
-        own = ("data", "folder", "models", "participant", "draws",
-               "hierarchical", "compare", "evidence", *UNRECORDED)  # fmt: skip
-        named = {each.name for each in fields(self)} - set(own)
-        said = {name: recorded(getattr(self, name)) for name in sorted(named)}
+        unshared = ("data", "folder", "models", "participant", "draws",
+                    "hierarchical", "compare", "evidence", *UNRECORDED)  # fmt: skip
+        named = {each.name for each in fields(self)} - set(unshared)
+        options = {name: recorded(getattr(self, name)) for name in sorted(named)}
         if self.rt_window is not None:
             # As text, since JSON has no infinity.
-            said["rt_window"] = [f"{time:g}" for time in self.rt_window]
-        simulated = {"simulated_trials": said.pop("trials"), "simulation_seed": self.seed}
+            options["rt_window"] = [f"{time:g}" for time in self.rt_window]
+        simulated = {"simulated_trials": options.pop("trials"), "simulation_seed": self.seed}
         # Of the whole table: participants may be fitted one after the other.
         file = Path(self.data)
         trials = files.checksum(file) if file.is_file() else self.data
@@ -257,7 +258,7 @@ class FitRun(FitSettings):
             {} if self.evidence is None else {"evidence": files.checksum(Path(str(self.evidence)))}
         )
         version = {"bgmodel": __version__}
-        return {"data": self.data, "trials": trials, **known, **simulated, **said, **version}
+        return {"data": self.data, "trials": trials, **known, **simulated, **options, **version}
 
 
 def _circuits(one: Question) -> dict[str, str]:

@@ -67,8 +67,8 @@ class Kept:
         files.check_writable(self.folder)
         for path in (self.folder / name for name in TABLES):
             if path.exists() and not files.is_result(path):
-                said = f"{str(path)!r} exists and is not a result of a fit: give another folder"
-                raise InputError(said, "folder")
+                reason = f"{str(path)!r} exists and is not a result of a fit: give another folder"
+                raise InputError(reason, "folder")
         other = sorted({each for name in TABLES for each in self._differs(name)})
         if other and not force:
             raise InputError(
@@ -89,21 +89,21 @@ class Kept:
             return []
         circuits = before.pop("circuits", {})
         now = files.provenance(**self.asked)["parameters"]
-        found = {name for name in {*before, *now} if before.get(name) != now.get(name)}
+        differing = {name for name in {*before, *now} if before.get(name) != now.get(name)}
         if any(circuits.get(name, sha) != sha for name, sha in self.circuits.items()):
-            found.add("circuit")
-        return sorted(found)
+            differing.add("circuit")
+        return sorted(differing)
 
     def person(self, who: str, some: Trials, asked: Mapping[str, Likelihood]) -> list[Piece]:
         """Return the fits of one participant, by name of the model, and draw them."""
         from bgmodel.fitting.pieces import safe
 
-        found = {name: self._one(who, some, name, each) for name, each in asked.items()}
-        cells = {name: piece.cells for name, piece in found.items()}
-        peaks = {name: (each, _peak(found[name])) for name, each in asked.items()}
+        pieces = {name: self._one(who, some, name, each) for name, each in asked.items()}
+        cells = {name: piece.cells for name, piece in pieces.items()}
+        peaks = {name: (each, _peak(pieces[name])) for name, each in asked.items()}
         figure = next(iter(asked.values())).draw(cells, peaks, f"{some.source}, {who}")
         save_figure(figure, self.folder / f"{safe(who)}.png")
-        return list(found.values())
+        return list(pieces.values())
 
     def _one(self, who: str, some: Trials, name: str, likelihood: Likelihood) -> Piece:
         """Return the tables of one fit, read from its files or computed."""
@@ -131,16 +131,16 @@ class Kept:
             _warn(who, name, there)
             return there
         with stages(f"{who}, {name}") as tell, collected() as cautions:
-            found = fit_likelihood(likelihood, draws=self.posterior, tell=tell)
-        self._say(who, name, found)
+            fit = fit_likelihood(likelihood, draws=self.posterior, tell=tell)
+        self._say(who, name, fit)
         held = pd.Series(likelihood.freedom.held, dtype=float)
         more = pd.DataFrame({"parameter": held.index, "value": held.to_numpy()})
         more = more.assign(at_bound=False, held=True)
-        numbers = pd.concat([found.parameters().assign(held=False), more], ignore_index=True)
+        numbers = pd.concat([fit.parameters().assign(held=False), more], ignore_index=True)
         said_so = pd.DataFrame({"caution": cautions}, dtype=str)
-        piece = Piece(numbers, found.cells(), said_so)
-        piece.parameters["log_likelihood"] = found.optimum.log_likelihood
-        piece.parameters["log_likelihood_simulation_error"] = found.simulation.log_likelihood
+        piece = Piece(numbers, fit.cells(), said_so)
+        piece.parameters["log_likelihood"] = fit.optimum.log_likelihood
+        piece.parameters["log_likelihood_simulation_error"] = fit.simulation.log_likelihood
         piece.parameters["left_out"] = likelihood.design.left_out
         for table in (piece.parameters, piece.cells):
             table.insert(0, "participant", who)
@@ -149,22 +149,22 @@ class Kept:
         _warn(who, name, piece)
         return piece
 
-    def _say(self, who: str, name: str, found: Fit) -> None:
+    def _say(self, who: str, name: str, fit: Fit) -> None:
         """Report identifiability, simulation error and the effective number of samples."""
         import pandas as pd
 
-        names = found.directions.names
-        cosines = pd.DataFrame(found.directions.cosines, names, names).round(2)
+        names = fit.directions.names
+        cosines = pd.DataFrame(fit.directions.cosines, names, names).round(2)
         self.note(f"\n{who}, {name}: parameter trade-offs (cosine similarity)")
         self.note(cosines.to_string())
-        own = found.simulation.log_likelihood
-        if own:
+        error_nats = fit.simulation.log_likelihood
+        if error_nats:
             self.note(
-                f"{who}, {name}: log likelihood {found.optimum.log_likelihood:.1f}, with a "
-                f"simulation error of {own:.1f} nats"
+                f"{who}, {name}: log likelihood {fit.optimum.log_likelihood:.1f}, with a "
+                f"simulation error of {error_nats:.1f} nats"
             )
-        self._say_residuals(who, name, found.cells())
-        drawn = found.posterior
+        self._say_residuals(who, name, fit.cells())
+        drawn = fit.posterior
         if drawn is not None and drawn.long_enough:
             self.note(f"{who}, {name}: effective sample size {drawn.effective:.0f}")
 
@@ -172,8 +172,8 @@ class Kept:
         """Report where quantiles of correct and wrong times miss those of the model most."""
         from bgmodel.fitting.quantiles import residuals, too_few
 
-        whole = dict.fromkeys(("data_ms", "model_ms", "residual_ms"), 0)
-        worst = residuals(cells)[:WORST].round({**whole, "se_ms": 1, "z": 1})
+        in_whole_ms = dict.fromkeys(("data_ms", "model_ms", "residual_ms"), 0)
+        worst = residuals(cells)[:WORST].round({**in_whole_ms, "se_ms": 1, "z": 1})
         if len(worst):
             self.note(f"\n{who}, {name}: largest differences between quantiles of data and model")
             self.note(worst.to_string(index=False, float_format="{:g}".format))
@@ -199,9 +199,9 @@ class Kept:
         for (who, models), pieces in zip(likelihoods.items(), fitted, strict=True):
             for (name, likelihood), piece in zip(models.items(), pieces, strict=True):
                 optima.setdefault(name, {})[who] = (likelihood, _peak(piece))
-        found = crossvalidated(optima, tell=say)
-        write_comparison(found, self.folder, self.seed, {**self.asked, "circuits": self.circuits})
-        return found.summary()
+        scores = crossvalidated(optima, tell=say)
+        write_comparison(scores, self.folder, self.seed, {**self.asked, "circuits": self.circuits})
+        return scores.summary()
 
     def gather(self, made: Sequence[Piece]) -> pd.DataFrame:
         """Write the tables of all fits, keeping earlier ones of others, and return the first.
@@ -233,11 +233,11 @@ class Kept:
 
 
 def write_comparison(
-    found: ModelComparison, folder: Path, seed: int, asked: Mapping[str, Any]
+    comparison: ModelComparison, folder: Path, seed: int, asked: Mapping[str, Any]
 ) -> None:
     """Write the table and the figure of a comparison of models."""
-    files.write_table(found.to_dataframe(), folder / "comparison.csv", seed=seed, **asked)
-    save_figure(found.plot(), folder / "comparison.png")
+    files.write_table(comparison.to_dataframe(), folder / "comparison.csv", seed=seed, **asked)
+    save_figure(comparison.plot(), folder / "comparison.png")
 
 
 def _warn(who: str, name: str, piece: Piece) -> None:

@@ -56,14 +56,14 @@ def fit_hierarchically(
     files.check_writable(folder)
     models = {name: one.likelihoods(name) for name in one.versions}
     key = {**asked, "checksum": one.trials.checksum}
-    found = {
+    fits = {
         name: _fit(command, folder, name, likelihoods, one.predictors(likelihoods), key)
         for name, likelihoods in models.items()
     }
-    group = _table({name: fit.summary().reset_index() for name, fit in found.items()})
-    people = _table({name: fit.to_dataframe() for name, fit in found.items()})
-    cells = _table({name: fit.cells() for name, fit in found.items()})
-    between = _table({name: fit.effects().reset_index() for name, fit in found.items()})
+    group = _table({name: fit.summary().reset_index() for name, fit in fits.items()})
+    people = _table({name: fit.to_dataframe() for name, fit in fits.items()})
+    cells = _table({name: fit.cells() for name, fit in fits.items()})
+    between = _table({name: fit.effects().reset_index() for name, fit in fits.items()})
     tables = [(group, GROUP), (people, PEOPLE), (cells, CELLS)]
     tables = tables if between.empty else [*tables, (between, EFFECTS)]
     written = [name for _, name in tables]
@@ -72,7 +72,7 @@ def fit_hierarchically(
     if command.compare:
         from bgmodel.fitting.model_comparison import compare_fits
 
-        comparison = compare_fits(found)
+        comparison = compare_fits(fits)
         write_comparison(comparison, folder, command.seed, asked)
         command.output.note("\n" + comparison.summary())
     with pd.option_context("display.width", 160):

@@ -112,27 +112,27 @@ def learn(
     who = "the test" if model is None else f"{model.circuit.name} on {model.engine}"
     say(f"{who} learns {what}, {task.text}, in {options['runs']} runs")
     left_out = ("xi", "start") if what == WEIGHTS else ()
-    given = {"what": what, **{k: v for k, v in options.items() if k not in left_out}, **more}
+    settings = {"what": what, **{k: v for k, v in options.items() if k not in left_out}, **more}
     seed = options["seed"]
     try:
         with quiet(LearningWarning):
-            found = learns()
+            learned = learns()
     except LearningStopped as stop:
         if output.save is None:
             raise
         table = course(stop.learned, mean="mean", played="played", error="dopamine")
-        files.write_table(table, output.save, seed=seed, **_behind(model, task, given))
+        files.write_table(table, output.save, seed=seed, **_behind(model, task, settings))
         raise ValueError(f"{stop}; learning up to then -> {output.save}") from None
-    used = found.found.model if isinstance(found.found, CircuitLearned) else model
+    used = learned.found.model if isinstance(learned.found, CircuitLearned) else model
     at = f", gain {used.gain:g}" if used is not None else ""
-    text = "\n".join([f"{found.verdict()}{at}", *found.cautions])
+    text = "\n".join([f"{learned.verdict()}{at}", *learned.cautions])
     summary = {
-        "learned": found.learned.tolist(), "best": found.best,
-        "regret_percent": found.regrets.to_dict("index"), "cautions": list(found.cautions),
+        "learned": learned.learned.tolist(), "best": learned.best,
+        "regret_percent": learned.regrets.to_dict("index"), "cautions": list(learned.cautions),
     }  # fmt: skip
-    output.show(text, found.table, **summary)
-    output.write(found.table, seed, summary=summary, **_behind(used, task, given))
-    output.draw(found.plot)
+    output.show(text, learned.table, **summary)
+    output.write(learned.table, seed, summary=summary, **_behind(used, task, settings))
+    output.draw(learned.plot)
 
 
 def _model(
@@ -144,9 +144,9 @@ def _model(
     return replace(model, engine=model.engine.coarse())
 
 
-def _behind(model: BasalGanglia | None, task: Task, given: dict[str, Any]) -> dict[str, Any]:
+def _behind(model: BasalGanglia | None, task: Task, settings: dict[str, Any]) -> dict[str, Any]:
     """Return the options in effect and the circuit, for the provenance of the result."""
-    command = {"task": recorded(task), **options_of(**given)}
+    command = {"task": recorded(task), **options_of(**settings)}
     if model is None:
         return {"command": command}
     about = {"engine": model.engine.id, "gain": model.gain}

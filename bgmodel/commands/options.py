@@ -35,14 +35,14 @@ TASK = (
 
 def settings(words: Iterable[str]) -> dict[str, str]:
     """Return settings written as name=value."""
-    found: dict[str, str] = {}
+    values_by_name: dict[str, str] = {}
     for word in words:
         name, equals, value = word.partition("=")
         name = name.strip().replace("-", "_")
         require(equals and name, "settings", "must be written as name=value", word)
-        require(name not in found, name, "must be given once", word)
-        found[name] = value.strip()
-    return found
+        require(name not in values_by_name, name, "must be given once", word)
+        values_by_name[name] = value.strip()
+    return values_by_name
 
 
 def typed(given: Mapping[str, str], kind: type) -> dict[str, Any]:
@@ -71,15 +71,15 @@ def record_of(usual: T, words: Sequence[str]) -> T:
 
 def values(words: Sequence[str], kind: type, known: Sequence[str]) -> dict[str, Any]:
     """Return the settings of some words, with the types that a record has for them."""
-    given, hints = settings(words), get_type_hints(kind)
-    for name in given:
+    texts, hints = settings(words), get_type_hints(kind)
+    for name in texts:
         if name not in known:
             near = nearest(name, known)
             raise InputError(
                 f"there is no setting {name!r}{near}; there are {', '.join(known)}", name
             )
-    found = typed(given, kind)
-    return {name: toml_files.value(value, hints[name], name) for name, value in found.items()}
+    parsed = typed(texts, kind)
+    return {name: toml_files.value(value, hints[name], name) for name, value in parsed.items()}
 
 
 def task_of(usual: Task, words: Sequence[str]) -> Task:
@@ -98,18 +98,18 @@ def task_of(usual: Task, words: Sequence[str]) -> Task:
     ValueError
         For an unknown name, or a setting that the task does not have.
     """
-    given = settings(word for word in words if "=" in word)
+    settings_given = settings(word for word in words if "=" in word)
     names = [word for word in words if "=" not in word] or [usual.name]
     require(len(names) == 1, "task", "must be a single one", " ".join(names))
     name = names[0]
     if Path(name).suffix in TABLES:
-        return Task.from_settings({"evidence": name} | typed(given, kind_of("table")))
+        return Task.from_settings({"evidence": name} | typed(settings_given, kind_of("table")))
     must = f"must be one of {', '.join(TASKS)}, or the file of an evidence table"
     require(name in TASKS, "task", must, name)
-    kind, own = kind_of(name), {each.name for each in fields(kind_of(name))}
+    kind, fields_of_kind = kind_of(name), {each.name for each in fields(kind_of(name))}
     left_out = {"channels"} if name != usual.name else set()
-    shared = {k: v for k, v in usual.settings().items() if k in own - left_out}
-    return Task.from_settings(shared | typed(given, kind) | {"name": name})
+    shared = {k: v for k, v in usual.settings().items() if k in fields_of_kind - left_out}
+    return Task.from_settings(shared | typed(settings_given, kind) | {"name": name})
 
 
 def _of_words(made: Callable[[list[str]], Any], **more: Any) -> Any:
@@ -165,10 +165,10 @@ def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T
 
     def decorated(command: T) -> T:
         target: Any = command
-        own, about = inspect.signature(target), described(function)
+        signature, about = inspect.signature(target), described(function)
         defaults = {name: inspect.signature(function).parameters[name].default for name in names}
         hints, theirs = get_type_hints(target, include_extras=True), get_type_hints(function)
-        kept = [one for one in own.parameters.values() if one.kind is not one.VAR_KEYWORD]
+        kept = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
         for name in names:
             kind = usual.get(name, theirs[name])
             text = Parameter(help=about.get(name, ""))
@@ -184,7 +184,7 @@ def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T
             return target(*args, **(defaults | given))
 
         order = sorted(kept, key=lambda one: one.kind)
-        filled.__signature__ = own.replace(parameters=order)  # type: ignore[attr-defined]
+        filled.__signature__ = signature.replace(parameters=order)  # type: ignore[attr-defined]
         filled.__annotations__ = hints
         return cast(T, filled)
 
@@ -194,11 +194,11 @@ def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T
 @cache
 def described(function: Callable[..., Any]) -> dict[str, str]:
     """Return the description of each parameter in the docstring of a function."""
-    found: dict[str, str] = {}
+    descriptions: dict[str, str] = {}
     for one in parse(inspect.getdoc(function) or "").params:
         text = " ".join((one.description or "").split()).replace("``", "")
-        found |= dict.fromkeys([name.strip() for name in one.arg_name.split(",")], text)
-    return found
+        descriptions |= dict.fromkeys([name.strip() for name in one.arg_name.split(",")], text)
+    return descriptions
 
 
 def _edits_of(words: list[str]) -> Edits:
@@ -208,8 +208,8 @@ def _edits_of(words: list[str]) -> Edits:
     except InputError as error:
         if len(words) < 2 or all(" " in word for word in words):
             raise
-        said = f'{error}; put each edit in quotes: --edits "{" ".join(words)}"'
-        raise InputError(said, error.field, error.given) from None
+        advice = f'{error}; put each edit in quotes: --edits "{" ".join(words)}"'
+        raise InputError(advice, error.field, error.given) from None
 
 
 task(Gaussian())(Task)

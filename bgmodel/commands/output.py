@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
+    from circuits.circuit import Circuit
     from circuits.declaration.edits import Edits
 
 COMPILES = "compiling, once for this kind of circuit"
@@ -72,8 +73,8 @@ class Files:
             check_ending("save", self.save, *endings)
         if self.plot is not None:
             check_ending("plot", self.plot, *FIGURES)
-        own = {"save": self.save, "plot": self.plot}
-        outputs = own | {name: options[name] for name in OUTPUTS if name in options}
+        paths = {"save": self.save, "plot": self.plot}
+        outputs = paths | {name: options[name] for name in OUTPUTS if name in options}
         named = [path for path in outputs.values() if isinstance(path, Path)]
         read = list(_paths({k: v for k, v in options.items() if k not in OUTPUTS}))
         check_apart(_paths(outputs), read)
@@ -84,14 +85,14 @@ class Files:
         folders = [path.resolve() for _, path in read if path.is_dir()]
         for path in named:
             if any(folder in path.resolve().parents for folder in folders):
-                said = f"{str(path)!r} is in a folder that is read as input: move it"
-                raise InputError(said, "path")
+                reason = f"{str(path)!r} is in a folder that is read as input: move it"
+                raise InputError(reason, "path")
 
     def unused(self, *names: str) -> None:
         """Raise ValueError for an option, ``save`` or ``plot``, that has no effect here."""
         for name in names:
-            given = getattr(self, name)
-            require(given is None, name, "has no effect here: leave it out", str(given))
+            path = getattr(self, name)
+            require(path is None, name, "has no effect here: leave it out", str(path))
 
     def note(self, text: str) -> None:
         """Print a line in addition to the result."""
@@ -147,13 +148,13 @@ def options_of(**options: Any) -> dict[str, Any]:
 
     Those that were left open, that name results, or that have no effect on them are left out.
     """
-    found: dict[str, Any] = {}
+    kept: dict[str, Any] = {}
     for name, value in options.items():
         if name in RECORDS:
-            found |= options_of(**{one.name: getattr(value, one.name) for one in fields(value)})
+            kept |= options_of(**{one.name: getattr(value, one.name) for one in fields(value)})
         elif name not in UNRECORDED and value is not None:
-            found[name] = recorded(value)
-    return found
+            kept[name] = recorded(value)
+    return kept
 
 
 def made_with(model: BasalGanglia, **options: Any) -> dict[str, Any]:
@@ -186,12 +187,12 @@ def check_ending(name: str, path: Path, *allowed: str) -> None:
     require(path.suffix in allowed, name, f"must end in {' or '.join(allowed)}", str(path))
 
 
-def write_template(whole: str, path: str | Path) -> None:
+def write_template(template: str, path: str | Path) -> None:
     """Write the file of a command's help to a new file, which is never one that exists."""
     new = Path(path).suffix == ".toml" and not Path(path).exists()
     require(new, "file", "must be a new .toml file, into which --template writes", str(path))
     files.check_writable(Path(path).parent)
-    Path(path).write_text(whole, encoding="utf-8")
+    Path(path).write_text(template, encoding="utf-8")
     print(f"-> {path}")
 
 
@@ -206,8 +207,8 @@ def check_apart(written: Iterable[tuple[str, Path]], read: Iterable[tuple[str, P
 
 def _paths(options: Mapping[str, Any]) -> Iterator[tuple[str, Path]]:
     """Yield the files that options name, also those in records of options."""
-    for name, given in options.items():
-        value = circuit_file(given) if name == "circuit" and given is not None else given
+    for name, option in options.items():
+        value = circuit_file(option) if name == "circuit" and option is not None else option
         if isinstance(value, Path):
             yield name, value
         elif is_dataclass(value):
@@ -280,10 +281,14 @@ def check_idle(reason: str, usual: Mapping[str, Any], **options: Any) -> None:
             raise InputError(f"--{flag} has no effect with {reason}: leave it out", name)
 
 
-def say_of_edits(*edits: Edits) -> None:
-    """Explain edits that are easily mistaken for others, once for each kind."""
+def say_of_edits(*edits: Edits, circuit: Circuit | None = None) -> None:
+    """Explain edits that are easily mistaken for others, and those that act as a criterion."""
+    from bgmodel.integrators.criterion import acts_as
+
     for text in dict.fromkeys(note for one in edits for note in one.notes()):
         say(text)
+    if circuit is not None and any(edits) and (shift := acts_as(circuit)):
+        say(f"{edits[0].text()}: {shift}")
 
 
 def say_before(what: str, model: BasalGanglia, evidence: Evidence, *, runs: int = 1) -> None:

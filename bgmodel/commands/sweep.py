@@ -125,8 +125,8 @@ class _Run:
     def _part(self) -> tuple[int, int] | None:
         if self.part is None:
             return None
-        found = PART.fullmatch(self.part)
-        k, n = (int(found[1]), int(found[2])) if found else (0, 0)
+        match = PART.fullmatch(self.part)
+        k, n = (int(match[1]), int(match[2])) if match else (0, 0)
         require(1 <= k <= n, "part", "must be K/N with K in 1..N, as 3/40", self.part)
         if self.on != "processes":
             raise InputError("part is for a single job: give --parts, or leave out --on", "part")
@@ -195,10 +195,10 @@ class _Run:
 
         if self.on == "slurm" and not self.dry_run:
             check_slurm(folder)
-        own = resources("bgmodel.sweeps")
-        command = [sys.executable, "-m", "snakemake", "-s", str(own / "Snakefile")]
+        package = resources("bgmodel.sweeps")
+        command = [sys.executable, "-m", "snakemake", "-s", str(package / "Snakefile")]
         if self.on == "slurm":
-            profile = self.profile.absolute() if self.profile else own / "slurm"
+            profile = self.profile.absolute() if self.profile else package / "slurm"
             command += ["--profile", str(profile)]
         else:
             command += ["--cores", str(self.workers)]

@@ -115,23 +115,23 @@ def touch(
         sizes = (taps, held_out_taps)
         decoded = steps.of_gratings(asked, sizes, epoch, seed, workers=workers, **sensor)
     say(f"deciding on {options['trials']} trials, learning from reward, and deciding in spikes")
-    found = from_taps.touch(asked, decoded, workers=workers, **options)
+    touched = from_taps.touch(asked, decoded, workers=workers, **options)
     who = "Simulated TacTip" if recordings is None else f"Recordings {recordings.name}"
     title = f"{who}: {asked.text}"
     made = f"bgmodel {__version__}, seed {seed}, decoder and taps: {decoded.name}"
     with files.replacing(folder / "index.html") as partial:
-        partial.write_text(from_taps.page(found, title, made), encoding="utf-8")
-    for remark in found.remarks:
+        partial.write_text(from_taps.page(touched, title, made), encoding="utf-8")
+    for remark in touched.remarks:
         output.note(f"warning: {remark}")
-    text = found.summary().to_string(index=False, header=False, float_format="{:.3f}".format)
-    if len(found.learned):
-        text += f"\nat what reward taught\n{found.learned_summary().to_string(index=False)}"
-    output.show(f"{title}\n{text}\n-> {folder / 'index.html'}", found.summary())
+    text = touched.summary().to_string(index=False, header=False, float_format="{:.3f}".format)
+    if len(touched.learned):
+        text += f"\nat what reward taught\n{touched.learned_summary().to_string(index=False)}"
+    output.show(f"{title}\n{text}\n-> {folder / 'index.html'}", touched.summary())
     simulated = {"taps": taps, "held_out_taps": held_out_taps, **sensor} if grating else {}
-    given = {"task": asked, "recordings": recordings, "held_out": held_out,
-             "mm_per_px": mm_per_px, "epochs": epochs, **simulated, **options}  # fmt: skip
-    output.write(found.to_dataframe(), seed, command=options_of(**given))
-    output.draw(found.plot)
+    settings = {"task": asked, "recordings": recordings, "held_out": held_out,
+                "mm_per_px": mm_per_px, "epochs": epochs, **simulated, **options}  # fmt: skip
+    output.write(touched.to_dataframe(), seed, command=options_of(**settings))
+    output.draw(touched.plot)
 
 
 def _check(
@@ -174,10 +174,10 @@ class _Steps:
         self, recordings: Path, held_out: Path, mm_per_px: float | None, epochs: Any, seed: int
     ) -> Path:
         """Return the table of decoded held-out recordings of an edge."""
-        own: dict[str, Any] = {"edge": True, "mm_per_px": mm_per_px}
-        fit = {"seed": seed, "training": epochs, **own}
+        image_options: dict[str, Any] = {"edge": True, "mm_per_px": mm_per_px}
+        fit = {"seed": seed, "training": epochs, **image_options}
         decoder = self._make("decoder.safetensors", train, recordings, **fit)
-        return self._make("decoded.parquet", decode, decoder, held_out, **own)
+        return self._make("decoded.parquet", decode, decoder, held_out, **image_options)
 
     def of_gratings(
         self, task: Any, sizes: tuple[int, int], epochs: Any, seed: int, **sensor: Any
@@ -185,12 +185,12 @@ class _Steps:
         """Return the table of decoded held-out taps, which are simulated at the task's yaws."""
         periods, yaws = PERIODS_MM, task.yaws_deg
         same = {"periods_mm": periods, "seed": seed, **sensor}
-        given: dict[str, Any] = {"taps": sizes[0], "yaw_deg": (), **same}
-        taps = self._make("training.npz", simulate, **given)
+        for_training: dict[str, Any] = {"taps": sizes[0], "yaw_deg": (), **same}
+        taps = self._make("training.npz", simulate, **for_training)
         fit = {"edge": False, "mm_per_px": None, "seed": seed, "training": epochs}
         decoder = self._make("decoder.safetensors", train, taps, **fit)
-        given = {"taps": sizes[1] * len(yaws), "yaw_deg": yaws, **same}
-        held_out = self._make("held_out.npz", simulate, **given)
+        for_testing = {"taps": sizes[1] * len(yaws), "yaw_deg": yaws, **same}
+        held_out = self._make("held_out.npz", simulate, **for_testing)
         return self._make("decoded.parquet", decode, decoder, held_out)
 
     def _make(self, name: str, command: Callable[..., None], *inputs: Path, **options: Any) -> Path:

@@ -64,8 +64,8 @@ def simulate(
     sensor.check_taps(options["taps"], options["periods_mm"], tip)
     if task is not None:
         if options["yaw_deg"]:
-            said = "task and yaw_deg both set the yaws: give only one of them"
-            raise InputError(said, "yaw_deg")
+            reason = "task and yaw_deg both set the yaws: give only one of them"
+            raise InputError(reason, "yaw_deg")
         yaws = getattr(task, "yaws_deg", None)
         require(yaws, "task", "must be of gratings, same-different or orientation", task.name)
         check_settings(task, {"channels", "a_deg", "b_deg"})
@@ -73,9 +73,9 @@ def simulate(
     contacts = to_solve(LibraryPlan(skin=skin, radius_mm=tip.radius_mm))
     first = f"solving {contacts} contacts, once for all runs, and " if contacts else ""
     say(f"{first}simulating {options['taps'] * len(options['periods_mm'])} taps")
-    given = {"tip": tip, "skin": skin, "nuisance": nuisance, **options}
-    taps = sensor.simulate_taps(**given, workers=workers)
-    taps.save(path, files.provenance(options["seed"], command=options_of(**given)))
+    settings = {"tip": tip, "skin": skin, "nuisance": nuisance, **options}
+    taps = sensor.simulate_taps(**settings, workers=workers)
+    taps.save(path, files.provenance(options["seed"], command=options_of(**settings)))
     print(f"{len(taps)} taps of {len(options['periods_mm'])} gratings -> {path}")
 
 
@@ -114,14 +114,14 @@ def train(
 
         import_onnx()
     how = record_of(EDGE if options["edge"] else Training(), training)
-    found, about = _taps(taps, options["edge"], options["mm_per_px"], pins)
-    say(f"training on {len(found)} taps for at most {how.epochs} epochs")
+    loaded_taps, about = _taps(taps, options["edge"], options["mm_per_px"], pins)
+    say(f"training on {len(loaded_taps)} taps for at most {how.epochs} epochs")
     where = {} if device == "cpu" else {"device": device}
-    given = options_of(taps=taps, training=how, pins=pins, **options, **where)
+    settings = options_of(taps=taps, training=how, pins=pins, **options, **where)
     from bgmodel.tactile.decoder import train as fitted
 
-    behind = {"taps": about, "command": given}
-    decoder = fitted(found, seed=options["seed"], training=how, about=behind, device=device)
+    behind = {"taps": about, "command": settings}
+    decoder = fitted(loaded_taps, seed=options["seed"], training=how, about=behind, device=device)
     decoder.save(path)
     best = min(row["mae_deg"] for row in decoder.history)
     print(f"validation error {best:.1f} degrees -> {path}")
@@ -161,8 +161,8 @@ def decode(
     path = _needed(output, (".parquet", ".csv"), decoder=decoder, taps=taps)
     loaded = load_decoder(decoder, record_of(OwnNetwork(), own) if own else None)
     rest = loaded.rest_mm if len(loaded.rest_mm) else None
-    found, about = _taps(taps, edge, mm_per_px, pins, rest)
-    table = loaded.decode(found)
+    loaded_taps, about = _taps(taps, edge, mm_per_px, pins, rest)
+    table = loaded.decode(loaded_taps)
     if "trained_on" in table:
         known = table["trained_on"].sum()
         say(f"the decoder was trained on {known} of these taps: tasks refuse the table")
@@ -184,9 +184,9 @@ def check_settings(task: Task, used: set[str]) -> None:
     """Raise ValueError for a setting of a task that has no effect on taps."""
     usual = type(task)()
     for each in fields(task):
-        given = getattr(task, each.name)
+        value = getattr(task, each.name)
         must = "has no effect here as a setting of --task: leave it out"
-        require(each.name in used or given == getattr(usual, each.name), each.name, must, given)
+        require(each.name in used or value == getattr(usual, each.name), each.name, must, value)
 
 
 def _needed(output: Files, endings: Sequence[str], **read: Any) -> Path:

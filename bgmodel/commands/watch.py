@@ -103,12 +103,12 @@ def watch(
             )
     finally:  # write the decisions even if interrupted
         if output.save is not None:
-            given = {"folder": folder, "decoder": decoder, "taps": taps, "mm_per_px": mm_per_px,
-                     "task": task, "first_deg": first_deg, "by": by, "posterior": posterior,
-                     "idle_s": idle_s}  # fmt: skip
-            behind = {"command": options_of(**given)}
+            settings = {"folder": folder, "decoder": decoder, "taps": taps, "mm_per_px": mm_per_px,
+                        "task": task, "first_deg": first_deg, "by": by, "posterior": posterior,
+                        "idle_s": idle_s}  # fmt: skip
+            behind = {"command": options_of(**settings)}
             if model is not None:
-                behind = made_with(model, circuit=circuit, engine=engine, **given)
+                behind = made_with(model, circuit=circuit, engine=engine, **settings)
             table = pd.DataFrame(rows, columns=COLUMNS)
             files.write_table(table, output.save, seed=seed, **behind)
     if session.readings:

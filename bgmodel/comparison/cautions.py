@@ -40,15 +40,15 @@ def warn_of_readings(evidence: Evidence, accuracies: Sequence[float]) -> list[fl
     return [accuracy for accuracy in accuracies if accuracy not in hasty + lost]
 
 
-def warn_of_missed(name: str, found: Tradeoff, accuracies: Sequence[float]) -> list[float]:
+def warn_of_missed(name: str, swept: Tradeoff, accuracies: Sequence[float]) -> list[float]:
     """Warn about accuracies at which a model cannot be compared, and return the others."""
-    low, high = found.reached[[0, -1]]
-    within = [accuracy for accuracy in accuracies if found.reaches(accuracy)]
-    late = {a: share for a in within if (share := found.at_accuracy(a).forced.mean()) > MOST_FORCED}
+    low, high = swept.reached[[0, -1]]
+    within = [accuracy for accuracy in accuracies if swept.reaches(accuracy)]
+    late = {a: share for a in within if (share := swept.at_accuracy(a).forced.mean()) > MOST_FORCED}
     if lost := [accuracy for accuracy in accuracies if accuracy > high and accuracy not in within]:
         DeadlineWarning.warn(
             f"{name} reaches no accuracy of {listed(lost)}: at the best of its thresholds it has "
-            f"{high:.3f}, and the deadline decides {found.forced[-1].mean():.0%} of its trials "
+            f"{high:.3f}, and the deadline decides {swept.forced[-1].mean():.0%} of its trials "
             "there"
         )
     if hasty := [accuracy for accuracy in accuracies if accuracy < low and accuracy not in within]:

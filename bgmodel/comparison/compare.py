@@ -50,13 +50,13 @@ SUMMARY = ("agreement", "agreement_chance", "pearson_r", "extra_ms", "accuracy_g
 """Measures of ``Comparison.summary``."""
 
 
-def with_other_noise(model: BasalGanglia, evidence: Evidence, found: Tradeoff) -> Tradeoff:
-    """Return a circuit's decisions with noise of another seed, or ``found`` if it has no noise."""
+def with_other_noise(model: BasalGanglia, evidence: Evidence, swept: Tradeoff) -> Tradeoff:
+    """Return a circuit's decisions with noise of another seed, or ``swept`` if it has no noise."""
     if not model.engine.noisy:
-        return found
+        return swept
     seed = int(stream(model.seed or 0, OTHER_NOISE).integers(2**31))
     again = replace(model, seed=seed)
-    return decide_at_thresholds(again, evidence, found.settings, decoder_tau_ms=None)[CIRCUIT]
+    return decide_at_thresholds(again, evidence, swept.settings, decoder_tau_ms=None)[CIRCUIT]
 
 
 @dataclass(frozen=True, repr=False)
@@ -88,7 +88,7 @@ class Comparison(Facts):
 
     def facts(self) -> dict[str, str]:
         """Return the circuit, and agreement and extra time at each accuracy."""
-        found = {
+        texts = {
             "circuit": self.model.circuit.name,
             "engine": self.model.engine.id,
             "gain": f"{self.model.gain:g}",
@@ -96,8 +96,8 @@ class Comparison(Facts):
         }
         for row in self.summary().query("model == @CIRCUIT").itertuples():
             text = f"agreement {row.agreement:.3f}, extra time {row.extra_ms:.0f} ms"
-            found[f"{row.reference} at {row.accuracy:g}"] = text
-        return found
+            texts[f"{row.reference} at {row.accuracy:g}"] = text
+        return texts
 
     def summary(self) -> pd.DataFrame:
         """Return the main measures, one row per reference, model and accuracy."""
@@ -208,26 +208,26 @@ def compare(
     first = next(iter(tests))
     allowed = warn_of_missed(f"the {first}", tests[first], allowed)
     span = {"highest": max(HIGHEST, *accuracies), "lowest": min(LOWEST, *accuracies)}
-    found = decide_at_thresholds(model, evidence, tuned_thresholds(model, tests[first], **span))
-    found[CIRCUIT] = refined(model, evidence, found[CIRCUIT], allowed)
+    tradeoffs = decide_at_thresholds(model, evidence, tuned_thresholds(model, tests[first], **span))
+    tradeoffs[CIRCUIT] = refined(model, evidence, tradeoffs[CIRCUIT], allowed)
     lost = unreached(
-        model, found[CIRCUIT], tests[first], allowed, name=model.circuit.name, before=intact
+        model, tradeoffs[CIRCUIT], tests[first], allowed, name=model.circuit.name, before=intact
     )
     shared = [accuracy for accuracy in allowed if accuracy not in lost]
-    for name, decided in found.items():
+    for name, decided in tradeoffs.items():
         shared = warn_of_missed(model.circuit.name if name == CIRCUIT else name, decided, shared)
-    pairs = [(name, reference) for reference in tests for name in found]
-    again = with_other_noise(model, evidence, found[CIRCUIT]) if noise_ceiling else None
+    pairs = [(name, reference) for reference in tests for name in tradeoffs]
+    again = with_other_noise(model, evidence, tradeoffs[CIRCUIT]) if noise_ceiling else None
     if again is not None:
         tests[OTHER_NOISE] = again
         pairs.append((CIRCUIT, OTHER_NOISE))
     for name in baselines:
         trace = BASELINES[name]().run(evidence)
-        found[name] = tradeoff(trace, evidence, accuracies=accuracies)
-        warn_of_missed(name, found[name], allowed)
+        tradeoffs[name] = tradeoff(trace, evidence, accuracies=accuracies)
+        warn_of_missed(name, tradeoffs[name], allowed)
         pairs.append((name, MSPRT))
     weights = resampled(evidence.trials, resamples, stream(seed, "bootstrap"), groups)
-    curves = _curves(tests | found, weights)
+    curves = _curves(tests | tradeoffs, weights)
     before = None
     if intact is not None:
         unedited = replace(model, circuit=intact)
@@ -235,14 +235,14 @@ def compare(
         before = decide_at_thresholds(unedited, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
         before = refined(unedited, evidence, before, shared)
         warn_of_missed(f"{intact.name} before its edits", before, shared)
-        found[MINUS_INTACT] = found[CIRCUIT]
+        tradeoffs[MINUS_INTACT] = tradeoffs[CIRCUIT]
         pairs.append((MINUS_INTACT, first))
     parts = []
     for name, reference in pairs:
         late = name not in BASELINES and reference != OTHER_NOISE
         table = matched_measures(
             tests[reference],
-            found[name],
+            tradeoffs[name],
             rng=stream(seed, "bootstrap"),
             truth=evidence.truth,
             minus=before if name == MINUS_INTACT else None,
@@ -255,9 +255,9 @@ def compare(
         of_circuit = name in (CIRCUIT, MINUS_INTACT)
         table = without_accuracies(table, lost) if of_circuit else table
         parts.append(table.assign(model=name, reference=reference))
-    whole = pd.concat(parts, ignore_index=True)
-    choices = paired(tests[first], found[CIRCUIT], _reached(whole, first))
-    return Comparison(model, evidence.trials, whole, curves, choices)
+    measures = pd.concat(parts, ignore_index=True)
+    choices = paired(tests[first], tradeoffs[CIRCUIT], _reached(measures, first))
+    return Comparison(model, evidence.trials, measures, curves, choices)
 
 
 def _reached(table: pd.DataFrame, reference: str) -> list[float]:
@@ -284,8 +284,8 @@ def _checked(evidence: Evidence, baselines: Sequence[str] | str) -> Sequence[str
     for name in baselines:
         if evidence.baseline and name not in baselines_on(zero_is_nothing=False):
             needs = "needs evidence in which zero means no evidence"
-            said = f"{name} {needs}, but readings have a mean of {evidence.baseline:.3g} nats"
-            raise InputError(said, "baselines")
+            conflict = f"{name} {needs}, but readings have a mean of {evidence.baseline:.3g} nats"
+            raise InputError(conflict, "baselines")
     return baselines
 
 

@@ -41,7 +41,7 @@ RISE_NATS_S = 2.0
 """Rate at which the leader rises, in the circuit's nats per second."""
 STEP_MS = 50.0
 CLOSE_MS, APART_MS = 60.0, 100.0
-"""A circuit follows a theory if all differences are within the first, and is told apart from it if
+"""A circuit follows a theory if all differences are within the first, and differs from it if
 at each threshold one is beyond the second."""
 FEWEST_RIGHT = 0.9
 """A difference is reported if the leader is chosen in at least this share of trials."""
@@ -87,15 +87,15 @@ def designs(channels: int = CHANNELS) -> tuple[Design, ...]:
     if channels < 3:
         raise InputError(f"designed trials need 3 channels or more, got {channels}", "channels")
     competitors = channels - 1
-    found = [Design(f"{competitors} equal", "", (0.0,) * competitors)]
+    kinds = [Design(f"{competitors} equal", "", (0.0,) * competitors)]
     for held in (LEAD, AVERAGE):
         # One close competitor, and one hopeless one; with two competitors these are the same.
         for close in dict.fromkeys((1, competitors - 1)):
             far = competitors - close
             up = SPREAD_NATS * far / competitors if held == AVERAGE else 0.0
             each = (up,) * close + (up - SPREAD_NATS,) * far
-            found.append(Design(f"{close} close, {far} hopeless", held, each))
-    return tuple(found)
+            kinds.append(Design(f"{close} close, {far} hopeless", held, each))
+    return tuple(kinds)
 
 
 def theories(kappa: float = 1.0) -> dict[str, Integrator]:
@@ -159,8 +159,8 @@ def size(model: BasalGanglia, thresholds: Sequence[float], trials: int) -> tuple
         raise InputError.of("trials", "must be at least 2 for an engine with noise", trials)
     for threshold in checked_thresholds(thresholds):
         check_read(model.circuit, threshold)
-    given: dict[str, Any] = {"channels": model.circuit.channels, "kappa": kappa_of(model)}
-    return trials, readings_of(at_fixed_point(model), thresholds, **given)
+    settings: dict[str, Any] = {"channels": model.circuit.channels, "kappa": kappa_of(model)}
+    return trials, readings_of(at_fixed_point(model), thresholds, **settings)
 
 
 def at_fixed_point(model: BasalGanglia) -> BasalGanglia:
@@ -214,21 +214,21 @@ def designed(
         raise InputError.of("observed", "must be an integrator, such as Msprt()", observed)
     settled = observed if settled is None else settled
     levels = checked_thresholds(thresholds)
-    given: dict[str, Any] = {"kappa": kappa, "leader": leader}
-    readings = readings_of(settled, levels, channels=channels, **given)
+    same: dict[str, Any] = {"kappa": kappa, "leader": leader}
+    readings = readings_of(settled, levels, channels=channels, **same)
     every = designs(channels)
-    start_ms = _times(settled, every[0].evidence(readings, **given), levels, leader)[:, 0]
+    start_ms = _times(settled, every[0].evidence(readings, **same), levels, leader)[:, 0]
     seen = [
-        _times(observed, design.evidence(readings, trials=trials, **given), levels, leader)
+        _times(observed, design.evidence(readings, trials=trials, **same), levels, leader)
         for design in every
     ]
     latency_ms = _mean(seen[0]) - start_ms
     parts = []
     for name, theory in theories(kappa).items():
-        trace = theory.run(every[0].evidence(readings, **given))
-        own = np.interp(start_ms, trace.time_ms, trace.out_nats[0, :, leader])
+        trace = theory.run(every[0].evidence(readings, **same))
+        at_start = np.interp(start_ms, trace.time_ms, trace.out_nats[0, :, leader])
         for design, times in zip(every, seen, strict=True):
-            theory_ms = _times(theory, design.evidence(readings, **given), own, leader)[:, 0]
+            theory_ms = _times(theory, design.evidence(readings, **same), at_start, leader)[:, 0]
             moved = (times - seen[0]) - (theory_ms - start_ms)[:, None]
             value, low, high = _intervals(moved)
             columns = {
@@ -242,7 +242,7 @@ def designed(
                 "observed_ms": _mean(times),
                 "latency_ms": latency_ms,
                 "theory_ms": theory_ms,
-                "theory_threshold": own,
+                "theory_threshold": at_start,
                 "right": np.isfinite(times).mean(axis=1),
             }
             parts.append(pd.DataFrame(columns))

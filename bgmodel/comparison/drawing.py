@@ -93,8 +93,8 @@ def _times(ax: Axes, pairs: pd.DataFrame) -> None:
     ax.plot(x[~same], y[~same], label=f"Other choice (n = {(~same).sum()})", **cross)
     ax.plot([0, top], [0, top], color="k", lw=0.8, label="Equal times")
     late = float(np.median(y - x))
-    said = f"Median lag, {late:.0f} ms"
-    ax.plot([0, top], [late, top + late], color="k", lw=0.8, ls="--", label=said)
+    lag = f"Median lag, {late:.0f} ms"
+    ax.plot([0, top], [late, top + late], color="k", lw=0.8, ls="--", label=lag)
     ax.set(xlim=(0, 1.04 * top), ylim=(0, 1.04 * top))
     ax.set_title(f"{title}, accuracy {accuracy:g}")
     _legend_below(ax)

@@ -114,13 +114,13 @@ def compare_edits(
     parts, lost = [], list(accuracies)
     for name, circuit in {before: model.circuit, **edited}.items():
         changed = replace(model, circuit=circuit)
-        found = tuned = intact
+        swept = tuned = intact
         if name != before:
             # Shifted by the edit, and original: for matched and for fixed thresholds.
             both = np.union1d(levels, levels + moved(model.circuit, circuit, levels))
             both = both[both > silent_nats(circuit)]
-            found = decide_at_thresholds(changed, evidence, both, decoder_tau_ms=None)[CIRCUIT]
-            tuned = found.at(np.isin(found.settings, decided_by_evidence(changed, both)))
+            swept = decide_at_thresholds(changed, evidence, both, decoder_tau_ms=None)[CIRCUIT]
+            tuned = swept.at(np.isin(swept.settings, decided_by_evidence(changed, both)))
             tuned = refined(changed, evidence, tuned, allowed) if tuned.settings.size else tuned
         called = name if name in edited else circuit.name
         refused = unreached(changed, tuned, test, allowed, name=called, before=model.circuit)
@@ -144,7 +144,7 @@ def compare_edits(
                 table = table.assign(value=np.nan, low=np.nan, high=np.nan)
             gone = {*refused, *(lost if minus is not None else [])}
             parts.append(without_accuracies(table, gone).assign(variant=name, kind=kind))
-        fixed = without_accuracies(_at_threshold_of(intact, found, evidence, accuracies), lost)
+        fixed = without_accuracies(_at_threshold_of(intact, swept, evidence, accuracies), lost)
         parts.append(fixed.assign(variant=name, kind="fixed"))
     return pd.concat(parts, ignore_index=True)
 
@@ -171,22 +171,22 @@ def check_edit_of(before: Circuit, after: Circuit, what: str) -> None:
 
 
 def _at_threshold_of(
-    intact: Tradeoff, found: Tradeoff, evidence: Evidence, accuracies: Sequence[float]
+    intact: Tradeoff, swept: Tradeoff, evidence: Evidence, accuracies: Sequence[float]
 ) -> pd.DataFrame:
     rows = []
     for accuracy in accuracies:
-        k = int(np.flatnonzero(found.settings == intact.setting(accuracy))[0])
+        k = int(np.flatnonzero(swept.settings == intact.setting(accuracy))[0])
         values = {
-            "expected_accuracy": found.posterior[k].mean(),
-            "mean_ms": found.time_ms[k].mean(),
-            "premature": found.premature[k].mean(),
-            "forced": found.forced[k].mean(),
-            "without_evidence": found.without_evidence[k],
+            "expected_accuracy": swept.posterior[k].mean(),
+            "mean_ms": swept.time_ms[k].mean(),
+            "premature": swept.premature[k].mean(),
+            "forced": swept.forced[k].mean(),
+            "without_evidence": swept.without_evidence[k],
         }
         # At its threshold the unedited circuit must have the stated accuracy.
         at = intact.posterior[intact.settings == intact.setting(accuracy)].mean()
         reached = abs(at - accuracy) <= margin(accuracy)
         if evidence.truth is not None:
-            values["accuracy"] = (found.choice[k] == evidence.truth).mean()
+            values["accuracy"] = (swept.choice[k] == evidence.truth).mean()
         rows += [(accuracy, m, float(v) if reached else np.nan) for m, v in values.items()]
     return pd.DataFrame(rows, columns=["accuracy", "measure", "value"])

@@ -111,12 +111,12 @@ def matched_measures(
     n = test.trials
     check_trials(n)
     weights = resampled(n, resamples, rng, groups)
-    found = _measures(test, other, truth, accuracies, weights, latency_ms, again)
+    measures = _measures(test, other, truth, accuracies, weights, latency_ms, again)
     if minus is not None:
         base = _measures(test, minus, truth, accuracies, weights, latency_ms)
-        found = {key: found[key] - base[key] for key in base}
+        measures = {key: measures[key] - base[key] for key in base}
     rows = []
-    for (accuracy, name), values in found.items():
+    for (accuracy, name), values in measures.items():
         value, low, high = interval(values)
         # A line through few points has no interval and is not reported.
         line = np.isnan(accuracy) and not np.isfinite(low)
@@ -126,17 +126,17 @@ def matched_measures(
 
 def checked_accuracies(accuracies: Sequence[float] | float, hypotheses: int) -> tuple[float, ...]:
     """Return the requested accuracies, one or several, as a tuple."""
-    given = np.atleast_1d(np.asarray(reals("accuracies", accuracies), dtype=np.float64))
-    require(given.ndim == 1 and given.size, "accuracies", "must hold one number or more", given)
+    values = np.atleast_1d(np.asarray(reals("accuracies", accuracies), dtype=np.float64))
+    require(values.ndim == 1 and values.size, "accuracies", "must hold one number or more", values)
     least = 1 / hypotheses + MARGIN
-    for value in given.tolist():
+    for value in values.tolist():
         if not least < value < 1:
             raise InputError.of(
                 "accuracies", f"must lie above chance, {1 / hypotheses:.3g}, and below 1", value
             )
-    once = len(np.unique(given)) == len(given)
-    require(once, "accuracies", "must differ from each other", given)
-    return tuple(given.tolist())
+    once = len(np.unique(values)) == len(values)
+    require(once, "accuracies", "must differ from each other", values)
+    return tuple(values.tolist())
 
 
 def equivalent(table: pd.DataFrame, margin: float = MARGIN) -> pd.Series:
@@ -166,7 +166,7 @@ def _measures(
     """Return every measure, (B,) each; the first entry is the value."""
     curves = curve(test, weights), curve(other, weights)
     offset, slope = latency(*curves)
-    found = {(np.nan, "offset_ms"): offset, (np.nan, "slope"): slope}
+    measures = {(np.nan, "offset_ms"): offset, (np.nan, "slope"): slope}
     late = np.full_like(offset, latency_ms)
     if latency_ms is None:
         late = _row_means(time_at(SPAN, curves[1]) - time_at(SPAN, curves[0]))
@@ -184,8 +184,8 @@ def _measures(
         at_end = max(one.forced.mean() for one in matched)
         if not all(one.reaches(accuracy) for one in sides) or at_end > MOST_FORCED:
             values = {name: np.full_like(value, np.nan) for name, value in values.items()}
-        found |= {(accuracy, name): value for name, value in values.items()}
-    return found
+        measures |= {(accuracy, name): value for name, value in values.items()}
+    return measures
 
 
 def paired(test: Tradeoff, other: Tradeoff, accuracies: Sequence[float]) -> pd.DataFrame:

@@ -101,8 +101,8 @@ def _verdict(rows: pd.Series, same: bool) -> str:
 
 def _accuracies_in(text: str) -> list[str]:
     """Return the accuracies that a warning says cannot be compared, as written there."""
-    found = re.search(r"accuracy (?:of )?((?:[\d.]+, )*[\d.]*\d)", text)
-    return found[1].split(", ") if found else []
+    match = re.search(r"accuracy (?:of )?((?:[\d.]+, )*[\d.]*\d)", text)
+    return match[1].split(", ") if match else []
 
 
 def _wrapped(text: str, indent: str = "") -> str:
@@ -152,9 +152,9 @@ def _reasons(here: pd.DataFrame) -> list[str]:
     by = [name for name in ("reference", "model", "variant") if name in here]
     here = here[here.groupby(by)["value"].transform(lambda values: values.notna().any())]
     lost = set(here.loc[here["value"].isna(), "measure"])
-    found = [f"{SHOWN[name][0]} unknown: {why}" for name, why in UNKNOWN.items() if name in lost]
+    reasons = [f"{SHOWN[name][0]} unknown: {why}" for name, why in UNKNOWN.items() if name in lost]
     loose = here["measure"].ne("agreement_chance") & here["value"].notna() & here["low"].isna()
-    return [*found, NO_INTERVAL] if loose.any() else found
+    return [*reasons, NO_INTERVAL] if loose.any() else reasons
 
 
 def _cell(row: pd.Series, measure: str) -> str:

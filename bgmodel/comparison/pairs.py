@@ -37,9 +37,9 @@ def side_by_side(
     late = y - x - lag_ms
     r = correlation(x, y, weights)
     strata = np.zeros(len(x), dtype=np.int64) if truth is None else truth
-    found = _against_chance("agreement", SameChoice(test.choice, other.choice), strata, weights)
-    found |= _against_chance("within_50_ms", NearInTime(x, y, lag_ms), strata, weights)
-    found |= {
+    measures = _against_chance("agreement", SameChoice(test.choice, other.choice), strata, weights)
+    measures |= _against_chance("within_50_ms", NearInTime(x, y, lag_ms), strata, weights)
+    measures |= {
         "pearson_r": r,
         "pearson_r_chance": _shuffled_correlation(x, y, strata, weights),
         "spearman_r": correlation(rankdata(x), rankdata(y), weights),
@@ -48,14 +48,14 @@ def side_by_side(
     }
     if again is not None:
         with np.errstate(invalid="ignore", divide="ignore"):
-            found["r_noise_corrected"] = r / np.sqrt(correlation(y, again.time_ms, weights))
+            measures["r_noise_corrected"] = r / np.sqrt(correlation(y, again.time_ms, weights))
     if truth is not None:
         wrong = (test.choice != truth).astype(np.float64)
-        found["test_accuracy"] = 1 - mean(wrong, weights)
-        found["accuracy"] = mean((other.choice == truth).astype(np.float64), weights)
+        measures["test_accuracy"] = 1 - mean(wrong, weights)
+        measures["accuracy"] = mean((other.choice == truth).astype(np.float64), weights)
         same = SameChoice(test.choice, other.choice)
-        found |= _against_chance("error_agreement", same, strata, weights, wrong)
-    return found
+        measures |= _against_chance("error_agreement", same, strata, weights, wrong)
+    return measures
 
 
 @dataclass(frozen=True)
@@ -124,14 +124,14 @@ def by_chance(
     two trials are left out.
     """
     total, counted = np.zeros(len(first)), np.zeros(len(first))
-    own = of_pair.own()
+    with_itself = of_pair.own()
     for stratum in np.unique(strata):
         here = strata == stratum
         u, w = first[:, here], second[:, here]
         both, weight = u * w, u.sum(axis=1)
         pairs = weight * w.sum(axis=1) - both.sum(axis=1)
         known = pairs > 0
-        met = of_pair.summed(here, u, w) - both @ own[here]
+        met = of_pair.summed(here, u, w) - both @ with_itself[here]
         total += weight * np.divide(met, pairs, out=np.zeros_like(met), where=known)
         counted += np.where(known, weight, 0)
     return np.divide(total, counted, out=np.full_like(total, np.nan), where=counted > 0)

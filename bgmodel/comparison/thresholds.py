@@ -29,8 +29,8 @@ def references(
     model: BasalGanglia, evidence: Evidence, accuracies: Sequence[float]
 ) -> dict[str, Tradeoff]:
     """Return the reference tests of a circuit; without nats, only the full MSPRT."""
-    found = msprt_tradeoffs(evidence, model.gain, accuracies)
-    return found if model.circuit.unit == NATS else {MSPRT: found[MSPRT]}
+    tests = msprt_tradeoffs(evidence, model.gain, accuracies)
+    return tests if model.circuit.unit == NATS else {MSPRT: tests[MSPRT]}
 
 
 def msprt_tradeoffs(
@@ -53,11 +53,11 @@ def warn_of_calibration_of(test: Tradeoff, evidence: Evidence, accuracies: Seque
 
 def tuned_thresholds(model: BasalGanglia, test: Tradeoff, highest: float, lowest: float) -> Array:
     """Return the thresholds of a circuit at which evidence decides, not noise at rest."""
-    found = thresholds_of(model.circuit, test, highest, lowest)
-    quiet = without_noise_alone(model, found)
+    levels = thresholds_of(model.circuit, test, highest, lowest)
+    quiet = without_noise_alone(model, levels)
     if not quiet.size:
         raise InputError(
-            f"at all thresholds of {model.circuit.name}, {found.min():.2f} to {found.max():.2f} "
+            f"at all thresholds of {model.circuit.name}, {levels.min():.2f} to {levels.max():.2f} "
             f"{model.circuit.unit}, noise decides: without evidence it crosses each in more than "
             f"{NOISE_SHARE:.0%} of trials within 500 ms",
             "model",
@@ -67,13 +67,13 @@ def tuned_thresholds(model: BasalGanglia, test: Tradeoff, highest: float, lowest
 
 def decided_by_evidence(model: BasalGanglia, thresholds: Array) -> Array:
     """Return the thresholds at which evidence decides, possibly none."""
-    found = deciding_thresholds(model.circuit, thresholds)
-    return without_noise_alone(model, found) if found.size else found
+    usable = deciding_thresholds(model.circuit, thresholds)
+    return without_noise_alone(model, usable) if usable.size else usable
 
 
 def unreached(
     model: BasalGanglia,
-    found: Tradeoff,
+    swept: Tradeoff,
     test: Tradeoff,
     accuracies: Sequence[float],
     *,
@@ -88,7 +88,7 @@ def unreached(
     """
     lost: dict[str, list[float]] = {}
     for accuracy in accuracies:
-        why = _out_of_range(model, found, test, accuracy, before)
+        why = _out_of_range(model, swept, test, accuracy, before)
         if why:
             lost.setdefault(why, []).append(accuracy)
     for why, some in lost.items():
@@ -97,17 +97,17 @@ def unreached(
 
 
 def _out_of_range(
-    model: BasalGanglia, found: Tradeoff, test: Tradeoff, accuracy: float, before: Circuit | None
+    model: BasalGanglia, swept: Tradeoff, test: Tradeoff, accuracy: float, before: Circuit | None
 ) -> str:
     """Return why a circuit cannot decide by evidence at an accuracy; "" if it can."""
     circuit, rest = model.circuit, rest_out(model.circuit)
-    if not found.settings.size:
+    if not swept.settings.size:
         return f"decides without evidence (OUT rests at {rest:.2f} {circuit.unit})"
-    mine, known = (one.at_accuracy(accuracy) for one in (found, test))
+    mine, known = (one.at_accuracy(accuracy) for one in (swept, test))
     # If the deadline decides, other thresholds do not help: ``warn_of_missed`` reports it.
     if max(mine.forced.mean(), known.forced.mean()) > MOST_FORCED:
         return ""
-    due, low, high = known.settings, found.settings.min(), found.settings.max()
+    due, low, high = known.settings, swept.settings.min(), swept.settings.max()
     if before is not None:
         due = due + moved(before, circuit, due)
     if circuit.unit == NATS and not low <= due <= high:
@@ -119,9 +119,9 @@ def _out_of_range(
         elif due > high and model.engine.noisy:
             why = f"noise at rest crosses thresholds above {high:.2f}"
         return f"would have to decide at an OUT of {due[0]:.3g} nats, but {why} nats"
-    if found.reaches(accuracy):
+    if swept.reaches(accuracy):
         return ""
-    reached = " to ".join(f"{one:.3f}" for one in found.reached[[0, -1]])
+    reached = " to ".join(f"{one:.3f}" for one in swept.reached[[0, -1]])
     return f"has {reached} at its thresholds of {low:.2f} to {high:.2f} {circuit.unit}"
 
 

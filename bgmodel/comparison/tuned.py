@@ -52,7 +52,7 @@ def fastest_gain(
     known |= (circuit.unedited or circuit).exact
     gains = (gain,) if known else GAINS
     once = np.ones((1, evidence.trials))
-    found: list[tuple[float, BasalGanglia, Tradeoff]] = []
+    tried: list[tuple[float, BasalGanglia, Tradeoff]] = []
     refused: list[ValueError] = []
     for each in gains:
         model = BasalGanglia(circuit, engine, each, seed)  # type: ignore[arg-type]
@@ -62,8 +62,8 @@ def fastest_gain(
         except ValueError as error:
             refused.append(error)
             continue
-        found.append((float(time_at([ACCURACY], curve(decided, once))[0, 0]), model, decided))
-    if not found:
+        tried.append((float(time_at([ACCURACY], curve(decided, once))[0, 0]), model, decided))
+    if not tried:
         raise refused[0]
-    _, model, decided = min(found, key=lambda one: np.inf if np.isnan(one[0]) else one[0])
+    _, model, decided = min(tried, key=lambda one: np.inf if np.isnan(one[0]) else one[0])
     return model, decided

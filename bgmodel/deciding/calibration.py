@@ -70,9 +70,9 @@ def warn_of_units(evidence: Evidence) -> None:
     scale = _nats_per_unit(told, some)
     if SCALES[0] < scale < SCALES[1]:
         return
-    found = [name for name, nats in UNITS.items() if abs(np.log(scale / nats)) < NEAR]
+    likely = [name for name, nats in UNITS.items() if abs(np.log(scale / nats)) < NEAR]
     units = "".join(
-        f"give natural logarithms, those of {u} times {UNITS[u]:.3f}, or " for u in found
+        f"give natural logarithms, those of {u} times {UNITS[u]:.3f}, or " for u in likely
     )
     CalibrationWarning.warn(
         "the log-likelihoods do not fit the truth: posteriors would be right if each were "
@@ -133,8 +133,8 @@ def _half_width(posterior: float, accuracy: float, decisions: float) -> float:
 def warn_of_calibration(stated: npt.ArrayLike, correct: npt.ArrayLike) -> None:
     """Warn if mean posterior at the decision and accuracy differ: see ``calibration``."""
     posterior, right = np.asarray(stated, dtype=np.float64), np.asarray(correct, dtype=np.float64)
-    if len(right) and (said := calibration(posterior.mean(), right.mean(), len(right))):
-        CalibrationWarning.warn(said)
+    if len(right) and (warning := calibration(posterior.mean(), right.mean(), len(right))):
+        CalibrationWarning.warn(warning)
 
 
 def against_evidence(stated: npt.ArrayLike, hypotheses: int) -> str:
@@ -162,8 +162,8 @@ def warn_of_decisions(evidence: Evidence, decision: Decision) -> None:
     decided = decision.choice != UNDECIDED
     times = np.where(decided, decision.time_ms, 0.0)  # NaN is not the time of a reading
     stated = posterior_at(evidence, times, decision.choice)
-    if said := against_evidence(stated[decided & ~decision.forced], evidence.hypotheses):
-        CalibrationWarning.warn(said)
+    if warning := against_evidence(stated[decided & ~decision.forced], evidence.hypotheses):
+        CalibrationWarning.warn(warning)
     if evidence.truth is None:
         return
     warn_of_calibration(stated[decided], (decision.choice == evidence.truth)[decided])

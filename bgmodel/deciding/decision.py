@@ -65,10 +65,10 @@ class Decision(Facts):
     def facts(self) -> dict[str, str]:
         """Return the numbers of decided and forced trials, and the mean time."""
         *thresholds, trials = self.choice.shape
-        found = {"thresholds": f"{thresholds[0]}"} if thresholds else {}
+        shape = {"thresholds": f"{thresholds[0]}"} if thresholds else {}
         decided = self.choice != UNDECIDED
         return {
-            **found,
+            **shape,
             "trials": f"{trials}",
             **({} if self.truth is None else {"accuracy": span(self.accuracy)}),
             "mean_time_ms": span(self._mean_ms),
@@ -124,7 +124,7 @@ class Decision(Facts):
 
         decided = np.atleast_2d(self.choice != UNDECIDED)
         accuracy = np.nan if self.truth is None else np.atleast_1d(self.accuracy)
-        found = {
+        columns = {
             "trials": decided.shape[1],
             "accuracy": accuracy,
             "mean_ms": np.atleast_1d(self._mean_ms),
@@ -132,7 +132,7 @@ class Decision(Facts):
             "forced": np.atleast_2d(self.forced).sum(axis=1),
             "premature": np.atleast_2d(self.premature).sum(axis=1),
         }
-        return Readable(found)
+        return Readable(columns)
 
     def plot(self, ax: Axes | None = None, truth: Integers | None = None) -> Figure:
         """Draw the distribution of decision times; of several thresholds, accuracy against time.
@@ -304,8 +304,8 @@ def _chosen(
     if posterior is None:
         return reals("thresholds", thresholds)  # type: ignore[arg-type]
     if trace.readout is None:
-        said = "this trace does not define the posterior of an OUT: give thresholds"
-        raise InputError(said, "posterior")
+        reason = "this trace does not define the posterior of an OUT: give thresholds"
+        raise InputError(reason, "posterior")
     return trace.readout.threshold(posterior, trace.out_nats.shape[2])
 
 

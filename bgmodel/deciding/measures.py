@@ -119,7 +119,7 @@ class Behaviour:
         missed, time_ms = self.missed, self.decision.time_ms
         correct = self.decision.choice == self.decision.truth
         everyone = np.ones_like(missed)
-        found = {
+        measures = {
             "accuracy": mean(correct, ~missed, weights),
             "choice_0": mean(self.decision.choice == 0, ~missed, weights),
             "mean_ms": mean(time_ms, ~missed, weights),
@@ -139,10 +139,10 @@ class Behaviour:
             not of_two
             or self._diffusion(self.go[None].astype(np.float64))["non_decision_ms"][0] < 0
         ):
-            found |= {name: np.full(len(weights), np.nan) for name in OF_DIFFUSION}
+            measures |= {name: np.full(len(weights), np.nan) for name in OF_DIFFUSION}
         else:
-            found |= self._diffusion(weights)
-        return found | stopping
+            measures |= self._diffusion(weights)
+        return measures | stopping
 
     def against_evidence(self) -> str:
         """Return a warning if decisions in time go against the evidence, or an empty string."""

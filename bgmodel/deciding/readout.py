@@ -61,13 +61,13 @@ class ReadOut:
     def one(self, threshold: float | None, posterior: float | None, hypotheses: int) -> float:
         """Return the single threshold on OUT, given directly or as a posterior, after checks."""
         check_one_given("threshold", threshold, posterior)
-        given = posterior if threshold is None else threshold
-        if given is None or not is_number(given):
+        value = posterior if threshold is None else threshold
+        if value is None or not is_number(value):
             field = "posterior" if threshold is None else "threshold"
-            raise InputError.of(field, "must be one number", given)
-        level = float(given)
+            raise InputError.of(field, "must be one number", value)
+        level = float(value)
         if threshold is None:
-            level = float(self.threshold(given, hypotheses))
+            level = float(self.threshold(value, hypotheses))
         self.check(level)
         if posterior is None:
             self.doubt(level, hypotheses)
@@ -90,9 +90,9 @@ class ReadOut:
             )
         for wrong, why in ((early, self._without_evidence), (low, self._unread)):
             if wrong.any():
-                said = why(float(rows[wrong].flat[0]))
+                reason = why(float(rows[wrong].flat[0]))
                 RangeWarning.warn(
-                    f"{wrong.sum()} of {len(rows)} thresholds are unusable, the first: {said}"
+                    f"{wrong.sum()} of {len(rows)} thresholds are unusable, the first: {reason}"
                 )
 
     def _without_evidence(self, threshold: float) -> str:

@@ -14,8 +14,8 @@ from bgmodel.support.checks import check_positive, one_per_trial
 def reward_of(error: npt.ArrayLike, steps: npt.ArrayLike, xi: float) -> Array:
     """Return ``xi W - T`` in readings, W = -1 for errors, of single trials or of means."""
     check_xi(xi)
-    found: Array = -xi * np.asarray(error) - np.asarray(steps)
-    return found
+    rewards: Array = -xi * np.asarray(error) - np.asarray(steps)
+    return rewards
 
 
 def reward(decision: Decision, truth: Integers, xi: float) -> Array:
@@ -24,8 +24,8 @@ def reward(decision: Decision, truth: Integers, xi: float) -> Array:
     An omission is an error, and its T is the number of readings of the whole trial.
     """
     truth = one_per_trial("truth", truth, decision.choice.shape[-1])
-    whole = np.where(np.isnan(decision.steps), decision.deadline_ms / decision.step_ms, 0)
-    return reward_of(decision.choice != truth, np.fmax(decision.steps, whole), xi)
+    latest = np.where(np.isnan(decision.steps), decision.deadline_ms / decision.step_ms, 0)
+    return reward_of(decision.choice != truth, np.fmax(decision.steps, latest), xi)
 
 
 def mean_reward(counts: Tally, xi: float) -> Array:

@@ -91,8 +91,8 @@ def draw_trials(ax: Axes, sequential: pd.DataFrame) -> None:
             ax.plot(row["median"], y, "o", ms=5, **style)
             ax.plot(row["simulated_median"], y, "kx", ms=6)
         else:
-            said = f"more than {row['low']:,.0f}" if np.isfinite(row["low"]) else "no number"
-            ax.text(0.03, y, said, transform=ax.get_yaxis_transform(), va="center", fontsize=7)
+            text = f"more than {row['low']:,.0f}" if np.isfinite(row["low"]) else "no number"
+            ax.text(0.03, y, text, transform=ax.get_yaxis_transform(), va="center", fontsize=7)
     names = [fill(f"{name} true", 24) for name in sequential["truth"]]
     ax.set_yticks(range(len(sequential)), names)
     ax.set(ylim=(len(sequential) - 0.5, -0.5), xlabel=f"Trials until a Bayes factor of {FACTOR:g}")

@@ -72,16 +72,16 @@ class Partition:
 
     def place(self, trials: Recorded) -> Integers:
         """Return the bin of each trial, (trials,)."""
-        found = np.full(len(trials.choice), self._times - 1, dtype=np.int64)
+        bins = np.full(len(trials.choice), self._times - 1, dtype=np.int64)
         first = 0
         for each, edges in enumerate(self.edges):
             here = trials.choice == each
-            found[here] = first + np.searchsorted(edges, trials.time_ms[here], side="left")
+            bins[here] = first + np.searchsorted(edges, trials.time_ms[here], side="left")
             first += len(edges) + 1
         if trials.spikes is None:
-            return found
+            return bins
         counted = np.searchsorted(self.counts, trials.spikes, side="left")
-        return np.asarray(found * (len(self.counts) + 1) + counted)
+        return np.asarray(bins * (len(self.counts) + 1) + counted)
 
 
 @dataclass(frozen=True)

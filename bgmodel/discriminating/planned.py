@@ -49,8 +49,8 @@ def planned(
     _check_order(models, probe)
     levels = [way.levels[0] for way in check.directions]
     if min(levels) <= 0:
-        said = "the threshold of a model is not a posterior: OUT at its decision is 0 or less"
-        raise InputError(said, "second")
+        reason = "the threshold of a model is not a posterior: OUT at its decision is 0 or less"
+        raise InputError(reason, "second")
     stop = None
     if probe.stop_nats:
         delays = (space.stop_delay_ms,)
@@ -85,8 +85,8 @@ def edited_from(first: Model, second: Model, channels: int | None = None) -> Mod
     """Return the second model as edits of the first one's circuit, before the edits of either."""
     for model in (first, second):
         if not model.source:
-            said = "an experiment changes one circuit, given by name or file"
-            raise InputError(f"{said}, which {model.name} is not", "second")
+            reason = "an experiment changes one circuit, given by name or file"
+            raise InputError(f"{reason}, which {model.name} is not", "second")
     if first.source == second.source:
         return second
     circuits = [checked_circuit(model.source, channels) for model in (first, second)]

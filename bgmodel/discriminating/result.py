@@ -86,8 +86,8 @@ class Discrimination(Facts):
 
     def facts(self) -> dict[str, str]:
         """Return the models, the verdict, the best task and the trials that it needs."""
-        found = {"first": self.models[0].name, "second": self.models[1].name}
-        return found | {"verdict": self.sentence(), "best": self.check.design.text()}
+        names = {"first": self.models[0].name, "second": self.models[1].name}
+        return names | {"verdict": self.sentence(), "best": self.check.design.text()}
 
     def sentence(self) -> str:
         """Return the verdict in one sentence, with the trials needed or the bound."""
@@ -124,8 +124,8 @@ class Discrimination(Facts):
             for value, part in self.table.groupby(name, sort=name != "edits"):
                 shown = (str(value) or "none") if name == "edits" else f"{value:g}"
                 best = part.iloc[int(part["low"].argmax())]
-                found = {"tried": len(part), "nats": best["nats"], "low": best["low"]}
-                rows.append({"axis": name, "value": shown, **found})
+                best_nats = {"tried": len(part), "nats": best["nats"], "low": best["low"]}
+                rows.append({"axis": name, "value": shown, **best_nats})
         return pd.DataFrame(rows)
 
     def text(self) -> str:
@@ -142,8 +142,8 @@ class Discrimination(Facts):
             cells = f"{recorded['cells']} cell{'s' if recorded['cells'] > 1 else ''}"
             parts.append(f"recorded: spikes of {cells} of {recorded['nucleus']}, {window}")
         if self.same:
-            said = ", ".join(f"N = {n}" for n in self.same)
-            parts.append(f"one rule with different thresholds at {said}")
+            numbers = ", ".join(f"N = {n}" for n in self.same)
+            parts.append(f"one rule with different thresholds at {numbers}")
         if self.settings["left_out"]:
             parts.append(f"left out of the space: {', '.join(self.settings['left_out'])}")
         if self.settings["refused"]:
@@ -167,8 +167,8 @@ class Discrimination(Facts):
             If a model is a test, if no edits turn one circuit into the other, or if cells are
             recorded, which an experiment does not do.
         """
-        given = self.settings["recording"]
-        require(not given, "recording", UNRECORDED, given)
+        recording = self.settings["recording"]
+        require(not recording, "recording", UNRECORDED, recording)
         median = float(self.sequential["median"].max())
         return planned(
             self.models, self.check, self.space, median, self.sentence(),

@@ -40,7 +40,7 @@ from bgmodel.experiments.record import (
     uncalibrated,
     unchanged,
 )
-from bgmodel.integrators.criterion import gain_of
+from bgmodel.integrators.criterion import acts_as, gain_of
 from circuits.anatomy import load_circuit
 
 VERDICTS = {
@@ -427,7 +427,18 @@ def _edits(experiment: ExperimentRecord) -> list[str]:
     conditions = {"control": experiment.control, "manipulation": experiment.manipulation}
     edits = {name: condition.edits.text() for name, condition in conditions.items()}
     notes = dict.fromkeys(note for one in conditions.values() for note in one.edits.notes())
-    return [*(f"{name}: {text}" for name, text in edits.items() if text), *notes]
+    return [
+        *(f"{name}: {text}" for name, text in edits.items() if text),
+        *(f"the manipulation {text}" for text in [shift_of(experiment)] if text),
+        *notes,
+    ]
+
+
+def shift_of(experiment: ExperimentRecord) -> str:
+    """Return the criterion that the manipulation amounts to; empty if it is no such change."""
+    channels = _channels(experiment)
+    control, manipulation = (one.table(channels) for one in experiment.conditions)
+    return acts_as(manipulation, control)
 
 
 def _cell(measure: str, value: float, low: float, high: float) -> str:

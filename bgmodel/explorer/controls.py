@@ -1,4 +1,4 @@
-"""The explorer's controls: widgets that change the state, and show it."""
+"""The explorer's settings: widgets that show the state and change it."""
 
 from __future__ import annotations
 
@@ -6,197 +6,180 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import pandas as pd
 import panel as pn
 
 from bgmodel.bootstrap import FEWEST_TRIALS
 from bgmodel.experiments.experiment import shipped_names
 from bgmodel.explorer import rows
 from bgmodel.explorer.state import MOST_TRIALS, State, opened
-from bgmodel.explorer.style import TABLE
 from circuits.anatomy import CIRCUITS
 
 Change = Callable[[Callable[[State], State], Any], None]
-"""Applies a change to the state that is shown; a refusal is shown by the widget."""
+"""Changes the state; the second argument is the widget below which an error is shown."""
+Read = Callable[[State], Any]
+"""Returns what a widget shows of a state."""
+Write = Callable[[State, Any], State]
+"""Returns the state after a new value of a widget."""
 CHOOSE = "(choose)"
-NUMBERS: dict[str, tuple[str, str, type, float]] = {
-    "d_prime": ("Discriminability d′ per reading", "task", float, 0.05),
-    "channels": ("Alternatives N", "task", int, 1),
-    "conflict": ("Conflict (0 none, below 1)", "task", float, 0.1),
-    "t_max": ("Readings until the deadline", "task", int, 10),
-    "step_ms": ("Time between readings (ms)", "task", float, 10),
-    "trials": (f"Trials ({FEWEST_TRIALS} to {MOST_TRIALS})", "task", int, 100),
-    "seed": ("Seed", "run", int, 1),
-    "posterior": ("Stopping posterior", "run", float, 0.01),
-    "threshold": ("Or threshold on OUT", "run", float, 0.05),
-    "gain": ("Gain (empty: the circuit's)", "run", float, 0.05),
-    "trial": ("Trial shown in spikes", "trial", int, 1),
+NUMBERS: dict[str, tuple[str, type, float]] = {
+    "d_prime": ("Discriminability d′ per reading", float, 0.05),
+    "channels": ("Alternatives N", int, 1),
+    "conflict": ("Conflict (0 none, below 1)", float, 0.1),
+    "t_max": ("Readings until the deadline", int, 10),
+    "step_ms": ("Time between readings (ms)", float, 10),
+    "trials": (f"Trials ({FEWEST_TRIALS} to {MOST_TRIALS})", int, 100),
+    "seed": ("Seed", int, 1),
+    "posterior": ("Stopping posterior", float, 0.01),
+    "threshold": ("Or threshold on OUT", float, 0.05),
+    "gain": ("Gain (empty: the circuit's)", float, 0.05),
+    "trial": ("Trial shown in spikes", int, 1),
+    "stop.share": ("Share of stop trials", float, 0.05),
+    "stop.delay_ms": ("Delay to the nucleus (ms)", float, 10),
 }
-"""Numbers of the state: label, group, type and step."""
-STOP = {"share": "Share of stop trials", "delay_ms": "Delay to the nucleus (ms)"}
+"""Settings that are numbers: label, type and step."""
+OF_DRAWN = ("d_prime", "channels", "conflict", "t_max", "trials")
+"""Settings without an effect on an evidence table."""
+OF_TASK = (*OF_DRAWN[:4], "step_ms", "trials", "seed", "posterior", "threshold", "gain", "evidence")
+OF_STOP = ("stop", "stop.share", "stop.delay_ms")
+QUICK = {
+    "lesion": ("Lesion: cells lost (%)", 5.0),
+    "cut": ("Cut: axons lost (%)", 5.0),
+    "scale": ("Scale: weight times", 0.1),
+}
+"""Edits of the chosen row by a number: label and step."""
+OF_ROW = (*QUICK, "value")
+HINT = "Edits add up. Together they are the manipulation, which is compared with the control."
+CONFLICT = (
+    "Conflict: the evidence also supports one wrong alternative, by this fraction of its support "
+    "for the true one."
+)
+WIDE: dict[str, Any] = {"sizing_mode": "stretch_width"}
+TABLE: dict[str, Any] = {
+    "index": False,
+    "text_align": "start",
+    "stylesheets": [".panel-df th { text-align: start; }"],
+    **WIDE,
+}
 
 
 class Controls:
-    """Widgets of the task and of the circuit."""
+    """The widgets of the settings, by name, and the cards that contain them."""
 
     def __init__(self, change: Change) -> None:
         self._change, self._showing = change, False
-        self.open = self._opening()
-        self.numbers = {name: self._number(name) for name in NUMBERS}
-        self.evidence = pn.widgets.TextInput(
-            name="Evidence table instead (.csv, .parquet)", placeholder="path, then Enter"
-        )
-        self._on(
-            self.evidence, lambda text: lambda s: s.with_setting("evidence", text.strip() or None)
-        )
-        self._circuit_widgets()
-        self._stop_widgets()
+        self.widgets: dict[str, Any] = {}
+        self._reads: dict[str, Read] = {}
+        for name, (label, kind, step) in NUMBERS.items():
+            number = pn.widgets.IntInput if kind is int else pn.widgets.FloatInput
+            self._setting(name, number(name=label, step=kind(step), value=None, **WIDE))
+        self._setting("evidence", _text("Evidence table instead (.csv, .parquet)"))
+        options = {"in no trial": False, "in some trials": True}
+        self._setting("stop", pn.widgets.Select(name="Stop signals", options=options, **WIDE))
+        self._open()
+        self._edits()
+        self._row()
+        w = self.widgets
+        self.cards = [
+            _card("Open", w["preset"], w["file"]),
+            _card(
+                "Edits of the circuit", pn.pane.HTML(HINT), self.edits, w["line"], self.examples,
+                w["dopamine"], self.control,
+            ),
+            _card(
+                "A row of the circuit", self.row, *(w[name] for name in QUICK), self.field,
+                w["value"], self.about_row,
+            ),
+            _card("Task and decision", *(w[name] for name in OF_TASK), pn.pane.HTML(CONFLICT)),
+            _card("Stop signals", *(w[name] for name in OF_STOP), collapsed=True),
+        ]  # fmt: skip
 
     # ---- making widgets
 
-    def _on(self, widget: Any, made: Callable[[Any], Callable[[State], State]]) -> None:
-        """Change the state when a widget changes, but not when the state changes the widget."""
+    def _add(self, name: str, widget: Any, read: Read, write: Write) -> None:
+        """Add a widget: it changes the state, but not when it is set to show a state."""
 
         def changed(event: Any) -> None:
             if not self._showing:
-                self._change(made(event.new), widget)
+                self._change(lambda state: write(state, event.new), widget)
 
         widget.param.watch(changed, "value")
+        self.widgets[name], self._reads[name] = widget, read
 
-    def _number(self, name: str) -> Any:
-        label, _, kind, step = NUMBERS[name]
-        widget = (pn.widgets.IntInput if kind is int else pn.widgets.FloatInput)(
-            name=label, step=kind(step), value=None, sizing_mode="stretch_width"
-        )
-        self._on(widget, partial(_setting, name))
-        return widget
+    def _setting(self, name: str, widget: Any) -> None:
+        """Add the widget of a setting."""
+        read, write = lambda s: s.setting(name), lambda s, x: s.with_setting(name, x)
+        self._add(name, widget, read, write)
 
-    def _opening(self) -> Any:
-        groups = {
-            "": [CHOOSE],
-            "Circuits": [*CIRCUITS],
-            "Experiments": shipped_names(),
-        }
-        self.preset = pn.widgets.Select(name="Circuit or included experiment", groups=groups)
-        self.file = pn.widgets.TextInput(
-            name="Or a file of either (.toml), or a link", placeholder="path, then Enter"
-        )
-        for widget in (self.preset, self.file):
-            self._on(widget, lambda name: lambda s: s if name in ("", CHOOSE) else opened(name))
-        return pn.Column(self.preset, self.file, sizing_mode="stretch_width")
+    def _open(self) -> None:
+        groups = {"": [CHOOSE], "Circuits": [*CIRCUITS], "Experiments": shipped_names()}
+        label = "Circuit or included experiment"
+        preset = pn.widgets.Select(name=label, groups=groups, **WIDE)
+        self._add("preset", preset, lambda _: CHOOSE, _opened)
+        file = _text("Or a file of either (.toml), or a link")
+        self._add("file", file, lambda _: "", _opened)
 
-    def _circuit_widgets(self) -> None:
-        self.row = pn.widgets.Select(
-            name="Nucleus or pathway (or click it in the drawing)", groups={"": [""]}
-        )
+    def _edits(self) -> None:
+        line = _text("New edit (then Enter)", "lesion STN 10%")
+        self._add("line", line, lambda _: "", lambda s, x: s.edited(x) if x.strip() else s)
+        table = pd.DataFrame(rows.EXAMPLES.items(), columns=["Edit", "Effect"])
+        examples = pn.pane.DataFrame(table, **TABLE)
+        self.examples = _card("Examples of edits", examples, collapsed=True)
+        dopamine = pn.widgets.FloatInput(name="Dopamine level (1 is normal)", step=0.05, **WIDE)
+        self._add("dopamine", dopamine, rows.dopamine, rows.with_dopamine)
+        self.edits = pn.Column(**WIDE)
+        self.control = pn.widgets.Button(name="Use the edited circuit as the control")
+        self.control.on_click(lambda _: self._change(State.as_control, self.control))
+
+    def _row(self) -> None:
+        label = "Nucleus or pathway (or click it in the drawing)"
+        self.row = pn.widgets.Select(name=label, groups={"": [""]}, **WIDE)
         self.row.param.watch(lambda _: self._show_row(), "value")
-        self.about_row = pn.pane.HTML("", stylesheets=[TABLE])
-        self.quick = {
-            "lesion": pn.widgets.FloatInput(name="Lesion: cells lost (%)", step=5),
-            "cut": pn.widgets.FloatInput(name="Cut: axons lost (%)", step=5),
-            "scale": pn.widgets.FloatInput(name="Scale: weight times", step=0.1),
-        }
-        for verb, widget in self.quick.items():
-            self._on(widget, partial(self._amount, verb))
-        self.field = pn.widgets.Select(name="Set a field", options=[])
-        self.field.param.watch(lambda _: self._show_field(), "value")
-        self.value = pn.widgets.TextInput(name="to (then Enter)")
-        self._on(
-            self.value,
-            lambda text: lambda s: s.edited(f"set {self.row.value}.{self.field.value} {text}"),
-        )
-        self.dopamine = pn.widgets.FloatInput(name="Dopamine level (1 is normal)", step=0.05)
-        self._on(self.dopamine, lambda x: lambda s: rows.with_dopamine(s, x))
-        self.kind = pn.widgets.Select(
-            name="Examples of edits", options={CHOOSE: "", **rows.EXAMPLES}
-        )
-        self.line = pn.widgets.TextInput(name="New edit (then Enter)", placeholder="lesion STN 10%")
-        self.kind.param.watch(
-            lambda event: self.line.param.update(
-                value_input=event.new, placeholder=event.new or "lesion STN 10%"
-            ),
-            "value",
-        )
-        self._on(self.line, lambda text: lambda s: s.edited(text) if text.strip() else s)
-        self.line.param.watch(lambda _: self._take_example(), "enter_pressed")
-        self.source = pn.widgets.Select(name="From", options=[])
-        self.target = pn.widgets.Select(name="To", options=[])
-        self.weight = pn.widgets.FloatInput(
-            name="Weight (negative: inhibits)", value=-0.1, step=0.05
-        )
-        self.delay = pn.widgets.FloatInput(name="Delay (ms)", value=4.0, step=1, start=0)
-        self.add = pn.widgets.Button(name="Add pathway", button_type="primary")
-        self.add.on_click(lambda _: self._change(self._added, self.add))
+        self.about_row = pn.pane.DataFrame(None, **TABLE)
+        for verb, (label, step) in QUICK.items():
+            widget = pn.widgets.FloatInput(name=label, step=step, **WIDE)
+            self._add(verb, widget, partial(self._amount, verb), partial(self._with_amount, verb))
+        self.field = pn.widgets.Select(name="Set a field", options=[], **WIDE)
+        self.field.param.watch(lambda _: self._show_row(), "value")
+        self._add("value", _text("to (then Enter)"), self._field_value, self._with_field)
 
-    def _amount(self, verb: str, number: float) -> Callable[[State], State]:
-        """Return the change by a lesion, a cut or a scaling of the chosen row."""
-        return lambda state: rows.with_amount(state, verb, self.row.value, number)
+    # ---- what widgets of the chosen row read and write
 
-    def _added(self, state: State) -> State:
-        return state.edited(
-            rows.new_pathway(
-                self.source.value,
-                self.target.value,
-                self.weight.value or 0.0,
-                self.delay.value or 0.0,
-            )
-        )
+    def _amount(self, verb: str, state: State) -> float:
+        return rows.amount(state, verb, self.row.value)
 
-    def _take_example(self) -> None:
-        """Apply an example as it stands; browsers report a text only where it was typed in."""
-        if self.kind.value and self.line.value_input == self.kind.value:
-            text, self.kind.value = self.kind.value, ""
-            self.line.value = text
+    def _with_amount(self, verb: str, state: State, number: float | None) -> State:
+        return rows.with_amount(state, verb, self.row.value, number)
 
-    def _stop_widgets(self) -> None:
-        options = {"in no trial": False, "in a share of the trials": True}
-        self.stops = pn.widgets.Select(name="Stop signals", options=options)
-        self._on(self.stops, lambda on: lambda s: s.with_setting("stop", on or None))
-        self.stop = {
-            name: pn.widgets.FloatInput(name=label, step=0.05 if name == "share" else 10)
-            for name, label in STOP.items()
-        }
-        for name, widget in self.stop.items():
-            self._on(widget, partial(_setting, f"stop.{name}"))
+    def _field_value(self, state: State) -> str:
+        return rows.values(state.circuit.row(self.row.value)).get(self.field.value, "")
+
+    def _with_field(self, state: State, text: str) -> State:
+        return state.edited(f"set {self.row.value}.{self.field.value} {text}")
 
     # ---- showing a state
 
     def show(self, state: State) -> None:
         """Set every widget to a state, without changing it."""
-        self._showing, self._state = True, state
+        self._state, self._showing = state, True
         try:
-            self._show(state)
+            groups = rows.names(state)
+            if self.row.groups != groups:
+                known = [name for names in groups.values() for name in names]
+                kept = next(n for n in (self.row.value, "STN", known[0]) if n in known)
+                self.row.param.update(groups=groups, value=kept)
+            for name, read in self._reads.items():
+                if name not in OF_ROW:
+                    self.widgets[name].value = read(state)
+            for name in OF_DRAWN:
+                self.widgets[name].disabled = state.experiment.task.file is not None
+            for name in OF_STOP[1:]:
+                self.widgets[name].visible = state.experiment.stop is not None
+            self.control.disabled = state.alike
+            self.edits[:] = [self._remove(line) for line in state.edits]
         finally:
             self._showing = False
-
-    def _show(self, state: State) -> None:
-        task, experiment = state.experiment.task, state.experiment
-        for name, widget in self.numbers.items():
-            record = {"task": task, "run": experiment, "trial": state}[NUMBERS[name][1]]
-            widget.value = getattr(record, name)
-            drawn = NUMBERS[name][1] != "task" or name == "step_ms" or task.file is None
-            widget.disabled = not drawn
-        self.evidence.value = str(task.file or "")
-        self.preset.value, self.file.value, self.line.value = CHOOSE, "", ""
-        self.dopamine.value = rows.dopamine(state)
-        stop = experiment.stop
-        self.stops.value = stop is not None
-        for name, widget in self.stop.items():
-            widget.visible = stop is not None
-            widget.value = None if stop is None else getattr(stop, name)
-        groups = rows.names(state)
-        if self.row.groups != groups:
-            kept = self.row.value
-            self.row.param.update(groups=groups, value=self._row_in(groups, kept))
-            nuclei = groups["Nuclei"]
-            for widget in (self.source, self.target):
-                kept = widget.value if widget.value in nuclei else nuclei[0]
-                widget.param.update(options=nuclei, value=kept)
         self._show_row()
-
-    @staticmethod
-    def _row_in(groups: dict[str, list[str]], kept: str) -> str:
-        known = [name for names in groups.values() for name in names]
-        return kept if kept in known else "STN" if "STN" in known else known[0]
 
     def choose(self, name: str) -> None:
         """Choose a row of the circuit."""
@@ -204,33 +187,38 @@ class Controls:
             self.row.value = name
 
     def _show_row(self) -> None:
+        """Show the chosen row."""
+        if self._showing:
+            return
         state, name = self._state, self.row.value
-        was, self._showing = self._showing, True
+        self._showing = True
         try:
             self.about_row.object = rows.table(state, name)
-            for verb, widget in self.quick.items():
-                widget.visible = (verb == "lesion") != ("->" in name)
-                if widget.visible:
-                    widget.value = rows.amount(state, verb, name)
             fields = list(rows.values(state.circuit.row(name)))
             if self.field.options != fields:
-                self.field.param.update(options=fields, value=_usual(fields))
-            self._show_field()
+                usual = next(one for one in ("weight", "bias_nats", *fields) if one in fields)
+                self.field.param.update(options=fields, value=usual)
+            for of_row in OF_ROW:
+                self.widgets[of_row].value = self._reads[of_row](state)
+            for verb in QUICK:
+                self.widgets[verb].visible = (verb == "lesion") != ("->" in name)
         finally:
-            self._showing = was
+            self._showing = False
 
-    def _show_field(self) -> None:
-        was, self._showing = self._showing, True
-        row = rows.values(self._state.circuit.row(self.row.value))
-        self.value.value = row.get(self.field.value, "")
-        self._showing = was
-
-
-def _setting(name: str, value: Any) -> Callable[[State], State]:
-    """Return the change of a setting."""
-    return lambda state: state.with_setting(name, value)
+    def _remove(self, line: str) -> Any:
+        """Return a button that removes an edit."""
+        button = pn.widgets.Button(name=f"Remove {line}", **WIDE)
+        button.on_click(lambda _: self._change(lambda state: state.without(line), button))
+        return button
 
 
-def _usual(fields: list[str]) -> str:
-    """Return the field that is set most often: the weight of a pathway, the bias of a nucleus."""
-    return next(name for name in ("weight", "bias_nats", *fields) if name in fields)
+def _opened(state: State, name: str) -> State:
+    return state if name in ("", CHOOSE) else opened(name)
+
+
+def _text(label: str, placeholder: str = "path, then Enter") -> Any:
+    return pn.widgets.TextInput(name=label, placeholder=placeholder, **WIDE)
+
+
+def _card(title: str, *widgets: Any, collapsed: bool = False) -> Any:
+    return pn.Card(*widgets, title=title, collapsed=collapsed, **WIDE)

@@ -1,4 +1,4 @@
-"""The explorer's figures, narrow enough for a phone; they are saved in the size of the screen."""
+"""The explorer's figures as SVG, narrow enough for a phone; a saved one is the one on the page."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-# Imported before threads draw: it reads its styles under filters of warnings that are those of all
-# threads, and would take a warning of another one.
+# Imported before threads draw: its import changes the warning filters of all threads for a moment,
+# which could swallow a warning of another thread.
 import matplotlib.style  # noqa: F401
 import numpy as np
 import pandas as pd
@@ -27,29 +27,26 @@ if TYPE_CHECKING:
     from circuits.declaration.courses import Course
 
 WIDE, OF_CIRCUIT = 4.0, 4.6
-"""Width of figures, and of the drawing of the circuit, inches: they fill a phone's screen."""
+"""Width of figures, and of the drawing of the circuit, inches."""
 LEFT, RIGHT = 0.15, 0.97
 """Edges of the axes, as fractions of the width."""
 LANE = 0.84
-"""Height of a nucleus in the drawing of a trial, of the distance between nuclei."""
+"""Height of a nucleus in the drawing of a trial, as a fraction of the distance between nuclei."""
 OF_OUT, OF_AXIS = 1.9, 0.55
 """Heights of OUT in that drawing, and of the title and the axis of its other rows, inches."""
-POOLED = -1
-"""The channel of a nucleus that all alternatives share."""
 FEW = 3
-"""Most alternatives with their whole name in a legend."""
+"""Largest number of alternatives with full names in a legend."""
 SMOOTH_MS = 15.0
 """Standard deviation of the kernel that smooths rates, ms."""
-CONTROL: Look = {"color": "k"}
-"""Look of the control."""
-EDITED: Look = {"color": PALETTE[0]}
-"""Colour of the manipulation in figures that use a single one for it."""
+POINTS: dict[str, Look] = {
+    "Control": {"color": "k", "marker": "o", "mfc": "w"},
+    "Manipulation": {"color": PALETTE[0], "marker": "s"},
+}
+"""Markers of both conditions."""
 WINDOW: Look = {"color": GREY, "alpha": 0.25, "lw": 0, "zorder": 0}
-"""Look of the time in which a course acts."""
-MOST_TIMES = 10
-"""Largest range of decision times, in ranges of the control, that its bins cover."""
+"""Shading of the time in which a course acts."""
 TEXT: Any = {"text.parse_math": False, **STYLE, **EDITABLE}
-"""Style, with names of files and nuclei taken as text, not as mathematics."""
+"""Style in which names of files and nuclei are text, not mathematics."""
 
 
 def svg(figure: Figure) -> str:
@@ -77,11 +74,11 @@ def times(trials: pd.DataFrame, *, edited: bool) -> str:
     with mpl.rc_context(TEXT):
         figure, decided = _figure(2.7), trials[~trials["undecided"] & trials["correct"].notna()]
         ax = figure.add_axes((LEFT, 0.17, RIGHT - LEFT, 0.66))
-        edges = _edges(decided)
-        for name in ("manipulation", "control"):
+        rt_ms = 1000 * decided["rt"].to_numpy() if len(decided) else np.array([0.0, 1000.0])
+        edges = np.linspace(rt_ms.min(), np.quantile(rt_ms, 0.995) + 1, BINS + 1)
+        for name in ("manipulation", "control") if edited else ("control",):
             rows = decided[decided["condition"] == name]
-            if name == "control" or edited:
-                _both_sides(ax, rows, edges, filled=name == "manipulation" or not edited)
+            _both_sides(ax, rows, edges, filled=name == "manipulation" or not edited)
         ax.axhline(0, color="k", lw=0.8)
         ax.set(xlabel=FROM_ONSET.replace("Time", "Decision time"), ylabel="Trials")
         ax.set_xlim(edges[0], edges[-1])
@@ -92,34 +89,25 @@ def times(trials: pd.DataFrame, *, edited: bool) -> str:
         return svg(figure)
 
 
-def _edges(decided: pd.DataFrame) -> Array:
-    """Return edges of bins, ms: the control's, continued to the times of the manipulation."""
-    control = decided.loc[decided["condition"] == "control", "rt"]
-    if not len(control):
-        return 1000 * np.linspace(0, 1, BINS + 1)
-    by = decided.groupby("condition")["rt"]
-    first, start, end = float(control.min()), by.min().min(), by.quantile(0.995).max()
-    width = max(float(control.quantile(0.995)) - first, (end - start) / MOST_TIMES, 1e-3) / BINS
-    low, high = np.floor((start - first) / width), np.ceil((end - first) / width)
-    return np.asarray(1000 * (first + width * np.arange(low, high + 1)))
-
-
 def _both_sides(ax: Axes, rows: pd.DataFrame, edges: Array, *, filled: bool) -> None:
     """Draw the histogram of correct responses above the axis, and that of errors below."""
     for correct, side in ((True, 1), (False, -1)):
-        some = 1000 * rows.loc[(rows["correct"] == 1) == correct, "rt"].to_numpy()
-        counts = side * np.histogram(some, edges)[0]
-        what = f"{'correct' if correct else 'errors'} (n = {len(some)})"
+        rt_ms = 1000 * rows.loc[(rows["correct"] == 1) == correct, "rt"].to_numpy()
+        counts = side * np.histogram(rt_ms, edges)[0]
+        label = f"{'correct' if correct else 'errors'} (n = {len(rt_ms)})"
         if filled:
             colour = CORRECT if correct else ERROR
-            ax.stairs(counts, edges, fill=True, color=colour, label=what.capitalize())
+            ax.stairs(counts, edges, fill=True, color=colour, label=label.capitalize())
         else:
             style = "-" if correct else "--"
-            ax.stairs(counts, edges, color="k", lw=1.1, ls=style, label=f"Control, {what}")
+            ax.stairs(counts, edges, color="k", lw=1.1, ls=style, label=f"Control, {label}")
 
 
 def tradeoff(points: Mapping[str, pd.DataFrame], test: pd.DataFrame, chance: float) -> str:
-    """Draw accuracy against mean time with the curve of the MSPRT on the same evidence, as SVG."""
+    """Draw accuracy against mean time with the curve of the MSPRT on the same evidence, as SVG.
+
+    Points have rows ``mean_ms`` and ``accuracy``, and columns value, low and high.
+    """
     import matplotlib as mpl
 
     with mpl.rc_context(TEXT):
@@ -127,24 +115,18 @@ def tradeoff(points: Mapping[str, pd.DataFrame], test: pd.DataFrame, chance: flo
         ax = figure.add_axes((LEFT, 0.17, RIGHT - LEFT, 0.68))
         ax.axhline(chance, color=GREY, lw=0.8, ls=":", label="Chance")
         ax.plot(test["mean_ms"], test["accuracy"], color=GREY, lw=1.6, label="Optimal test (MSPRT)")
-        shapes: dict[str, Look] = {
-            "Control": {"marker": "o", "mfc": "w"},
-            "Manipulation": {"marker": "s"},
-        }
-        for name, rows in points.items():
-            x, y = (rows.loc[of].to_numpy(dtype=float) for of in ("mean_ms", "accuracy"))
+        ends = np.array([rows.loc[["mean_ms", "accuracy"]] for rows in points.values()], np.float64)
+        for (name, style), (x, y) in zip(POINTS.items(), ends, strict=False):
             bars = [np.nan_to_num([[v - low], [high - v]]) for v, low, high in (x, y)]
-            style = {**(EDITED if name == "Manipulation" else CONTROL), **shapes[name]}
             ax.errorbar(
                 x[0], y[0], bars[1], bars[0],
                 ls="", ms=6, capsize=2, elinewidth=1.0, label=name, zorder=4, **style,
             )  # fmt: skip
-        most = max((rows["high"].to_dict()["mean_ms"] for rows in points.values()), default=0.0)
-        if np.isfinite(most) and most > 0:
-            ax.set_xlim(0, 1.6 * most)
+        latest = ends[:, 0, 2].max()
+        if np.isfinite(latest) and latest > 0:
+            ax.set_xlim(0, 1.6 * latest)
         ax.set(xlabel="Mean decision time (ms)", ylabel="Proportion correct")
-        lowest = min(rows.loc["accuracy"].to_numpy(dtype=float)[1] for rows in points.values())
-        ax.set_ylim(float(np.nanmin([chance, lowest])) - 0.08, 1.02)
+        ax.set_ylim(float(np.nanmin([chance, ends[:, 1, 1].min()])) - 0.08, 1.02)
         _legend(ax, 4)
         return svg(figure)
 
@@ -163,32 +145,29 @@ def trial(trials: Mapping[str, Shown]) -> str:
         _out(ax, order[0][1])
         ax.set_xlim(*ends)
         rates = [_smoothed(one) for _, one in order]
+        wide = (RIGHT - LEFT - 0.11) / 2
         for (name, one), smooth in zip(order, rates, strict=True):
             tall = lane * len(one.rates_hz)
             bottom -= OF_AXIS + tall
-            both = _pair(figure, (bottom + 0.42) / high, tall / high)
+            # All nuclei share two axes: two for each would be slow to draw.
+            both = [
+                figure.add_axes((left, (bottom + 0.42) / high, wide, tall / high))
+                for left in (LEFT, RIGHT - wide)
+            ]
             _spikes(both[0], one)
             _rates(both[1], one, smooth, rates)
-            for ax, what in zip(both, ("Spikes", "Rate (Hz)"), strict=True):
-                ax.set_title(f"{name}: {what[0].lower()}{what[1:]}" if len(order) > 1 else what)
+            for ax, title in zip(both, ("Spikes", "Rate (Hz)"), strict=True):
+                ax.set_title(f"{name}: {title[0].lower()}{title[1:]}" if len(order) > 1 else title)
                 ax.set(xlim=ends, ylim=(len(one.rates_hz) - 1 + LANE, -0.02))
+                ax.locator_params(axis="x", nbins=4)
                 _events(ax, one)
         for ax in both:
             ax.set_xlabel("Time (ms)")
         return svg(figure)
 
 
-def _pair(figure: Figure, bottom: float, high: float) -> list[Axes]:
-    """Return two axes side by side, shared by all nuclei: two for each would be slow to draw."""
-    wide = (RIGHT - LEFT - 0.11) / 2
-    both = [figure.add_axes((left, bottom, wide, high)) for left in (LEFT, RIGHT - wide)]
-    for ax in both:
-        ax.locator_params(axis="x", nbins=4)
-    return both
-
-
 def _events(ax: Axes, shown: Shown) -> None:
-    """Mark the decision, and each course in the lane of its nucleus; of dopamine, in all."""
+    """Mark the decision, and each course in the lane of its nucleus; of dopamine, in all lanes."""
     if np.isfinite(shown.decided_ms):
         ax.axvline(shown.decided_ms, color="k", lw=0.9)
     for row in shown.courses:
@@ -240,73 +219,52 @@ def _out(ax: Axes, shown: Shown) -> None:
 
 
 def _spikes(ax: Axes, shown: Shown) -> None:
-    """Draw the spikes of every nucleus, a lane for each, with the cells of channel 0 on top."""
+    """Draw the spikes of every nucleus, one lane each, with the cells of channel 0 on top."""
+    labels: dict[float, str] = {}
+    for lane, (name, rates) in enumerate(shown.rates_hz.items()):
+        channels, spikes = rates.shape[1], shown.spikes.get(name)
+        if spikes is None:
+            labels[lane + LANE / 2] = "rates, no spikes"
+        if name in shown.lost:
+            labels[lane + LANE / 2] = shown.lost[name]
+        cells = max(2, ROWS // channels)
+        for channel in range(channels):
+            if spikes is None:
+                continue
+            rows = spikes[(spikes["channel"] == channel) & (spikes["neuron"] < cells)]
+            y = lane + LANE * (channel * cells + rows["neuron"] + 0.5) / (channels * cells)
+            dots: Look = {**_look(channel, channels), "marker": "s", "ms": 1.1, "mew": 0, "ls": ""}
+            ax.plot(rows["time_ms"], y, rasterized=True, **dots)
     names = list(shown.rates_hz)
-    for style, lanes in _by_look(shown):
-        parts = [_dots(shown, *lane) for lane in lanes if names[lane[0]] in shown.spikes]
-        if parts:
-            dots: Look = {**style, "marker": "s", "ms": 1.1, "mew": 0, "ls": ""}
-            ax.plot(*np.concatenate(parts, axis=1), rasterized=True, **dots)
-    empty = {name: "rates, no spikes" for name in names if name not in shown.spikes} | dict(
-        shown.lost
-    )
-    said = {names.index(name) + LANE / 2: text for name, text in empty.items()}
     if shown.premature:
-        said = {len(names) / 2: WITHOUT_EVIDENCE.replace(" ", "\n")}
-    for y, text in said.items():
+        labels = {len(names) / 2: WITHOUT_EVIDENCE.replace(" ", "\n")}
+    for y, text in labels.items():
         ax.text(0.5, y, text, transform=ax.get_yaxis_transform(), ha="center", color=GREY,
                 bbox={"fc": "w", "ec": "none", "pad": 1})  # fmt: skip
     ax.set_yticks(np.arange(len(names)) + LANE / 2, names)
     ax.tick_params(axis="y", length=0)
 
 
-def _dots(shown: Shown, lane: int, channel: int) -> Array:
-    """Return times and heights (2, spikes) of the spikes of a channel of a nucleus."""
-    name = list(shown.rates_hz)[lane]
-    channels = shown.rates_hz[name].shape[1]
-    cells = max(2, ROWS // channels)
-    spikes = shown.spikes[name]
-    rows = spikes[(spikes["channel"] == channel) & (spikes["neuron"] < cells)]
-    high = lane + LANE * (channel * cells + rows["neuron"] + 0.5) / (channels * cells)
-    return np.array([rows["time_ms"], high], np.float64)
-
-
 def _rates(
     ax: Axes, shown: Shown, rates: Mapping[str, Array], every: Sequence[Mapping[str, Array]]
 ) -> None:
-    """Draw the rates of every nucleus, a lane for each, from 0 to the highest in any condition."""
-    smooth, nothing = [*rates.values()], np.zeros(1)
-    tops = [
-        max(1e-3, *(float(np.nanmax(one.get(name, nothing), initial=0.0)) for one in every))
-        for name in rates
-    ]
-    for style, lanes in _by_look(shown):
-        # NaN separates the lines of the nuclei.
-        x = np.tile(np.append(shown.time_ms, np.nan), len(lanes))
-        y = [np.append(k + LANE * (1 - smooth[k][:, c] / tops[k]), np.nan) for k, c in lanes]
-        ax.plot(x, np.concatenate(y), **style)
-    ticks = np.array([(0.0, _round(top)) for top in tops])
-    bottom = LANE + np.arange(len(tops))[:, None]
-    ax.set_yticks((bottom - LANE * ticks / np.array(tops)[:, None]).ravel())
-    ax.set_yticklabels([f"{tick:g}" for tick in ticks.ravel()], fontsize=6.0)
-    ax.hlines(bottom[:-1], 0, 1, transform=ax.get_yaxis_transform(), color=GREY, lw=0.6)
+    """Draw the rates of every nucleus, one lane each, from 0 to the highest in any condition."""
+    ticks: dict[float, float] = {}
+    for lane, (name, hz) in enumerate(rates.items()):
+        highest = [np.nanmax(one[name], initial=0.0) for one in every if name in one]
+        top, bottom = max(1e-3, *map(float, highest)), lane + LANE
+        for channel in range(hz.shape[1]):
+            y = bottom - LANE * hz[:, channel] / top
+            ax.plot(shown.time_ms, y, **_look(channel, hz.shape[1]))
+        step = 10.0 ** np.floor(np.log10(top))  # a tick at the leading digit
+        ticks |= {bottom: 0.0, bottom - LANE * step * (top // step) / top: step * (top // step)}
+        ax.axhline(bottom, color=GREY, lw=0.6)
+    ax.set_yticks([*ticks], [f"{tick:g}" for tick in ticks.values()], fontsize=6.0)
 
 
-def _by_look(shown: Shown) -> list[tuple[Look, list[tuple[int, int]]]]:
-    """Return each colour and line style with its lanes and channels; pooled nuclei are grey."""
-    found: dict[int, list[tuple[int, int]]] = {}
-    for lane, rates in enumerate(shown.rates_hz.values()):
-        channels = rates.shape[1]
-        for channel in range(channels):
-            found.setdefault(channel if channels > 1 else POOLED, []).append((lane, channel))
-    grey: Look = {"color": GREY}
-    return [(grey if kind == POOLED else look(kind), lanes) for kind, lanes in found.items()]
-
-
-def _round(top: float) -> float:
-    """Return the largest of 1, 2 or 5 times a power of ten that is at most a value."""
-    power = 10.0 ** np.floor(np.log10(top))
-    return float(power * max(step for step in (1, 2, 5) if step * power <= top))
+def _look(channel: int, channels: int) -> Look:
+    """Return the look of a channel; nuclei that all alternatives share are grey."""
+    return look(channel) if channels > 1 else {"color": GREY}
 
 
 def _legend(ax: Axes, columns: int) -> None:
@@ -320,7 +278,7 @@ def _legend(ax: Axes, columns: int) -> None:
 def circuit(edited: Circuit, control: Circuit) -> str:
     """Draw the edited circuit as SVG; rows that differ from the control have a star.
 
-    Rows are groups whose ``id`` is the row's name, so that a page can tell which was chosen.
+    The ``id`` of a group is the name of its row, by which the page identifies a click.
     """
     import matplotlib as mpl
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import platformdirs
 
@@ -13,33 +13,30 @@ from bgmodel.explorer.state import State, of_circuit, opened
 from circuits.circuit import Circuit
 from circuits.errors import InputError
 
-if TYPE_CHECKING:
-    from bgmodel.explorer.page import Explorer
-
 NEEDS = 'the explorer needs Panel: pip install "bgmodel[explore]"'
 
 
 def explore(what: Circuit | Experiment | str | Path = "") -> Any:
     """Return the interactive explorer, which a notebook shows.
 
-    ``bgmodel explore`` shows the same in the browser.
+    ``bgmodel explore`` shows the same page in the browser.
 
     Parameters
     ----------
     what : Circuit, Experiment, str or path
-        A circuit or an experiment: the record, its name, its .toml file, or a link from the
+        A circuit or an experiment: the object, its name, its .toml file, or a link from the
         explorer; by default the macaque circuit. A circuit that is not in a file is written to the
         user's cache folder, so that the experiment's file can name it.
 
     Returns
     -------
     panel.viewable.Viewable
-        The layout; its attribute ``explorer`` has the ``state`` that is shown.
+        The page; its attribute ``explorer`` has the current ``state``.
 
     Raises
     ------
     ValueError
-        For an unknown name, or one that is refused.
+        For an unknown name or an invalid circuit or experiment.
     ImportError
         Without Panel: ``pip install "bgmodel[explore]"``.
     """
@@ -50,15 +47,15 @@ def explore(what: Circuit | Experiment | str | Path = "") -> Any:
     from bgmodel.explorer.page import Explorer
 
     state = state_of(what)
-    pn.extension(inline=True)  # scripts from the package: there may be no network
-    found: Explorer = Explorer(state, later=lambda call: pn.state.execute(call))
-    layout = found.layout()
-    layout.explorer = found
+    pn.extension(inline=True)  # scripts from the package, since there may be no network
+    explorer: Any = Explorer(state, later=lambda call: pn.state.execute(call))
+    layout = explorer.layout()
+    layout.explorer = explorer
     return layout
 
 
 def state_of(what: Circuit | Experiment | str | Path) -> State:
-    """Return the state of a circuit, of an experiment, or of what is opened by a name."""
+    """Return the state of a circuit or an experiment, given as an object, by name, file or link."""
     if isinstance(what, Experiment):
         return State(what)
     if isinstance(what, Circuit):
@@ -70,7 +67,7 @@ def state_of(what: Circuit | Experiment | str | Path) -> State:
 
 
 def _written(circuit: Circuit) -> Path:
-    """Write a circuit to the cache folder, in a folder for its hash, and return the path."""
+    """Write a circuit to the cache folder, in a folder named by its hash, and return the path."""
     from circuits.declaration.table_files import digest, write
 
     folder = platformdirs.user_cache_path("bgmodel") / "explored" / digest(circuit)[:16]

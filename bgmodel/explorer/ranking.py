@@ -1,4 +1,4 @@
-"""Which loss slows decisions: every nucleus and pathway in turn, ranked."""
+"""Ranking of losses: which nucleus or pathway slows decisions most when a part of it is lost."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ import pandas as pd
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.experiments.kept import Kept
 from bgmodel.experiments.outcomes import measured
-from bgmodel.explorer.html import RANKING, Panel, table_of, two_lines
+from bgmodel.explorer.panels import Panel
 from bgmodel.explorer.state import State
 from bgmodel.tables.named import NamedEvidence
 from circuits.declaration.edits import Edits
 from circuits.errors import quiet
 
+RANKING = "ranking"
+"""Name of the panel, which is computed on request."""
 LOSS = "10%"
 """Share of the cells of a nucleus, or of the axons of a pathway, that is lost."""
 TRIALS = 500
-"""Largest number of trials of a row; evidence from a table is used whole."""
+"""Largest number of trials per loss, except for evidence from a table."""
 SHOWN = {"mean_ms": "Time (ms)", "accuracy": "Accuracy", "missed": "Missed"}
 """Measures whose changes are listed, and their headings."""
 
@@ -33,61 +35,53 @@ def losses(state: State) -> list[str]:
 
 def ranked(state: State, *, workers: int = 2) -> Iterator[Panel]:
     """Run each loss in addition to the edits of a state, and yield the ranking after each."""
-    control, lines = _few(state.as_control()).experiment, losses(state)
-    given, kept = control.given(), Kept(most=len(lines) + 1)
-    found: list[tuple[float, str, list[str]]] = []
+    task = state.experiment.task
+    many = task.file is None and task.trials > TRIALS
+    control = (state.with_setting("trials", TRIALS) if many else state).as_control().experiment
+    lines = losses(state)
+    evidence, kept = control.given(), Kept(most=len(lines) + 1)
+    changes: list[tuple[float, str, list[str]]] = []
     refused: list[str] = []
     for count, line in enumerate(lines, 1):
         try:
-            found.append(_change(control, line, given, kept, workers))
+            changes.append(_change(control, line, evidence, kept, workers))
         except ValueError as error:
             refused.append(str(error))
-        said = _said(control, refused) if count == len(lines) else f"{count} of {len(lines)}…"
-        if found:
-            yield Panel(RANKING, state.key, state.digest, said, html=_table(found))
-    if not found:
+        text = _method(control, refused) if count == len(lines) else f"{count} of {len(lines)}…"
+        if changes:
+            yield Panel(RANKING, state.key, state.digest, text, tables=(_table(changes),))
+    if not changes:
         yield Panel(RANKING, state.key, state.digest, refused[0], refused=True)
 
 
-def _few(state: State) -> State:
-    """Return a state with few trials."""
-    task = state.experiment.task
-    if task.file is not None or task.trials <= TRIALS:
-        return state
-    return state.with_setting("trials", TRIALS)
-
-
 def _change(
-    control: Experiment, line: str, given: NamedEvidence, kept: Kept, workers: int
+    control: Experiment, line: str, evidence: NamedEvidence, kept: Kept, workers: int
 ) -> tuple[float, str, list[str]]:
-    """Return the change of the mean time by a loss, its edit, and the changes as HTML."""
+    """Return the change of the mean time by a loss, its edit, and all changes as text."""
     edits = Edits([*control.manipulation.edits, line])
     experiment = replace(control, manipulation=replace(control.manipulation, edits=edits))
     with quiet():
-        outcome = experiment.run(workers=workers, given=given, kept=kept)
+        outcome = experiment.run(workers=workers, given=evidence, kept=kept)
     cells = dict(measured(outcome.measures, every=True))
     table: pd.DataFrame = outcome.measures
     (by,) = table.loc[(table["condition"] == "change") & (table["measure"] == "mean_ms"), "value"]
-    return float(by), line, [two_lines(cells[name][-1]) for name in SHOWN]
+    return float(by), line, [cells[name][-1] for name in SHOWN]
 
 
-def _table(found: list[tuple[float, str, list[str]]]) -> str:
-    """Return the ranking as HTML, the loss that slows decisions most first."""
-    rows = [(line, line, cells) for _, line, cells in sorted(found, key=_place)]
-    return table_of(("Additional loss", *(f"{name}, change" for name in SHOWN.values())), rows)
+def _table(changes: list[tuple[float, str, list[str]]]) -> pd.DataFrame:
+    """Return the ranking, the loss that slows decisions most first and unknown changes last."""
+    order = sorted(changes, key=lambda row: (row[0] != row[0], -row[0]))
+    columns = ["Additional loss", *(f"{name}, change" for name in SHOWN.values())]
+    return pd.DataFrame([(line, *cells) for _, line, cells in order], columns=columns)
 
 
-def _place(row: tuple[float, str, list[str]]) -> tuple[bool, float]:
-    """Return the key of a row: changes that are unknown come last."""
-    return row[0] != row[0], -row[0]
-
-
-def _said(control: Experiment, refused: list[str]) -> str:
+def _method(control: Experiment, refused: list[str]) -> str:
     """Return how the ranking was made, in words."""
-    out = f" Left out: {'; '.join(refused)}." if refused else ""
+    skipped = f" Skipped: {'; '.join(refused)}." if refused else ""
     return (
-        f"Each loss alone, in addition to the edits: {control.trials} trials on the "
-        "same evidence with the same noise. Times and accuracy are those of decided trials: where "
-        "more are missed, decisions are later still. Intervals of 95 % are for each row alone; of "
-        f"twenty losses without an effect, about one interval excludes 0.{out}"
+        f"Each loss alone, in addition to the edits: {control.trials} trials on the same evidence "
+        "with the same noise. Times and accuracy include decided trials only; if more trials are "
+        "missed, decisions are slower than the times suggest. Intervals of 95 % are not corrected "
+        "for the number of losses: of twenty losses without an effect, about one interval excludes "
+        f"0.{skipped}"
     )

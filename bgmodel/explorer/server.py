@@ -1,42 +1,35 @@
-"""The explorer's server: this machine only, and only with the token of its address."""
+"""The explorer's server: for this machine only, and only with the secret of its address."""
 
 from __future__ import annotations
 
 import hmac
-import threading
-from contextlib import suppress
+import secrets
+import socket
 from typing import Any
 
 import panel as pn
-from bokeh.events import ConnectionLost
-from bokeh.models import CustomJS
 from bokeh.server.auth_provider import AuthProvider
 from tornado.web import HTTPError
 
 from bgmodel.explorer.page import Explorer
-from bgmodel.explorer.panels import Memory
 from bgmodel.explorer.state import QUERY, State
-from bgmodel.support.entry import HOST, TOKEN, Entry
-from circuits.errors import quiet
+from circuits.errors import InputError, quiet, require
 
+HOST = "127.0.0.1"
+TOKEN = "token"
+"""Name of the part of an address that contains the secret."""
 CHECK_MS, UNUSED_MS = 5_000, 60_000
-"""How often closed tabs are looked for, and how long a tab may take to open, ms: a page that is not
-connected by then is taken for closed."""
-LOST = """
-if (!document.querySelector(".lost")) {
-  const said = document.createElement("p");
-  said.className = "lost";
-  said.setAttribute("role", "alert");
-  said.textContent = "The explorer's command has ended, so this page no longer changes. "
-    + "Start bgmodel explore again; with the link of this state it opens here.";
-  document.querySelector("header").append(said);
-}
-"""
-"""What a page does when its server is gone."""
+"""Interval between searches for closed tabs, and the time after which a tab without a connection
+counts as closed, ms."""
+LOST = (
+    "The command has ended, so this page no longer changes. Start bgmodel explore again, and open "
+    "the link of this state there."
+)
+"""Message of a page whose server has ended."""
 
 
 class Token(AuthProvider):
-    """Lets in who has the token: from the address at first, then from a cookie."""
+    """Admits requests with the secret, in the address at first and then in a cookie."""
 
     def __init__(self, token: str, port: int) -> None:
         self._token, self._cookie = token, f"bgmodel-{port}"
@@ -44,67 +37,78 @@ class Token(AuthProvider):
 
     @property
     def get_user(self) -> Any:
-        """Return the function that checks a request; it answers 403 without the token."""
+        """The function that checks a request, and answers 403 without the secret."""
         return self._user
 
     @property
     def login_url(self) -> str:
-        """Return an address that Bokeh requires; it is never used."""
+        """An address that Bokeh requires; it is never used."""
         return "/none"
 
     def _user(self, handler: Any) -> str:
-        given = handler.get_argument(TOKEN, "")
-        if self._right(given):
-            handler.set_cookie(self._cookie, given, httponly=True, samesite="Strict")
+        token = handler.get_argument(TOKEN, "")
+        if self._right(token):
+            handler.set_cookie(self._cookie, token, httponly=True, samesite="Strict")
         elif not self._right(handler.get_cookie(self._cookie, "")):
             raise HTTPError(403, reason="Open the address that the command printed")
         return "user"
 
-    def _right(self, given: str) -> bool:
-        return hmac.compare_digest(given.encode(), self._token.encode())
+    def _right(self, token: str) -> bool:
+        return hmac.compare_digest(token.encode(), self._token.encode())
+
+
+def free_port(port: int) -> int:
+    """Return a port of this machine that is free: the given one, or any for 0."""
+    require(0 <= port < 65536, "port", "must be within 0..65535", port)
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((HOST, port))
+        except OSError:
+            message = f"port {port} is in use: give another one, or 0 for any that is free"
+            raise InputError(message, "port", port) from None
+        return int(probe.getsockname()[1])
 
 
 class Served:
-    """A server of one state; each tab that opens its address has an explorer."""
+    """A server of a state; each tab that opens its address has its own explorer."""
 
-    def __init__(self, state: State, entry: Entry) -> None:
-        state.check()
-        self.entry = entry
+    def __init__(self, state: State, port: int = 0) -> None:
+        self.port, self.token = free_port(port), secrets.token_urlsafe(24)
+        self.root = f"http://{HOST}:{self.port}/"
+        self.address = f"{self.root}?{TOKEN}={self.token}"
         self.explorers: list[Explorer] = []
-        self._state, self._memory = state, Memory()
-        self._server = pn.io.server.get_server(
+        self._state = state
+        self.server = pn.serve(
             {"/": self._page},
-            port=0,
+            port=self.port,
             address=HOST,
-            websocket_origin=[f"{HOST}:{entry.port}", f"localhost:{entry.port}"],
+            websocket_origin=[f"{HOST}:{self.port}", f"localhost:{self.port}"],
             title="bgmodel explorer",
-            auth_provider=Token(entry.token, entry.port),
+            auth_provider=Token(self.token, self.port),
             start=False,
             show=False,
+            verbose=False,
             check_unused_sessions_milliseconds=CHECK_MS,
             unused_session_lifetime_milliseconds=UNUSED_MS,
         )
 
-    @quiet()  # the page shows them
+    @quiet()  # the page shows warnings
     def _page(self) -> Any:
         """Return the page of a new tab."""
-        doc = pn.state.curdoc
-        said = ""
-        state = self._state
-        code = pn.state.location.search if pn.state.location else ""
-        if f"{QUERY}=" in code:
+        pn.extension(notifications=True, disconnect_notification=LOST)
+        state, refused = self._state, ""
+        query = pn.state.location.search if pn.state.location else ""
+        if f"{QUERY}=" in query:
             try:
-                state = State.from_link(code)
+                state = State.from_link(query)
                 state.check()
             except (ValueError, OSError) as error:
-                state, said = self._state, str(error)
-        # The first tab finds what was computed while the browser started.
-        memory, self._memory = self._memory, Memory()
-        explorer = Explorer(state, self.entry.root, doc.add_next_tick_callback, memory)
-        if said:
-            explorer.refuse(said)
+                state, refused = self._state, str(error)
+        explorer = Explorer(state, self.root, pn.state.curdoc.add_next_tick_callback)
+        if refused:
+            explorer.refuse(refused)
         self.explorers.append(explorer)
-        doc.js_on_event(ConnectionLost, CustomJS(code=LOST))
 
         def closed(_: Any) -> None:
             explorer.stop()
@@ -115,36 +119,8 @@ class Served:
 
     def run(self) -> None:
         """Serve until the command is interrupted."""
-        self.start()
-        threading.Thread(target=self.compute, args=(self._memory,), daemon=True).start()
         try:
-            self.loop.start()
+            self.server.run_until_shutdown()
         finally:
-            self._close()
-
-    @property
-    def loop(self) -> Any:
-        """The event loop of the server."""
-        return self._server.io_loop
-
-    def start(self) -> None:
-        """Take the connections of the entry; answers are given once the loop runs."""
-        self._server.start()
-        # Bokeh's server makes its own sockets: it listens on one more port, with the same token.
-        self._server._http.add_socket(self.entry.listener)
-
-    def end(self) -> None:
-        """End the server and its loop."""
-        self._close()
-        self.loop.stop()
-
-    def _close(self) -> None:
-        for explorer in self.explorers:
-            explorer.stop()
-        self._server.stop()
-
-    def compute(self, memory: Memory) -> None:
-        """Run the first state, which also loads the engine; its page shows what is refused."""
-        with suppress(ValueError), quiet():
-            given = memory.given(self._state)
-            self._state.experiment.run(workers=2, given=given, kept=memory.conditions)
+            for explorer in self.explorers:
+                explorer.stop()

@@ -1,7 +1,7 @@
-"""What the explorer shows: an experiment and a trial, as one record with its edits and its texts.
+"""The state of the explorer, an experiment and the number of a trial, and its history.
 
-The state is an ``Experiment``, so that ``bgmodel experiment`` computes what is on the screen, and
-every refusal is the sentence of the record that refuses.
+The state is an ``Experiment``, so that ``bgmodel experiment`` computes the numbers on the screen
+and errors are those of its records.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import binascii
 import hashlib
 import zlib
 from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,7 +23,7 @@ from bgmodel.names import CircuitName, EngineName
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import toml_files
 from bgmodel.tables.given import EvidenceTable
-from bgmodel.task import Gaussian, Task
+from bgmodel.task import Gaussian
 from circuits import DEFAULT
 from circuits.anatomy import CIRCUITS
 from circuits.declaration.edits import Edits
@@ -34,17 +34,18 @@ if TYPE_CHECKING:
     from circuits.circuit import Circuit
 
 NAME = "Explored"
-NOTE = "Set up in the explorer; state here why the manipulation models the published one."
+NOTE = "Made in the explorer; state here why the manipulation models the published one."
 TRIALS, READINGS, POSTERIOR = 1000, 120, 0.74
 """Settings of a new state, those of most included experiments, with fewer trials."""
 MOST_TRIALS = 4000
-"""Largest number of trials in the explorer; an included experiment with more begins with 1 000."""
+"""Largest number of trials in the explorer; included experiments with more start with 1 000."""
 OF_RUN = ("posterior", "threshold", "gain", "seed", "engine", "circuit")
-OF_STOP = tuple(field.name for field in fields(StopTask))
 MOST_TEXT = 100_000
-"""Largest text that a link may contain, characters: more is no experiment."""
+"""Largest text that a link may contain, characters; experiments are much shorter."""
 QUERY = "state"
 """Name of the part of a link that contains the state."""
+LONGEST = 200
+"""Largest number of states that can be undone."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ class State:
         require(
             not any(self.experiment.learnings),
             "learning",
-            "must be left out in the explorer: `bgmodel experiment` runs it",
+            "must be omitted in the explorer; `bgmodel experiment` supports it",
             "[learning]",
         )
 
@@ -83,80 +84,76 @@ class State:
         return self.with_edits(line for line in self.edits if line not in lines)
 
     def with_edits(self, lines: Iterable[str]) -> State:
-        """Return the state with other edits of the edited circuit; predictions are removed.
-
-        Predictions and published effects are about the manipulation that they were written for.
-        """
+        """Return the state with other edits of the edited circuit."""
         edits = Edits(lines)
         if edits == self.edits:
             return self
-        changes = replace(self.experiment.manipulation, edits=edits)
-        return self._with(manipulation=changes, **self._unnamed())
+        return self._with(manipulation=replace(self.experiment.manipulation, edits=edits))
 
     def as_control(self) -> State:
         """Return the state whose control is the edited circuit, to which further edits add."""
-        edits = self.edits
-        return self._with(control=replace(self.experiment.control, edits=edits), **self._unnamed())
+        return self._with(control=replace(self.experiment.control, edits=self.edits))
+
+    def setting(self, name: str) -> Any:
+        """Return a setting by the name that ``with_setting`` takes; None if it has no value."""
+        if name == "trial":
+            return self.trial
+        if name == "evidence":
+            return str(self.experiment.task.file or "")
+        if name == "stop":
+            return self.experiment.stop is not None
+        if name.startswith("stop."):
+            return getattr(self.experiment.stop, name.removeprefix("stop."), None)
+        record = self.experiment if name in OF_RUN else self.experiment.task
+        return getattr(record, name, None)
 
     def with_setting(self, name: str, value: Any) -> State:
         """Return the state with one setting of the task, the stop signal or the run changed.
 
-        None leaves a setting out; ``evidence`` is the file of a table, and ``stop.NAME`` a field of
+        None leaves a setting out. ``evidence`` is the file of a table, and ``stop.NAME`` a field of
         ``StopTask``.
         """
+        task, stop = self.experiment.task, self.experiment.stop
         if name == "trial":
             return replace(self, trial=value)
         if name == "stop":
-            return self._with(stop=None if value is None else StopTask(), **self._unnamed())
+            return self._with(stop=StopTask() if value else None)
         if name.startswith("stop."):
-            stop = replace(
-                self.experiment.stop or StopTask(), **{name.removeprefix("stop."): value}
+            return self._with(
+                stop=replace(stop or StopTask(), **{name.removeprefix("stop."): value})
             )
-            return self._with(stop=stop, **self._unnamed())
         if name == "evidence":
-            return self._with(task=self._task_of(value), **self._unnamed())
-        task = self.experiment.task
-        if name in (own := task.settings()):
+            step_ms = task.step_ms
+            usual = Gaussian(trials=TRIALS, t_max=READINGS, step_ms=step_ms)
+            return self._with(task=EvidenceTable(Path(value), step_ms=step_ms) if value else usual)
+        if name in (known := task.settings()):
             task = task.changed(**{name: value})
             if name == "trials":
                 check_trials(value)
-            return self._with(task=task, **self._unnamed())
-        require(name in OF_RUN, "name", f"must be one of {', '.join((*own, *OF_RUN))}", name)
+            return self._with(task=task)
+        require(name in OF_RUN, "name", f"must be one of {', '.join((*known, *OF_RUN))}", name)
         if value is not None and name in ("circuit", "engine"):
             value = (CircuitName if name == "circuit" else EngineName)(value)
-        other = {"posterior": "threshold", "threshold": "posterior"}.get(name)
-        changes = {name: value} | ({other: None} if other and value is not None else {})
+        changes = {name: value}
         if name in ("posterior", "threshold"):
+            if value is not None:
+                changes["threshold" if name == "posterior" else "posterior"] = None
             # A posterior that only the manipulation has would hide the new one.
-            plain = replace(self.experiment.manipulation, posterior=None)
-            changes |= {"manipulation": plain}
-        return self._with(**changes, **self._unnamed())
+            changes["manipulation"] = replace(self.experiment.manipulation, posterior=None)
+        return self._with(**changes)
 
     def _with(self, **changes: Any) -> State:
+        """Return the state with other fields of its experiment, without texts about the old one.
+
+        Predictions and published effects refer to the manipulation that they were written for.
+        """
+        if self.experiment.name != NAME or self.experiment.predictions:
+            changes |= {"name": NAME, "note": NOTE, "published": "", "source": ""}
+            changes |= {"predictions": (), "effects": ()}
         experiment = replace(self.experiment, **changes)
         return State(experiment, min(self.trial, experiment.trials - 1))
 
-    def _task_of(self, table: str | Path | None) -> Task:
-        """Return the task of an evidence table, or the usual one without a table."""
-        step_ms = self.experiment.task.step_ms
-        if table is None:
-            return Gaussian(trials=TRIALS, t_max=READINGS, step_ms=step_ms)
-        return EvidenceTable(Path(table), step_ms=step_ms)
-
-    def _unnamed(self) -> dict[str, Any]:
-        """Return the fields of an experiment that no longer describe it."""
-        if self.experiment.name == NAME and not self.experiment.predictions:
-            return {}
-        return {
-            "name": NAME,
-            "note": NOTE,
-            "published": "",
-            "source": "",
-            "predictions": (),
-            "effects": (),
-        }
-
-    # ---- what it is about
+    # ---- circuits
 
     @cached_property
     def control(self) -> Circuit:
@@ -175,9 +172,9 @@ class State:
 
     @cached_property
     def key(self) -> str:
-        """SHA-256 of all of the state, the circuits' numbers included."""
-        own = f"{self.trial} {digest(self.control)} {self.digest} {self.experiment.to_toml()}"
-        return hashlib.sha256(own.encode()).hexdigest()
+        """SHA-256 of the state, including all numbers of its circuits."""
+        text = f"{self.trial} {digest(self.control)} {self.digest} {self.experiment.to_toml()}"
+        return hashlib.sha256(text.encode()).hexdigest()
 
     @cached_property
     def alike(self) -> bool:
@@ -187,7 +184,7 @@ class State:
         return same and self.control == self.circuit
 
     def check(self) -> None:
-        """Raise ValueError for what can be refused before a run, as ``bgmodel experiment`` does."""
+        """Raise ValueError for errors that are detectable before a run."""
         if self.alike:
             control, manipulation = self.experiment.conditions
             manipulation.check(control)
@@ -197,32 +194,32 @@ class State:
     # ---- as text
 
     def link(self, address: str = "") -> str:
-        """Return a link to this state: an address, and the file of the experiment, compressed."""
+        """Return a link to this state: an address and the compressed file of the experiment."""
         packed = zlib.compress(self.experiment.to_toml().encode(), 9)
         code = base64.urlsafe_b64encode(packed).decode().rstrip("=")
         return f"{address}?{QUERY}={code}" + (f"&trial={self.trial}" if self.trial else "")
 
     @classmethod
     def from_link(cls, link: str) -> State:
-        """Return the state of a link, or of the part of it that follows the question mark."""
+        """Return the state of a link, or of its part from the question mark on."""
         from urllib.parse import parse_qs
 
-        given = parse_qs(link.partition("?")[2])
-        code, trial = given.get(QUERY, [""])[0], given.get("trial", ["0"])[0]
+        query = parse_qs(link.partition("?")[2])
+        code, trial = query.get(QUERY, [""])[0], query.get("trial", ["0"])[0]
         unpack = zlib.decompressobj()
         try:
             packed = base64.urlsafe_b64decode(code + "=" * (-len(code) % 4))
             text = unpack.decompress(packed, MOST_TEXT).decode()
             if not unpack.eof:
-                raise ValueError("not whole")
+                raise ValueError("incomplete")
         except (ValueError, binascii.Error, zlib.error):
-            raise InputError("the link has no whole state: copy it again", "link") from None
+            raise InputError("the link is incomplete: copy it again", "link") from None
         experiment = Experiment.from_text(text, "the link")
         return cls(experiment, int(trial) if trial.isdecimal() else 0)
 
 
 def opened(name: str | Path) -> State:
-    """Return the state of a circuit or an experiment, by name or file, or of a link."""
+    """Return the state of a circuit or an experiment, given by name, file or link."""
     text = str(name).strip()
     if f"?{QUERY}=" in text:
         return State.from_link(text)
@@ -241,7 +238,7 @@ def opened(name: str | Path) -> State:
 
 
 def _few(experiment: Experiment) -> Experiment:
-    """Return an experiment with few enough trials for an interactive view."""
+    """Return an experiment with at most the number of trials that the explorer allows."""
     task = experiment.task
     if isinstance(task, EvidenceTable) or task.trials <= MOST_TRIALS:
         return experiment
@@ -249,7 +246,7 @@ def _few(experiment: Experiment) -> Experiment:
 
 
 def of_circuit(name: str) -> State:
-    """Return a state of a circuit without edits, at the usual task."""
+    """Return a state of an unedited circuit with the default task."""
     from circuits.anatomy import load_circuit
 
     path = name.endswith(".toml")
@@ -264,3 +261,37 @@ def of_circuit(name: str) -> State:
             manipulation=Changes(),
         )
     )
+
+
+class History:
+    """The current state of one user, with undo and redo."""
+
+    def __init__(self, first: State) -> None:
+        first.check()
+        self.first = self.state = first
+        self.undone: list[State] = []
+        self.past: list[State] = []
+
+    def go(self, state: State) -> None:
+        """Move to a new state, which discards the states that were undone."""
+        if state == self.state and state.key == self.state.key:
+            return  # Keys differ if a circuit's file has changed.
+        state.check()
+        self.past = [*self.past, self.state][-LONGEST:]
+        self.state, self.undone = state, []
+
+    def undo(self) -> None:
+        """Return to the previous state, if there is one."""
+        if self.past:
+            self.undone.append(self.state)
+            self.state = self.past.pop()
+
+    def redo(self) -> None:
+        """Return to the state that was undone last, if there is one."""
+        if self.undone:
+            self.past.append(self.state)
+            self.state = self.undone.pop()
+
+    def reset(self) -> None:
+        """Return to the first state; this can be undone."""
+        self.go(self.first)

@@ -22,16 +22,16 @@ from circuits.declaration.table import NATS
 SPIKES, WITHOUT_SPIKES = EngineName("ensemble"), EngineName("rate")
 """Engines of the trial: spiking cells, or rates for a circuit without any."""
 WITHOUT_EVIDENCE = "decides without evidence"
-"""What is said of a trial that is decided before its first reading."""
+"""Label of a trial that is decided before its first reading."""
 
 
 @dataclass(frozen=True)
 class Shown:
     """One trial up to its decision: OUT and rates (ticks, channels), spikes, and the MSPRT's -ln P.
 
-    ``test`` holds times and -ln P at the circuit's gain; None for a circuit without nats. ``lost``
-    says why a nucleus has no cell left: "silenced" or "clamped". ``courses`` are changes of input
-    and dopamine that begin before the end.
+    ``test`` is the times and -ln P at the circuit's gain, or None for a circuit whose unit is not
+    nats. ``lost`` is the reason why a nucleus has no active cells: "silenced" or "clamped".
+    ``courses`` are the changes of input and dopamine that begin before the end.
     """
 
     time_ms: Array
@@ -59,7 +59,7 @@ class Shown:
         return float(self.time_ms[-1])
 
     def sentence(self) -> str:
-        """Return the decision in words."""
+        """Return the decision as a sentence."""
         if self.choice < 0:
             return f"No decision within {self.end_ms:.0f} ms; alternative {self.truth} is true."
         right = "correct" if self.choice == self.truth else f"an error: {self.truth} is true"
@@ -68,7 +68,7 @@ class Shown:
 
 
 def one_trial(condition: Observed, evidence: Evidence, trial: int) -> Shown:
-    """Run a trial of a condition; it has no stop signal."""
+    """Run a trial of a condition, without a stop signal."""
     spiking = [row.name for row in condition.edited.populations if row.spiking]
     engine = SPIKES if spiking else WITHOUT_SPIKES
     model = replace(condition, engine=engine).model(evidence.hypotheses).adapted_to(evidence)
@@ -110,11 +110,11 @@ def one_trial(condition: Observed, evidence: Evidence, trial: int) -> Shown:
 
 
 def _ideal(model: BasalGanglia, one: Evidence, last_ms: float) -> tuple[Array, Array] | None:
-    """Return times and -ln P of the MSPRT, in steps, up to a time; None without nats."""
+    """Return the step function -ln P of the MSPRT up to a time; None if the unit is not nats."""
     if model.circuit.unit != NATS:
         return None
     trace = Msprt(model.gain).run(one)
     time_ms = np.asarray(trace.time_ms)
-    held = np.repeat(time_ms, 2)[1:], np.repeat(np.asarray(trace.out_nats[0]), 2, axis=0)[:-1]
-    kept = held[0] <= last_ms
-    return held[0][kept], held[1][kept]
+    steps = np.repeat(time_ms, 2)[1:], np.repeat(np.asarray(trace.out_nats[0]), 2, axis=0)[:-1]
+    kept = steps[0] <= last_ms
+    return steps[0][kept], steps[1][kept]

@@ -168,8 +168,11 @@ def cells_of(design: Design, density: Array) -> pd.DataFrame:
     response times, as ``model_...``. ``correct_...`` and ``wrong_...`` are of one response, their
     quantiles NaN below ``quantiles.FEWEST`` trials; ``_se`` are standard errors of the data.
     """
-    mass, _ = design.observed.outcomes(density)
-    said = moments(mass / design.grid.width_s, design.grid)
+    every, _ = design.observed.outcomes(density)
+    mass = design.observed.with_times(every)
+    with np.errstate(invalid="ignore"):  # without times
+        said = moments(mass / design.grid.width_s, design.grid)
+    said["accuracy"] = every[:, 1].sum(axis=1) / every.sum(axis=(1, 2))
     rows = []
     for cell in range(design.cells):
         seen = (design.observed.cell == cell) & (design.observed.response >= 0)
@@ -180,11 +183,10 @@ def cells_of(design: Design, density: Array) -> pd.DataFrame:
         row |= _seen(rt_s, response) | observed_quantiles(rt_s, response)
         row |= {f"model_{name}": said[name][cell] for name in ("accuracy", "mean_s", "sd_s")}
         row |= predicted_quantiles(mass[cell], design.grid.width_s)
-        row |= {
-            f"model_{name}_s": float(mass[cell, side] @ design.grid.middles_s)
-            / float(mass[cell, side].sum())
-            for name, side in SIDES.items()
-        }
+        total = mass[cell].sum(axis=1)
+        total[total == 0] = np.nan  # of a response that the model never gives
+        means_s = mass[cell] @ design.grid.middles_s / total
+        row |= {f"model_{name}_s": means_s[side] for name, side in SIDES.items()}
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -195,13 +197,14 @@ def _seen(rt: Array, right: Integers) -> dict[str, float]:
     def mean(some: Array) -> float:
         return float(some.mean()) if len(some) else np.nan
 
-    accuracy, sd = mean(right == 1), float(rt.std()) if len(rt) else np.nan
-    few = max(len(rt), 1)
+    accuracy, answered = mean(right == 1), max(len(rt), 1)
+    right, rt = right[np.isfinite(rt)], rt[np.isfinite(rt)]
+    sd, few = float(rt.std()) if len(rt) else np.nan, max(len(rt), 1)
     return {
         "accuracy": accuracy,
         "mean_s": mean(rt),
         "sd_s": sd,
-        "accuracy_se": np.sqrt(accuracy * (1 - accuracy) / few),
+        "accuracy_se": np.sqrt(accuracy * (1 - accuracy) / answered),
         "mean_se": sd / np.sqrt(few),
         "correct_s": mean(rt[right == 1]),
         "wrong_s": mean(rt[right == 0]),

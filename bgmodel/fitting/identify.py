@@ -63,7 +63,7 @@ class Directions:
             step = STEP * abs(self.vector[i]) or STEP
             ridge = -self.information[i, j] / self.information[j, j] * step
             found.append(
-                f"choices and times of this design hardly distinguish {self.names[i]} from "
+                f"trials of this design hardly distinguish {self.names[i]} from "
                 f"{self.names[j]} (cosine {cosines[i, j]:.2f}): a change of {self.names[i]} by "
                 f"{step:+.3g} is compensated by one of {self.names[j]} by {ridge:+.3g}. Fix one "
                 "of them, or add a condition that changes it alone"

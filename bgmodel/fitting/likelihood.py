@@ -18,12 +18,12 @@ import numpy as np
 from bgmodel.fitting.exact.algorithms import SENSITIVITY, SIDED, Model
 from bgmodel.fitting.exact.responses import TINY, Grid, responded
 from bgmodel.fitting.formulas import Formula
-from bgmodel.fitting.parameters import RESPONSE, Parameter, ParameterSpace, freedom
+from bgmodel.fitting.parameters import ADDED, RESPONSE, Parameter, ParameterSpace, freedom
 from bgmodel.fitting.trials.design import Design, mirrored
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
-from circuits.errors import FitWarning, InputError
+from circuits.errors import FitWarning, InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -94,7 +94,7 @@ class Likelihood:
     rough: ClassVar[bool] = False
     """Whether it has steps, as with simulated trials, so that no search may follow its slope."""
     scored: ClassVar[bool] = False
-    """Whether ``scores`` is cheap beside differences of ``each``, so that a search follows it."""
+    """Whether ``scores`` costs less than differences of ``each``, so that a search uses it."""
     sized: ClassVar[tuple[str, ...]] = ()
     """Parameters that can't be near 0: a fit says if the data hardly identify them."""
 
@@ -163,8 +163,7 @@ class Likelihood:
         if trials is None:
             raise InputError("trials are simulated for a design with its choices", "design")
         rt_s, response = self.drawn(vector, rng)
-        new = replace(trials, rt_s=rt_s, response=response.astype(np.int8))
-        return replace(new, response=mirrored(new).astype(np.int8))
+        return replace(trials, rt_s=rt_s, response=mirrored(trials, response).astype(np.int8))
 
     def complete(self, vector: Array) -> Self:
         """Return it on a grid that holds nearly all responses that are predicted at a vector.
@@ -243,9 +242,14 @@ class BinnedLikelihood(Likelihood):
             values[name] = values[name] * self.design.side
         grid = self.design.grid
         decided = self.model.decided(values, self.design.strength, grid)
+        if not self.design.timed:
+            # Some may decide after the end of the grid: choices are those of all others.
+            made, decided = decided.sum(axis=2), np.zeros(decided.shape)
+            decided[:, :, 0] = made / np.maximum(made.sum(axis=1, keepdims=True), TINY)
         response = {name: values[name] for name in ("t0_s", "t0_sd_s", "lapse")}
         alternatives = self.design.observed.alternatives
-        return responded(decided, grid, **response, alternatives=alternatives)
+        every = responded(decided, grid, **response, alternatives=alternatives)
+        return self.design.observed.recorded(every)
 
     def each(self, vector: Array) -> Array:
         """Return the log likelihood of each trial, nats."""
@@ -359,7 +363,9 @@ class TrialLikelihood(Likelihood):
         count = np.zeros((self.design.cells, 2, grid.bins))
         for replica in range(REPLICAS):
             rt_s, response = self.drawn(vector, stream(REPLICAS_SEED, "replica", replica))
-            bins = np.where(np.isfinite(rt_s), rt_s / grid.width_s, grid.bins).astype(np.int64)
+            # A response without a time counts in the first bin.
+            late = np.nan_to_num(rt_s, posinf=grid.bins * grid.width_s) / grid.width_s
+            bins = np.minimum(late, grid.bins).astype(np.int64)
             made = (response >= 0) & (bins < grid.bins)
             np.add.at(count, (seen.cell[made], response[made], bins[made]), 1)
         return np.asarray(count / (REPLICAS * self.design.trials[:, None, None] * grid.width_s))
@@ -393,6 +399,9 @@ def likelihood_of(
     names = ("low", "high", "start")
     own = replace(SENSITIVITY, **{name: getattr(SENSITIVITY, name) / unit for name in names})
     known = [own if each is SENSITIVITY else each for each in model.parameters]
+    if not design.timed:
+        known = _without_times(model, known, [*(free or ()), *(vary or ()),
+                                              *(each.parameter for each in formulas)])  # fmt: skip
     cells = design.cells
     designs = {
         each.parameter: each.matrix(design.conditions, design.observed.cell, cells)
@@ -406,6 +415,24 @@ def likelihood_of(
     if isinstance(model, OwnModel):
         return model.likelihood(design, freed)
     return BinnedLikelihood(model, design, freed)
+
+
+def _without_times(
+    model: AnyModel, known: Sequence[Parameter], named: Sequence[str]
+) -> list[Parameter]:
+    """Return parameters of which those that choices alone leave open are not free by default.
+
+    The non-decision time has no effect on choices. Of a test they give the product of sensitivity
+    and bound, and little of what else sets the time of a decision.
+    """
+    late = {RESPONSE[0].name, RESPONSE[1].name}
+    for name in (each.removeprefix(ADDED) for each in named):
+        must = "must be left out: it has no effect on choices without times"
+        require(name not in late, name, must, name)
+    kept = {each.name for each in known} - late - {getattr(model, "threshold_name", "")}
+    if not isinstance(model, (TrialModel, OwnModel)):
+        kept = {SENSITIVITY.name, RESPONSE[2].name}
+    return [each if each.name in kept else replace(each, free=False) for each in known]
 
 
 def _warn_of_later(model: AnyModel, design: Design) -> None:

@@ -13,6 +13,8 @@ from bgmodel.fitting.formulas import ranged
 from bgmodel.support.arrays import Array, Integers, Truths
 from circuits.errors import InputError, require
 
+ADDED = "+"
+"""Before the name of a free parameter: in addition to those that are free by default."""
 AT_BOUND = 1e-3
 """A number of a fit counts as at a bound within this share of its range."""
 Map = Callable[[Array], Array]
@@ -314,12 +316,14 @@ def freedom(
 ) -> ParameterSpace:
     """Return the free numbers of a fit; ``conditions`` has the level of each cell by column.
 
-    By default parameters with ``free`` are free. ``vary`` gives one a separate value in each level
-    of a column (``column/level`` fixes a level at the default), ``designs`` makes one linear in
-    columns (cells,), as of ``formulas.Formula.matrix``.
+    By default parameters with ``free`` are free; with a plus, names add to these. ``vary`` gives
+    one a separate value in each level of a column (``column/level`` fixes a level at the default),
+    ``designs`` makes one linear in columns (cells,), as of ``formulas.Formula.matrix``.
     """
     fixed, vary, designs = dict(fixed or {}), dict(vary or {}), dict(designs or {})
     known = {each.name: each for each in parameters}
+    added = [name for name in free or () if name.startswith(ADDED)]
+    free = None if free is None else [name.removeprefix(ADDED) for name in free]
     for name in (*(free or ()), *fixed, *vary, *designs):
         if name not in known:
             raise InputError(f"no parameter is called {name!r}; there are {', '.join(known)}", name)
@@ -328,13 +332,13 @@ def freedom(
         must = f"must lie between {low:g} and {high:g}"
         require(low <= value <= high, name, must, value)
         known[name] = replace(known[name], start=value, free=False)
-    chosen = {each.name for each in known.values() if each.free} if free is None else set(free)
+    default = {each.name for each in known.values() if each.free and (added or free is None)}
+    chosen = default.union(free or ())
     held = sorted({*(free or ()), *vary, *designs} & set(fixed))
     if held:
         raise InputError(f"{', '.join(held)} can't be both free and fixed", "fix", held)
-    twice = sorted(set(vary) & set(designs))
-    if twice:
-        raise InputError(f"{', '.join(twice)} has a formula: leave it out of vary", "vary", twice)
+    twice = ", ".join(sorted(set(vary) & set(designs)))
+    require(not twice, "vary", "must not hold a parameter with a formula", twice)
     designs |= {name: _levels(name, column, conditions) for name, column in vary.items()}
     moved: list[FreeParameter] = []
     for each in known.values():

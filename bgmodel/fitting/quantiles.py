@@ -34,7 +34,7 @@ def observed_quantiles(rt_s: Array, response: Integers) -> dict[str, float]:
 
     found: dict[str, float] = {}
     for name, side in SIDES.items():
-        times = rt_s[response == side]
+        times = rt_s[(response == side) & np.isfinite(rt_s)]
         at, error = np.full((2, len(QUANTILES)), np.nan)
         if len(times) >= FEWEST:
             at = np.quantile(times, QUANTILES, method="hazen")
@@ -58,7 +58,8 @@ def predicted_quantiles(mass: Array, width_s: float) -> dict[str, float]:
 
 def _below(mass: Array) -> Array:
     """Return the probability of a time below each edge of bins, (bins + 1,)."""
-    return np.asarray(np.concatenate([[0.0], mass.cumsum() / mass.sum()]))
+    total = mass.sum() or np.nan  # of a response that the model never gives
+    return np.asarray(np.concatenate([[0.0], mass.cumsum() / total]))
 
 
 def conditions_of(cells: pd.DataFrame) -> list[str]:
@@ -112,7 +113,7 @@ def too_few(cells: pd.DataFrame) -> str:
     """Return a sentence on cells with too few errors for quantiles; empty if there are none."""
     rows = cells.to_dict("records")
     few = [n for row in rows if (n := _counts(row)["wrong"]) < FEWEST]
-    if not few:
+    if not few or cells["mean_s"].isna().all():
         return ""
     return f"{len(few)} of {len(rows)} cells: fewer than {FEWEST} errors, without quantiles"
 

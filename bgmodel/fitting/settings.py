@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from bgmodel.fitting.parameters import ADDED
 from bgmodel.support.checks import check_flag, check_positive, whole
 from bgmodel.tables.columns import named_participant
 from bgmodel.trials.reading import OURS, Columns, read_trials
@@ -24,9 +25,6 @@ if TYPE_CHECKING:
     from bgmodel.fitting.parameters import Parameter
     from bgmodel.fitting.trials.design import Design
     from circuits.circuit import Circuit
-
-ADDED = "+"
-"""Before a name in ``free``: in addition to the parameters that are free by default."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,11 +221,9 @@ class FitSettings:
         if any(added) and not all(added):
             must = "must have a plus before all names (in addition to the default) or before none"
             raise InputError.of("free", must, self.free)
+        plus = ADDED if any(added) else ""
         named = [own(each) for each in self.named if own(each) in known]
-        fixed = {own(name) for name in self.fixed}
-        default = [name for name, each in known.items() if each.free and name not in fixed]
-        default = default if any(added) else []
-        return list(dict.fromkeys([*default, *named])) or None
+        return [plus + each for each in dict.fromkeys(named)] or None
 
     def read(self, data: str | Path | pd.DataFrame | Trials) -> Trials:
         """Return the trials of a table, with the conditions of the fit, or those that are given."""
@@ -455,8 +451,11 @@ def seconds_of(designs: Iterable[Design]) -> float:
     """Return the length of the longest fitted trial, s, rounded up to half seconds to be shared."""
     import numpy as np
 
+    from bgmodel.fitting.exact.responses import ENDS_S
+
     seen = [design.observed for design in designs]
-    longest = max(each.deadline_s or float(np.nanmax(each.rt_s)) for each in seen)
+    ends = [each.deadline_s or np.fmax.reduce(each.rt_s) for each in seen]
+    longest = ENDS_S if np.isnan(ends).all() else float(np.nanmax(ends))
     return float(np.ceil(2 * longest) / 2)
 
 

@@ -129,7 +129,7 @@ class BasalGanglia(Facts):
 
     def facts(self) -> dict[str, str]:
         """Return the circuit, its engine, its gain and its noise."""
-        found = {
+        facts = {
             "circuit": self.circuit.name,
             "channels": f"{self.circuit.channels}",
             "engine": self.engine.id,
@@ -137,13 +137,13 @@ class BasalGanglia(Facts):
             "seed": f"{self.seed}",
         }
         if self.centred is not None:
-            found["centred"] = f"{self.centred}"
-        return found | {name: f"{value}" for name, value in self.engine.changed().items()}
+            facts["centred"] = f"{self.centred}"
+        return facts | {name: f"{value}" for name, value in self.engine.changed().items()}
 
     def adapted_to(self, evidence: Evidence) -> BasalGanglia:
         """Return the model at the gain that fits the evidence: the gain that every run uses.
 
-        Without a ``gain`` of its own, a model has the default gain of its circuit, or the largest
+        A model made without ``gain`` has the default gain of its circuit, or the largest
         at which the evidence gains no more than ``circuit.max_lead_nats`` per 100 ms, whichever is
         lower (``criterion.fitting_gain``). An edited circuit has the gain of the unedited one. The
         mean over all trials counts: run parts of some evidence on the model adapted to all of it.
@@ -184,8 +184,8 @@ class BasalGanglia(Facts):
             informative and the mean over channels is subtracted, or noisy OUT is not filtered.
         """
         expected = check_evidence(evidence).expectancy_nats
-        if self.engine.noisy and (said := unfiltered(self.circuit)):
-            raise InputError(f"{self.circuit.name}: {said}", "readout_tau_ms", 0)
+        if self.engine.noisy and (doubt := unfiltered(self.circuit)):
+            raise InputError(f"{self.circuit.name}: {doubt}", "readout_tau_ms", 0)
         if not self.raw:
             if expected is not None:
                 raise InputError(
@@ -365,9 +365,9 @@ class BasalGanglia(Facts):
 
             def read(evidence: Evidence) -> Trace:
                 drive = self.drive(evidence)[:, -1:]
-                if not doubts and (said := beyond_range(self.circuit, drive)):
-                    doubts.append(said)
-                    RangeWarning.warn(said)
+                if not doubts and (doubt := beyond_range(self.circuit, drive)):
+                    doubts.append(doubt)
+                    RangeWarning.warn(doubt)
                 stream.add(drive[0, 0])
                 known, numbers = readout_of(self.circuit), evidence.trial_numbers
                 out = stream.out[None, : stream.samples]
@@ -459,14 +459,14 @@ class BasalGanglia(Facts):
         allowed = most * (VARIED if isinstance(self.gain, LoweredGain) else 1)
         if lead <= allowed or not np.isfinite(lead):
             return
-        said = (
+        warning = (
             f"the evidence is too strong for {self.circuit.name}: one channel gains a lead of "
             f"{lead:.3g} nats of drive per {max(LEAD_MS, evidence.step_ms):g} ms, the circuit "
             f"tracks up to {most:.3g}, and beyond that decisions come late or never"
         )
         if lead >= REFUSED_TIMES * most:
-            raise InputError(f"{said}; lower the gain or give weaker evidence", "evidence")
-        RangeWarning.warn(said)
+            raise InputError(f"{warning}; lower the gain or give weaker evidence", "evidence")
+        RangeWarning.warn(warning)
 
     def _warn_of_coarse_samples(self, evidence: Evidence) -> None:
         """Warn if OUT is sampled so rarely that decision times are overestimated."""

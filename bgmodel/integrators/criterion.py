@@ -15,12 +15,15 @@ from circuits.dynamics import loops
 from circuits.dynamics.fixed_point import resting_state, wired
 from circuits.engines import Algebra
 from circuits.errors import InputError
+from circuits.laws.family import shift_nats
 
 if TYPE_CHECKING:
     from bgmodel.evidence import Evidence
     from circuits.circuit import Circuit
 
 
+LEAST_SHIFT_NATS = 0.001
+"""Smallest shift of OUT that counts as one, nats."""
 LEAD_MS = 100.0
 """Time to which a circuit's largest tracked lead refers, ms."""
 
@@ -35,16 +38,16 @@ class LoweredGain(float):
 
 def gain_of(circuit: Circuit, given: float | None = None) -> float:
     """Return the given gain, or by default that of the circuit, 1 for an exact circuit."""
-    found = circuit.default_gain if given is None else given
-    if found is None and (circuit.unedited or circuit).exact:
+    gain = circuit.default_gain if given is None else given
+    if gain is None and (circuit.unedited or circuit).exact:
         return 1.0  # the output of an exact table is -ln P at any gain
-    if found is None:
+    if gain is None:
         raise InputError(
             f"{circuit.name} has no default gain: give gain=... (at the terminal --gain), the "
             f"circuit's {circuit.unit} per nat of evidence",
             "gain",
         )
-    return found
+    return gain
 
 
 def fitting_gain(highest: float, most_nats: float, lead_nats: float) -> float:
@@ -91,10 +94,10 @@ def rest_out(circuit: Circuit) -> float:
     """
     try:
         silence = np.zeros((1, 1, circuit.channels))
-        found = Algebra().run(circuit.steady, silence, step_ms=1.0).output_nats.min()
+        lowest = Algebra().run(circuit.steady, silence, step_ms=1.0).output_nats.min()
     except ValueError:
         return np.inf  # Without a resting state there is nothing to compare with.
-    return float(found)
+    return float(lowest)
 
 
 def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
@@ -112,8 +115,24 @@ def readout_of(circuit: Circuit) -> ReadOut:
 def doubts(circuit: Circuit) -> list[str]:
     """Return what keeps a circuit from deciding by its evidence, with the cures."""
     loop = loops.said(wired(circuit.steady), resting_state(circuit.steady)[0])
-    found = (unfiltered(circuit), off_chance(circuit), loop.removeprefix(": "))
-    return [f"{circuit.name}: {said}" for said in found if said]
+    texts = (unfiltered(circuit), off_chance(circuit), loop.removeprefix(": "))
+    return [f"{circuit.name}: {text}" for text in texts if text]
+
+
+def acts_as(circuit: Circuit, before: Circuit | None = None) -> str:
+    """Return what edits amount to if they shift OUT by the same everywhere; "" if they do not.
+
+    ``before`` is by default the circuit before its edits. Deciding when ``-ln P + shift`` falls
+    below a threshold is deciding, before the edits, at ``exp(shift)`` times the posterior.
+    """
+    shift = shift_nats(circuit, before)
+    if shift is None or abs(shift) < LEAST_SHIFT_NATS:
+        return ""
+    way = "lower" if shift < 0 else "higher"
+    return (
+        f"acts as a criterion {way} by {abs(shift):.3g} nats: OUT is {way} by as much whatever the "
+        f"evidence, so that the circuit decides at {math.exp(shift):.3g} times the posterior"
+    )
 
 
 def unfiltered(circuit: Circuit) -> str:

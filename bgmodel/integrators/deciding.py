@@ -64,15 +64,15 @@ def thresholds_of(
     about, least = thresholds_about(test, highest, lowest), circuit.readable_nats[0]
     if about.min() < least < about.max():
         about = np.append(about[about > least], least)
-    found = deciding_thresholds(circuit, about)
-    if not found.size:
+    usable = deciding_thresholds(circuit, about)
+    if not usable.size:
         raise InputError(
             f"{circuit.name} rests at OUT = {rest_out(circuit):.2f} and resolves no OUT below "
             f"{circuit.readable_nats[0]:.2f}: at all thresholds, {about.min():.2f} to "
             f"{about.max():.2f} nats, it would decide without evidence, or never",
             "circuit",
         )
-    return found
+    return usable
 
 
 def without_noise_alone(model: BasalGanglia, thresholds: Array) -> Array:
@@ -107,39 +107,39 @@ def decide_at_thresholds(
     model = model.adapted_to(evidence)
     in_nats = model.circuit.unit == NATS
     decodes = in_nats and model.engine.noisy and decoder_tau_ms is not None
-    whole, lowest = model, float(np.min(thresholds))
+    undropped, lowest = model, float(np.min(thresholds))
     level = DROPPED * lowest if decodes else lowest - ROUNDING_NATS
     model = model.until(level, rates=decodes)
-    found: dict[str, Tradeoff] = {}
+    tradeoffs: dict[str, Tradeoff] = {}
     first = 0
     for part, activity, trace in model.batches(evidence):
         traces = {CIRCUIT: trace}
         if decodes and decoder_tau_ms is not None:
-            again = partial(whole.one_trial, part, first)
+            again = partial(undropped.one_trial, part, first)
             traces[DECODER] = decoded(activity, trace, lowest, again, decoder_tau_ms)
         for name, trace in traces.items():
             new = tradeoff(trace, part, thresholds)
-            found[name] = found[name] + new if name in found else new
+            tradeoffs[name] = tradeoffs[name] + new if name in tradeoffs else new
         first += part.trials
         advance(part.trials)
-    return found
+    return tradeoffs
 
 
 def refined(
-    model: BasalGanglia, evidence: Evidence, found: Tradeoff, accuracies: Sequence[float]
+    model: BasalGanglia, evidence: Evidence, swept: Tradeoff, accuracies: Sequence[float]
 ) -> Tradeoff:
     """Run a circuit at more thresholds if those about an accuracy are too far apart for it."""
-    finer = [found.settings[:0]]
+    finer = [swept.settings[:0]]
     for accuracy in accuracies:
-        k = int(np.searchsorted(found.reached, accuracy))
-        if 0 < k < len(found.settings):
-            apart = found.reached[k] - found.reached[k - 1]
-            between = np.linspace(found.settings[k - 1], found.settings[k], FINER)[1:-1]
+        k = int(np.searchsorted(swept.reached, accuracy))
+        if 0 < k < len(swept.settings):
+            apart = swept.reached[k] - swept.reached[k - 1]
+            between = np.linspace(swept.settings[k - 1], swept.settings[k], FINER)[1:-1]
             finer += [between] if apart > 2 * margin(accuracy) else []
     levels = np.unique(np.concatenate(finer))
     if not levels.size:
-        return found
-    return found | decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+        return swept
+    return swept | decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
 
 
 def silent_nats(circuit: Circuit) -> float:

@@ -29,13 +29,13 @@ def decoded(
     Trials whose decoder has not crossed the lowest threshold yet are run again: ``again`` maps the
     number of a trial to its activity and OUT, run to the end.
     """
-    found = decoded_input(activity, trace, tau_ms)
+    trace_of_decoder = decoded_input(activity, trace, tau_ms)
     dropped = np.isnan(trace.out_nats[:, -1, 0])
-    decision = first_crossing(found, lowest, forced=False, checked=False)
+    decision = first_crossing(trace_of_decoder, lowest, forced=False, checked=False)
     undecided = decision.choice == UNDECIDED
     for t in np.flatnonzero(dropped & undecided).tolist():
-        found.out_nats[t] = decoded_input(*again(t), tau_ms).out_nats[0]
-    return found
+        trace_of_decoder.out_nats[t] = decoded_input(*again(t), tau_ms).out_nats[0]
+    return trace_of_decoder
 
 
 def decoded_input(activity: Activity, trace: Trace, tau_ms: float = 20.0) -> Trace:

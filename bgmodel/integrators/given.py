@@ -9,15 +9,15 @@ from circuits.circuit import Circuit
 from circuits.errors import InputError
 
 
-def checked_circuit(given: Circuit | str | Path, channels: int | None = None) -> Circuit:
+def checked_circuit(circuit: Circuit | str | Path, channels: int | None = None) -> Circuit:
     """Return a circuit, given as such, or by name or .toml file with a number of channels."""
-    if isinstance(given, Circuit):
-        return given
-    if isinstance(given, (str, Path)):
-        return named(given, channels)
-    hint = ": give its .circuit" if isinstance(getattr(given, "circuit", None), Circuit) else ""
+    if isinstance(circuit, Circuit):
+        return circuit
+    if isinstance(circuit, (str, Path)):
+        return named(circuit, channels)
+    hint = ": give its .circuit" if isinstance(getattr(circuit, "circuit", None), Circuit) else ""
     raise InputError(
-        f"circuit must be a Circuit, a name or a .toml file, got {type(given).__name__}{hint}",
+        f"circuit must be a Circuit, a name or a .toml file, got {type(circuit).__name__}{hint}",
         "circuit",
     )
 

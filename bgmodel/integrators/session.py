@@ -95,15 +95,15 @@ class Session:
         """
         if self.decision is not None:
             raise InputError("this trial is decided: session.next() begins another one", "reading")
-        given = np.asarray(reals("reading", reading), dtype=np.float64)
-        if given.shape != (self.hypotheses,) or not np.isfinite(given).all():
+        nats = np.asarray(reals("reading", reading), dtype=np.float64)
+        if nats.shape != (self.hypotheses,) or not np.isfinite(nats).all():
             raise InputError.of(
                 "reading", f"must be {self.hypotheses} finite log-likelihoods", reading
             )
         for _ in range(self._late(at_ms)):
             if self._take(self._nothing) is not None:
                 return self.decision
-        return self._take(given)
+        return self._take(nats)
 
     def _late(self, at_ms: float | None) -> int:
         """Return how many steps passed without a reading."""
@@ -131,10 +131,10 @@ class Session:
         self.readings.append(reading)
         evidence = self._evidence()
         self.trace = self._read(evidence)
-        found = self._crossed(forced=False)
-        if found.choice[0] != UNDECIDED:
-            self._end(found)
-            if found.premature[0] and not self._premature:
+        decision = self._crossed(forced=False)
+        if decision.choice[0] != UNDECIDED:
+            self._end(decision)
+            if decision.premature[0] and not self._premature:
                 self._premature = True
                 NoiseWarning.warn(
                     "a trial was decided before its first reading could act: by noise or the prior"

@@ -77,9 +77,9 @@ class Decides:
         UserWarning
             As for ``first_crossing``; if posteriors at decisions are not the proportion correct.
         """
-        found = first_crossing(self.run(evidence), threshold, posterior=posterior, forced=forced)
-        warn_of_decisions(evidence, found)
-        return found
+        decision = first_crossing(self.run(evidence), threshold, posterior=posterior, forced=forced)
+        warn_of_decisions(evidence, decision)
+        return decision
 
     def session(
         self,
@@ -99,9 +99,9 @@ class Decides:
         level = known.one(threshold, posterior, count)
         nothing = Evidence(np.zeros((1, 1, count)), prior=prior)  # type: ignore[arg-type]
         if (self.run(nothing).out_nats[0, 0] < level).any():
-            said = f"the prior is past the threshold of {level:.3g} already"
+            reason = f"the prior is past the threshold of {level:.3g} already"
             raise InputError(
-                f"a session would decide before its first reading: {said}", "threshold"
+                f"a session would decide before its first reading: {reason}", "threshold"
             )
         return Session(
             lambda trial: self.run, count, level,

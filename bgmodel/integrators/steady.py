@@ -34,8 +34,8 @@ def leader_out(circuit: Circuit, log_odds: npt.ArrayLike, *, laws: str = "table"
     odds = np.asarray(log_odds, dtype=np.float64)
     # Drop the record of edits: those that the fixed point ignores should not warn here.
     model = BasalGanglia(replace(circuit, unedited=None), Algebra(laws=laws), gain=1.0)
-    found = model.run_drive(leader_drive(odds, circuit.channels), step_ms=1.0).output_nats
-    return np.asarray(found[:, 0, 0].reshape(odds.shape))
+    out_nats = model.run_drive(leader_drive(odds, circuit.channels), step_ms=1.0).output_nats
+    return np.asarray(out_nats[:, 0, 0].reshape(odds.shape))
 
 
 def out_shift(
@@ -70,8 +70,8 @@ def steady_out(
     drive = leader_drive(np.repeat(odds, trials), circuit.channels)
     model = BasalGanglia(circuit, Ensemble(rates=False, sample_ms=5.0), seed=seed)
     out = model.run_drive(drive, step_ms=float(SETTLE_MS + mean_ms)).output_nats
-    found = out[:, SETTLE_MS // 5 :, 0].mean(axis=1)
-    return np.asarray(found.reshape(len(odds), trials))
+    means = out[:, SETTLE_MS // 5 :, 0].mean(axis=1)
+    return np.asarray(means.reshape(len(odds), trials))
 
 
 def resting_activity(
@@ -85,11 +85,11 @@ def resting_activity(
     names = tuple(row.name for row in circuit.populations if row.spiking)
     model = BasalGanglia(circuit, Ensemble(spikes=names), seed=seed)
     # The first second is left out: the circuit settles.
-    found = model.run_drive(np.zeros((trials, seconds + 1, circuit.channels)), step_ms=1000.0)
+    activity = model.run_drive(np.zeros((trials, seconds + 1, circuit.channels)), step_ms=1000.0)
     rows = []
-    for name, spikes in (found.spikes or {}).items():
+    for name, spikes in (activity.spikes or {}).items():
         late = spikes.query("time_ms >= 1000")
-        size = trials * circuit.population(name).neurons * found.rates_hz[name].shape[2]
+        size = trials * circuit.population(name).neurons * activity.rates_hz[name].shape[2]
         ordered = late.sort_values(["trial", "channel", "neuron", "time_ms"])
         cells = ordered.groupby(["trial", "channel", "neuron"])["time_ms"]
         intervals = cells.diff().groupby([ordered[k] for k in ("trial", "channel", "neuron")])

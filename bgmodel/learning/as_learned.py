@@ -44,20 +44,20 @@ def decide_as_learned(
     """
     require(learned.what == CRITERION, "learned", "must be a learned criterion", learned.what)
     check_resamples(resamples, groups)
-    found: dict[str, tuple[Tradeoff, float, float]] = {}
+    decisions: dict[str, tuple[Tradeoff, float, float]] = {}
     if gaps is not None:
-        own, best = (float(Msprt.threshold(gap)) for gap in gaps)
-        swept = tradeoff(Msprt().run(evidence), evidence, _falling(own, best))
-        found[TEST] = swept, own, best
-    own = learned.threshold_nats
+        learned_nats, best = (float(Msprt.threshold(gap)) for gap in gaps)
+        swept = tradeoff(Msprt().run(evidence), evidence, _falling(learned_nats, best))
+        decisions[TEST] = swept, learned_nats, best
+    learned_nats = learned.threshold_nats
     best = float(threshold_of(learned.outcomes.best(learned.xi)[0]))
     for who, run in ((POPULATIONS, learned.model.engine), (SPIKES, engine_of(engine))):
         model = replace(learned.model, engine=run)
-        levels = _falling(own, best)
+        levels = _falling(learned_nats, best)
         swept = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
-        found[who] = swept, own, best
+        decisions[who] = swept, learned_nats, best
     weights = resampled(evidence.trials, resamples, stream(seed, "bootstrap"), groups)
-    parts = {who: _measures(*one, evidence, learned.xi, weights) for who, one in found.items()}
+    parts = {who: _measures(*one, evidence, learned.xi, weights) for who, one in decisions.items()}
     rows = []
     for who, part in parts.items():
         if TEST in parts and who != TEST:
@@ -67,15 +67,15 @@ def decide_as_learned(
 
 
 def _measures(
-    swept: Tradeoff, own: float, best: float, evidence: Evidence, xi: float, weights: Array
+    swept: Tradeoff, threshold: float, best: float, evidence: Evidence, xi: float, weights: Array
 ) -> dict[str, Array]:
     """Return the measures of decisions at a threshold, one value per row of weights."""
     outcomes = LevelOutcomes.of(swept, evidence)
-    k, top = (int(np.abs(outcomes.levels - each).argmin()) for each in (own, best))
+    k, top = (int(np.abs(outcomes.levels - each).argmin()) for each in (threshold, best))
     share = weights / weights.sum(axis=1, keepdims=True)
     cost, least = (-share @ outcomes.rewards(xi)[each] for each in (k, top))
     return {
-        "criterion": np.full(len(weights), own),
+        "criterion": np.full(len(weights), threshold),
         "accuracy": share @ outcomes.correct[k],
         "readings": share @ outcomes.steps[k],
         "cost": cost,

@@ -152,13 +152,13 @@ def stopping_posterior(circuit: Circuit, level: float, threshold_nats: float, ga
         )
     first = int(np.argmax(past <= 0))
     edited = circuit.dopamine(level)
-    found = brentq(
+    log_odds = brentq(
         lambda o: float(leader_out(edited, o)) - threshold_nats,
         odds[first - 1],
         odds[first],
         xtol=1e-7,
     )
-    return float(1 / (1 + (circuit.channels - 1) * np.exp(-found / gain)))
+    return float(1 / (1 + (circuit.channels - 1) * np.exp(-log_odds / gain)))
 
 
 def decide_at_levels(
@@ -189,6 +189,6 @@ def decide_at_levels(
             for level in falling
         ]
     for level, row in zip(falling, rows, strict=True):
-        if said := against_evidence(row.posterior[~row.forced], evidence.hypotheses):
-            NoiseWarning.warn(f"at a level of {level:g} {said}")
+        if warning := against_evidence(row.posterior[~row.forced], evidence.hypotheses):
+            NoiseWarning.warn(f"at a level of {level:g} {warning}")
     return Tradeoff(falling, *(np.concatenate([getattr(r, n) for r in rows]) for n in OF_TRIALS))

@@ -61,8 +61,8 @@ def check_decided(outcomes: LevelOutcomes) -> None:
     """Warn of levels at which the deadline decides most trials; ValueError if it does so at all."""
     late = outcomes.forced > MOST_FORCED
     if late.all():
-        said = "the deadline decides most trials at every level: give more readings"
-        raise InputError(said, "evidence")
+        reason = "the deadline decides most trials at every level: give more readings"
+        raise InputError(reason, "evidence")
     if late.any():
         DeadlineWarning.warn(
             f"the deadline decides most trials at {late.sum()} of {len(late)} levels"
@@ -182,8 +182,8 @@ class CircuitLearned:
             for level in (self.start, *self.learned.learned)
         )
         learned = np.mean(ends, axis=0)
-        found = {"learned": learned, "start": start, "change": learned - start}
-        rows = {name: interval(values) for name, values in found.items()}
+        regrets = {"learned": learned, "start": start, "change": learned - start}
+        rows = {name: interval(values) for name, values in regrets.items()}
         return pd.DataFrame.from_dict(rows, orient="index", columns=["value", "low", "high"])
 
     @cached_property
@@ -202,9 +202,9 @@ class CircuitLearned:
             f"{round(trials * doubt / RESOLVED, -2):.0f}"
         )
         if least > 0 and worse > WORSE:
-            own = self.outcomes.expected([self.value, self.start], self.xi)
-            lost = "the runs did not find the best of their own trials: give more episodes"
-            why = lost if own[0] < own[1] else few if doubt > RESOLVED else DIFFERENT
+            costs = self.outcomes.expected([self.value, self.start], self.xi)
+            lost = "the runs did not find the best level for their trials: give more episodes"
+            why = lost if costs[0] < costs[1] else few if doubt > RESOLVED else DIFFERENT
             return (
                 f"learning ended worse than it began, with a regret of {regret:.1f} % "
                 f"after {start:.1f} %: {why}"
@@ -273,10 +273,10 @@ def learn_in_circuit(
     learned = learn_level(
         outcomes, xi=xi, start_level=begun, runs=runs, seed=seed, name="learn", learner=learner
     )
-    found = CircuitLearned(model, learned, outcomes, scored, xi, begun, what, groups)
-    for caution in found.cautions:
+    result = CircuitLearned(model, learned, outcomes, scored, xi, begun, what, groups)
+    for caution in result.cautions:
         LearningWarning.warn(caution)
-    return found
+    return result
 
 
 def threshold_of(log_odds: npt.ArrayLike) -> Array:
@@ -298,10 +298,10 @@ def criterion_outcomes(
 ) -> LevelOutcomes:
     """Return the outcomes of a circuit's decisions at each criterion, log odds that rise."""
     decided = decide_at_thresholds(model, evidence, threshold_of(levels), decoder_tau_ms=None)
-    found = LevelOutcomes.of(decided[CIRCUIT], evidence)
+    rising = LevelOutcomes.of(decided[CIRCUIT], evidence)
     outcomes = LevelOutcomes(
-        np.asarray(levels, dtype=np.float64), found.correct[::-1], found.steps[::-1],
-        found.forced[::-1],
+        np.asarray(levels, dtype=np.float64), rising.correct[::-1], rising.steps[::-1],
+        rising.forced[::-1],
     )  # fmt: skip
     check_decided(outcomes)
     return outcomes

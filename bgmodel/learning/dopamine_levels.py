@@ -80,7 +80,7 @@ def level_table(
             stopping_posterior(circuit, float(level), threshold_nats, gain) if inside else np.nan
         )
         rows.append((level, "fixed_point", exact, np.nan, np.nan, ""))
-        rows += [(level, m, *interval(found[:, k]), name) for (m, name), found in values.items()]
+        rows += [(level, m, *interval(draws[:, k]), name) for (m, name), draws in values.items()]
     return pd.DataFrame(rows, columns=["level", "measure", "value", "low", "high", "reference"])
 
 
@@ -110,7 +110,7 @@ def levels_against_msprt(seed: int, trials: int, spiking_every: int = 1) -> pd.D
             model = BasalGanglia(table, engine, gain, seed)
             played = levels[::spiking_every] if engine.spiking else levels
             decided = evidence[: round(SPIKING_SHARE * trials)] if engine.spiking else evidence
-            found = level_table(
+            measures = level_table(
                 decide_at_levels(model, decided, played, THRESHOLD_NATS),
                 msprt_tradeoffs(decided, gain),
                 circuit=table,
@@ -118,7 +118,7 @@ def levels_against_msprt(seed: int, trials: int, spiking_every: int = 1) -> pd.D
                 latency_ms=LATENCY_MS[channels],
                 rng=stream(seed, "bootstrap"),
             )
-            parts.append(found.assign(channels=channels, engine=engine.id))
+            parts.append(measures.assign(channels=channels, engine=engine.id))
         for name, test in tests.items():
             line = {"level": test.posterior.mean(axis=1), "value": test.time_ms.mean(axis=1)}
             parts.append(

@@ -98,8 +98,8 @@ class FromReward(Facts):
 
     def facts(self) -> dict[str, str]:
         """Return what was learned, the result in a sentence, and cautions."""
-        found = {"learned": self.unit, "result": self.verdict()}
-        return found | {f"caution {k}": text for k, text in enumerate(self.cautions, 1)}
+        facts = {"learned": self.unit, "result": self.verdict()}
+        return facts | {f"caution {k}": text for k, text in enumerate(self.cautions, 1)}
 
     def verdict(self) -> str:
         """Return the learned value, the best one, and the regret, in one sentence."""
@@ -244,7 +244,7 @@ def planned(
     stream(seed)
     if model is None and what == DOPAMINE:  # the test has none
         model = BasalGanglia(load_circuit(DEFAULT, task.channels), "rate", seed=seed)
-    given = {"taps": taps} if taps is not None else {}
+    source = {"taps": taps} if taps is not None else {}
     if what == WEIGHTS:
         _know(more, "rule", "critic", "feedback", "units")
         require(start is None, "start", "must be left out: weights start at 0", start)
@@ -252,7 +252,7 @@ def planned(
         learner = learner or WeightLearner()
         _check_weights(task, at, learner, runs, **more)
         drawn: Any = task
-        return partial(_weights, drawn, model, at, given, learner, runs=runs, seed=seed, **more)
+        return partial(_weights, drawn, model, at, source, learner, runs=runs, seed=seed, **more)
     require(
         learner is None or isinstance(learner, Learner), "learner", "must be a Learner", learner
     )
@@ -267,7 +267,7 @@ def planned(
         require(task.channels == 2, "channels", must, task.channels)
         begun = START_GAP if start is None else start
         check_start(begun, "start")
-        return partial(_of_test, task, begun, given, **same, **more)
+        return partial(_of_test, task, begun, source, **same, **more)
     _know(more, "levels")
     engine = engine_of(model.engine)
     require(engine.timed, "engine", "must be one with times, such as rate", engine.id)
@@ -277,7 +277,7 @@ def planned(
     require(many >= 2, "levels", "must be >= 2", many)
     numbers = 3 * 8.0 * many * trials
     check_memory(numbers, f"{many} values for each of {trials} trials")
-    return partial(_of_circuit, task, model, what, trials, start, posterior, given, **same, **more)
+    return partial(_of_circuit, task, model, what, trials, start, posterior, source, **same, **more)
 
 
 def _check_weights(
@@ -313,34 +313,34 @@ def _know(more: dict[str, Any], *names: str) -> None:
 
 
 def _of_test(
-    task: Task, start: float, given: dict[str, Any], *, policy: Policy | None = None, **same: Any
+    task: Task, start: float, source: dict[str, Any], *, policy: Policy | None = None, **same: Any
 ) -> FromReward:
     """Learn the boundary separation of the test."""
-    readings = _readings(task, given, same["seed"])
+    readings = _readings(task, source, same["seed"])
     name = (getattr(task, task.main), getattr(task, "fold", 0))  # type: ignore[attr-defined]
-    table, found = learn_gap(
+    table, summary = learn_gap(
         readings, name=name, start_separation=start, t_max=task.t_max, policy=policy, **same
     )
     cost = -float(reward_curve(*increments(readings), np.array([start]), same["xi"],
                                t_max=task.t_max)[0])  # fmt: skip
-    percent = 100 * np.array(found["regret"])
+    percent = 100 * np.array(summary["regret"])
     rows = {
         "learned": _over_runs(percent),
-        "start": [100 * (cost / found["optimal_cost"] - 1)] * 3,  # exact
+        "start": [100 * (cost / summary["optimal_cost"] - 1)] * 3,  # exact
     }
     course = table.rename(columns={"mean_separation": "mean", "boundary_separation": "played"})
     return FromReward(
-        THRESHOLD, UNITS[THRESHOLD], np.array(found["learned_separation"]),
-        found["optimal_separation"],
+        THRESHOLD, UNITS[THRESHOLD], np.array(summary["learned_separation"]),
+        summary["optimal_separation"],
         pd.DataFrame.from_dict(rows, orient="index", columns=["value", "low", "high"]), course, (),
-        found,
+        summary,
     )  # fmt: skip
 
 
-def _readings(task: Task, given: dict[str, Any], seed: int) -> Source:
+def _readings(task: Task, source: dict[str, Any], seed: int) -> Source:
     """Return all readings of a task with two alternatives, with their log-likelihoods."""
     if isinstance(task, Tactile):
-        return task.source(**given)
+        return task.source(**source)
     if not isinstance(task, Gaussian):
         raise InputError.of("task", "must be drawn for the test to learn", task.text)
     drawn = replace(task, trials=2 * READINGS, t_max=1).evidence(seed=stream(seed, "readings"))
@@ -356,13 +356,13 @@ def _of_circuit(
     trials: int,
     start: float | None,
     posterior: float | None,
-    given: dict[str, Any],
+    source: dict[str, Any],
     *,
     levels: Any = None,
     **same: Any,
 ) -> FromReward:
     """Learn the level of dopamine of a circuit, or the posterior at which it decides."""
-    evidence, fresh = _learned_and_scored(task, trials, given, same["seed"])
+    evidence, fresh = _learned_and_scored(task, trials, source, same["seed"])
     options: dict[str, Any] = {"what": CRITERION, "levels": levels}
     if what == DOPAMINE:
         at = POSTERIOR if posterior is None else posterior
@@ -378,24 +378,24 @@ def _of_circuit(
             f"must lie where {model.circuit.name} decides by evidence, {ends[0]:.3f}..{ends[1]:.3f}"
         )
         require(inside, "start", must, start)
-    found = learn_in_circuit(model, evidence, fresh, start=start, **options, **same)
+    learned = learn_in_circuit(model, evidence, fresh, start=start, **options, **same)
     names = {"tonic": "mean", "level": "played", "phasic": "dopamine"}
     return FromReward(
-        what, UNITS[DOPAMINE] if what == DOPAMINE else CRITERION, found.learned.learned,
-        found.fresh.best(same["xi"])[0], found.regrets.loc[["learned", "start"]],
-        found.to_dataframe().rename(columns=names), tuple(found.cautions), found,
+        what, UNITS[DOPAMINE] if what == DOPAMINE else CRITERION, learned.learned.learned,
+        learned.fresh.best(same["xi"])[0], learned.regrets.loc[["learned", "start"]],
+        learned.to_dataframe().rename(columns=names), tuple(learned.cautions), learned,
     )  # fmt: skip
 
 
 def _learned_and_scored(
-    task: Task, trials: int, given: dict[str, Any], seed: int
+    task: Task, trials: int, source: dict[str, Any], seed: int
 ) -> tuple[Evidence, Evidence]:
     """Return the trials for learning, and others on which regret is measured."""
     if not isinstance(task, EvidenceTable):
         asked = task.changed(trials=trials)
         return (
-            trials_of(asked, seed, "learn", **given).evidence,
-            trials_of(asked, seed, "learn, scored", **given).evidence,
+            trials_of(asked, seed, "learn", **source).evidence,
+            trials_of(asked, seed, "learn, scored", **source).evidence,
         )
     evidence = trials_of(task, seed, "learn").evidence
     if evidence.trials < 2:
@@ -410,7 +410,7 @@ def _weights(
     task: Drawn,
     model: BasalGanglia | None,
     at: float,
-    given: dict[str, Any],
+    source: dict[str, Any],
     learner: WeightLearner,
     *,
     runs: int,
@@ -421,23 +421,23 @@ def _weights(
     units: int = 16,
 ) -> FromReward:
     """Learn what readings mean; compare with the exact likelihoods."""
-    learns, scores = _features(task, given, units)
+    learns, scores = _features(task, source, units)
     same: dict[str, Any] = {"seed": seed, "rule": rule, "critic": critic, "feedback": feedback,
                             "learner": learner, "runs": runs}  # fmt: skip
     if model is None:
-        found = learn_weights(learns, decider=FixedPoint(criterion=at), **same)
+        learned = learn_weights(learns, decider=FixedPoint(criterion=at), **same)
     else:
-        found = learn_weights_in_circuit(learns, InCircuit(model, at), **same)
+        learned = learn_weights_in_circuit(learns, InCircuit(model, at), **same)
     test = scores(SCORED, rng=stream(seed, "learn-weights", "scored"))
-    percent = 100 * (found.relative_time(test, 0.9) - 1)
+    percent = 100 * (learned.relative_time(test, 0.9) - 1)
     regrets = pd.DataFrame([_over_runs(percent)], ["learned"], ["value", "low", "high"])
-    slope = found.calibration(test).slope
-    table = found.to_dataframe()
-    return FromReward(WEIGHTS, UNITS[WEIGHTS], slope, 1.0, regrets, table, (), found, test)
+    slope = learned.calibration(test).slope
+    table = learned.to_dataframe()
+    return FromReward(WEIGHTS, UNITS[WEIGHTS], slope, 1.0, regrets, table, (), learned, test)
 
 
 def _features(
-    task: Drawn, given: dict[str, Any], units: int
+    task: Drawn, source: dict[str, Any], units: int
 ) -> tuple[Any, Callable[..., Features]]:
     """Return what sensory units see while learning, and how trials to score are drawn."""
     timing: dict[str, Any] = {"t_max": task.t_max, "step_ms": task.step_ms}
@@ -445,7 +445,7 @@ def _features(
         drawn = GaussianFeatures(task.d_prime, task.channels, units, **timing)
         return drawn, drawn.draw
     assert isinstance(task, Tactile)
-    taps = load_taps(given.get("taps", task.taps))
+    taps = load_taps(source.get("taps", task.taps))
     learns, scores = tap_features(taps, task, units=units, fold=task.fold, **timing)
     return learns, scores.draw
 

@@ -185,13 +185,13 @@ def learn_folds(
     rows = []
     for fold, readings in enumerate(sources):
         count = len(starts) * repeats
-        own = slice(fold * count, (fold + 1) * count)
-        given = learned.learned[own], readings, np.repeat(starts, repeats), optima[fold]
-        scores = _scored(*given, **options)
+        of_fold = slice(fold * count, (fold + 1) * count)
+        runs_of_fold = learned.learned[of_fold], readings, np.repeat(starts, repeats), optima[fold]
+        scores = _scored(*runs_of_fold, **options)
         runs = scores.assign(fold=fold, repeat=np.tile(np.arange(repeats), len(starts)))
         rows.append(
             runs.loc[runs.index.repeat(keep), RUN_COLUMNS].assign(
-                episode=np.tile(episodes, count), smoothed_separation=curves[own].ravel()
+                episode=np.tile(episodes, count), smoothed_separation=curves[of_fold].ravel()
             )
         )
     return pd.concat(rows, ignore_index=True)

@@ -68,15 +68,15 @@ class LevelOutcomes:
         require(np.all(np.diff(self.levels) > 0), "levels", "must rise", self.levels)
 
     @classmethod
-    def of(cls, found: Tradeoff, evidence: Evidence) -> LevelOutcomes:
+    def of(cls, swept: Tradeoff, evidence: Evidence) -> LevelOutcomes:
         """Return the outcomes of decisions, given the truth."""
         truth = needed_truth(evidence)
-        same = f"must be of {found.trials} trials, as the decisions"
-        require(evidence.trials == found.trials, "evidence", same, evidence.trials)
-        steps = np.maximum(found.time_ms, 0.0) / evidence.step_ms
-        correct = found.choice == truth
-        forced = found.forced.mean(axis=1)
-        return cls(found.settings[::-1], correct[::-1], steps[::-1], forced[::-1])
+        same = f"must be of {swept.trials} trials, as the decisions"
+        require(evidence.trials == swept.trials, "evidence", same, evidence.trials)
+        steps = np.maximum(swept.time_ms, 0.0) / evidence.step_ms
+        correct = swept.choice == truth
+        forced = swept.forced.mean(axis=1)
+        return cls(swept.settings[::-1], correct[::-1], steps[::-1], forced[::-1])
 
     @property
     def trials(self) -> int:
@@ -104,9 +104,9 @@ class LevelOutcomes:
         place = np.interp(level, self.levels, np.arange(len(self.levels)))
         low = min(int(place), max(len(self.levels) - 2, 0))
         high = min(low + 1, len(self.levels) - 1)
-        own = (1 - place + low) * means[:, low] + (place - low) * means[:, high]
+        mean = (1 - place + low) * means[:, low] + (place - low) * means[:, high]
         best = means.max(axis=1)
-        return np.asarray(100 * (best - own) / np.abs(best))
+        return np.asarray(100 * (best - mean) / np.abs(best))
 
     def at_edge(self, xi: float) -> str:
         """Return "lower" or "upper" if the best level is the first or the last, otherwise ""."""

@@ -63,8 +63,8 @@ def decide_with_stop(
     level = model.threshold(threshold, posterior)
     model.warn_beyond_range(evidence)
     model.warn_of_noise(level)
-    given = with_stop(evidence, ssd_ms, signal, every_ms)
-    decision = model.decided(given, level, forced=False)
+    stopped = with_stop(evidence, ssd_ms, signal, every_ms)
+    decision = model.decided(stopped, level, forced=False)
     return stop_trials(decision, ssd_ms, evidence.hypotheses)
 
 
@@ -102,9 +102,9 @@ def step_response(
     held = Evidence(
         np.zeros((2, steps, channels)), prior=prior / prior.sum(), step_ms=step_ms, baseline=0.0
     )
-    given = with_stop(held, [SETTLE_MS, np.nan], replace(signal, delay_ms=0.0))
+    signalled = with_stop(held, [SETTLE_MS, np.nan], replace(signal, delay_ms=0.0))
     quiet = replace(model, circuit=model.circuit.with_inputs(signal.nucleus), engine="rate")
-    activity = quiet.activity(given)
+    activity = quiet.activity(signalled)
     late = activity.time_ms > SETTLE_MS
     out = activity.output_nats[:, late, 0]
     return activity.time_ms[late] - SETTLE_MS, out[0] - out[1]

@@ -1,7 +1,9 @@
-"""The figure of stop-signal trials: inhibition function, and times of responses."""
+"""The figure of stop-signal trials: inhibition function, and times of responses, with models."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,33 +23,68 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+MOST_DELAYS, STEP_MS = 12, 50.0
+"""Largest number of delays drawn one by one, and the steps to which more are pooled."""
+
+
 @styled
-def draw(trials: StopTrials) -> Figure:
-    """Draw the inhibition function with that of a race, and the distributions of times."""
+def draw(
+    trials: StopTrials,
+    models: Mapping[str, Sequence[StopTrials]] | None = None,
+    heading: str = "",
+) -> Figure:
+    """Draw the inhibition function and the distributions of times, with those of models.
+
+    A model is given by copies of the trials with its responses. Without one the inhibition function
+    of a race with a constant SSRT is drawn.
+    """
     with quiet(DataWarning):  # few trials are in the title
-        found = estimate_ssrt(trials, checked=False)
+        ssrt = estimate_ssrt(trials, checked=False)
     go = trials.rt_ms[~trials.stop]
     failed = trials.rt_ms[trials.stop]
     figure, ((left, right),) = panels(1, 2, size=(6.4, 2.8))
-    table = inhibition_function(trials)
+    shown = _pooled(trials)
+    table = inhibition_function(shown)
     ends = np.abs(table[["low", "high"]].to_numpy() - table[["p_respond"]].to_numpy()).T
     style: Look = {"ms": 4, "color": PALETTE[0], "label": "Stop trials"}
     left.errorbar(table["ssd_ms"], table["p_respond"], ends, fmt="o", capsize=2, **style)
-    delays = np.linspace(0, float(np.nanmax(trials.ssd_ms)), 200)
-    ssrt_ms = ssrt_by_delay(table)
-    race = np.searchsorted(np.sort(go), delays + ssrt_ms, side="right") / len(go)  # NaN is last
-    left.plot(delays, race, color=GREY, label=f"Race, SSRT {ssrt_ms:.0f} ms")
+    if models:
+        delays, place = np.unique(shown.ssd_ms[trials.stop], return_inverse=True)
+        styles = zip(models.items(), PALETTE[2:], ("--", ":", "-.", "-"), strict=False)
+        for (name, model), colour, dashes in styles:
+            rt_ms = np.array([each.rt_ms[trials.stop] for each in model])
+            p = np.bincount(place, (~np.isnan(rt_ms)).mean(axis=0)) / np.bincount(place)
+            left.plot(delays, p, color=colour, ls=dashes, label=name)
+            _cumulative(right, rt_ms.ravel(), f"Failed stops, {name}", colour, dashes)
+    else:
+        delays = np.linspace(0, float(np.nanmax(trials.ssd_ms)), 200)
+        ssrt_ms = ssrt_by_delay(inhibition_function(trials))
+        race = np.searchsorted(np.sort(go), delays + ssrt_ms, side="right") / len(go)  # NaN is last
+        left.plot(delays, race, color=GREY, label=f"Race, SSRT {ssrt_ms:.0f} ms")
     left.set(xlabel="Stop-signal delay (ms)", ylabel="Share with a response", ylim=(-0.03, 1.03))
-    left.legend(loc="upper left")
+    left.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
     _cumulative(right, go, "Go trials", PALETTE[0], "-")
-    _cumulative(right, failed[~np.isnan(failed)], "Failed stops", PALETTE[1], "--")
+    failed = failed if models else failed[~np.isnan(failed)]
+    _cumulative(right, failed, "Failed stops", PALETTE[1], "--")
     right.set(xlabel="Response time (ms)", ylabel="Cumulative share", ylim=(-0.03, 1.03))
-    right.legend(loc="lower right")
+    right.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
     stops = int(trials.stop.sum())
     title = f"{len(go)} go trials, {stops} stop trials; bars: 95 % Wilson intervals"
-    refused = f"\nThe consensus guide accepts no SSRT: {found.refusal}" if found.refusal else ""
+    title += ", delays to the nearest 50 ms" if shown is not trials else ""
+    title = f"{heading}: {title}" if heading else title
+    refused = f"\nThe consensus guide accepts no SSRT: {ssrt.refusal}" if ssrt.refusal else ""
     figure.suptitle(title + refused, x=0.01, ha="left")
     return figure
+
+
+def _pooled(trials: StopTrials) -> StopTrials:
+    """Return the trials with delays to the nearest step of 50 ms where there are many delays.
+
+    Recorded delays of a staircase differ from its steps by a few ms.
+    """
+    if len(np.unique(trials.ssd_ms[trials.stop])) <= MOST_DELAYS:
+        return trials
+    return replace(trials, ssd_ms=np.round(trials.ssd_ms / STEP_MS) * STEP_MS)
 
 
 def _cumulative(ax: Axes, times_ms: Array, label: str, colour: str, style: str) -> None:

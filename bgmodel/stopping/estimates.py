@@ -47,11 +47,11 @@ class StopEstimate(Facts):
 
     def facts(self) -> dict[str, str]:
         """Return the main estimates, and the refusal if there is one."""
-        found = {
+        estimates = {
             name: f"{getattr(self, name):.3g}"
             for name in ("ssrt_ms", "p_respond", "go_ms", "failed_ms", "ssd_ms", "omissions")
         }
-        return found | ({"refusal": self.refusal} if self.refusal else {})
+        return estimates | ({"refusal": self.refusal} if self.refusal else {})
 
 
 def estimate_ssrt(trials: StopTrials, *, checked: bool = True) -> StopEstimate:
@@ -71,7 +71,7 @@ def estimate_ssrt(trials: StopTrials, *, checked: bool = True) -> StopEstimate:
     ssd_ms, p = float(trials.ssd_ms[trials.stop].mean()), trials.p_respond
     replaced = np.where(np.isnan(go), responses.max(), go)
     nth = nth_time(replaced, p)
-    found = {
+    estimates = {
         "ssrt_ms": nth - ssd_ms,
         "ssrt_mean_ms": float(responses.mean()) - ssd_ms,
         "p_respond": p,
@@ -80,27 +80,27 @@ def estimate_ssrt(trials: StopTrials, *, checked: bool = True) -> StopEstimate:
         "ssd_ms": ssd_ms,
         "omissions": float(np.isnan(go).mean()),
     }
-    refusal = _refusal(found)
+    refusal = _refusal(estimates)
     if refusal and checked:
         raise InputError(
             f"{refusal}: no stop-signal reaction time (Verbruggen et al. 2019)", "trials"
         )
     stops = int(trials.stop.sum())
     if stops < FEWEST_STOPS:
-        said = f"{stops} stop trials, fewer than {FEWEST_STOPS}: the estimate is unreliable"
-        DataWarning.warn(said)
-    return StopEstimate(**found, refusal=refusal)
+        warning = f"{stops} stop trials, fewer than {FEWEST_STOPS}: the estimate is unreliable"
+        DataWarning.warn(warning)
+    return StopEstimate(**estimates, refusal=refusal)
 
 
-def _refusal(found: dict[str, float]) -> str:
+def _refusal(values: dict[str, float]) -> str:
     low, high = P_RANGE
-    if not low <= found["p_respond"] <= high:
+    if not low <= values["p_respond"] <= high:
         outside = f"outside {low} to {high}"
         return (
-            f"the probability of responding on stop trials is {found['p_respond']:.2f}, {outside}"
+            f"the probability of responding on stop trials is {values['p_respond']:.2f}, {outside}"
         )
-    if found["failed_ms"] > found["go_ms"]:
-        slower = f"{found['failed_ms']:.0f} ms against {found['go_ms']:.0f} ms"
+    if values["failed_ms"] > values["go_ms"]:
+        slower = f"{values['failed_ms']:.0f} ms against {values['go_ms']:.0f} ms"
         return f"failed stops are slower than go responses, {slower}, so the race model fails"
     return ""
 
@@ -132,7 +132,7 @@ def inhibition_function(trials: StopTrials) -> pd.DataFrame:
 def ssrt_by_delay(table: pd.DataFrame) -> float:
     """Return the stop-signal reaction time, ms: the mean of those in an ``inhibition_function``.
 
-    Delays count by their trials if p_respond is within ``P_RANGE``; NaN if there are none.
+    Delays with a p_respond within ``P_RANGE`` are weighted by their trials; NaN without any.
     ``estimate_ssrt`` pools all delays, which is meant for staircases: with delays spread as widely
     as the go times, the quantile of the go times at the mean share of responses is not the mean of
     their quantiles.
@@ -146,14 +146,14 @@ def nth_time(times_ms: Array, p: float) -> float:
     return float(np.quantile(times_ms, p, method="inverted_cdf"))
 
 
-def told(found: StopEstimate, ssrt_ms: float, task: StopTask) -> str:
+def told(ssrt: StopEstimate, ssrt_ms: float, task: StopTask) -> str:
     """Return estimates of simulated stop trials in sentences, with the one to report.
 
     ``ssrt_ms`` is the estimate by integration at each delay, see ``ssrt_by_delay``.
     """
-    failed, missed = found.failed_minus_go_ms, ""
-    if found.omissions:
-        missed = f", {found.omissions:.1%} of go trials missed"
+    failed, missed = ssrt.failed_minus_go_ms, ""
+    if ssrt.omissions:
+        missed = f", {ssrt.omissions:.1%} of go trials missed"
     times = "no failed stops" if np.isnan(failed) else f"failed stops {failed:+.0f} ms"
     low, high = P_RANGE
     if np.isnan(ssrt_ms):
@@ -164,12 +164,12 @@ def told(found: StopEstimate, ssrt_ms: float, task: StopTask) -> str:
     else:
         estimate = (
             f"stop-signal reaction time {ssrt_ms:.0f} ms by integration at each delay, which is "
-            f"the one to report for fixed delays ({found.ssrt_ms:.0f} ms with all delays pooled, "
+            f"the one to report for fixed delays ({ssrt.ssrt_ms:.0f} ms with all delays pooled, "
             f"for staircases); {task.delay_ms:g} ms of it are the given delay to {task.nucleus}; "
             "there are no motor delays"
         )
-    refused = f"\nthe consensus guide accepts no estimate: {found.refusal}" if found.refusal else ""
+    refused = f"\nthe consensus guide accepts no estimate: {ssrt.refusal}" if ssrt.refusal else ""
     return (
-        f"mean go time {found.go_ms:.0f} ms{missed}, {times}, responses in {found.p_respond:.1%} "
+        f"mean go time {ssrt.go_ms:.0f} ms{missed}, {times}, responses in {ssrt.p_respond:.1%} "
         f"of stop trials\n{estimate}{refused}"
     )

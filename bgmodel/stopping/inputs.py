@@ -90,8 +90,8 @@ def with_onsets(
     if np.isfinite(onset_ms).any() and np.nanmin(onset_ms) >= end:
         must = f"must leave the signal time before the end, {end:g} ms"
         raise InputError.of("ssd_ms", must, float(np.nanmin(onset_ms)) - signal.delay_ms)
-    given = with_input(evidence, onset_ms, signal.amount_nats, signal.duration_ms, every_ms)
-    return cancelled(given, onset_ms - signal.delay_ms + signal.cancel_ms)
+    with_signal = with_input(evidence, onset_ms, signal.amount_nats, signal.duration_ms, every_ms)
+    return cancelled(with_signal, onset_ms - signal.delay_ms + signal.cancel_ms)
 
 
 def with_input(
@@ -115,9 +115,9 @@ def with_input(
     begins = step * np.arange(times)
     values = {"onset_ms": onset_ms, "amount_nats": amount_nats, "duration_ms": duration_ms}
     onset, amount, lasts = (_per_trial(name, evidence, each) for name, each in values.items())
-    given = ~np.isnan(onset)
+    timed = ~np.isnan(onset)
     for name, value, allowed, must in (
-        ("onset_ms", onset, ~given | ((onset >= 0) & (onset < np.inf)), "must be >= 0 and finite"),
+        ("onset_ms", onset, ~timed | ((onset >= 0) & (onset < np.inf)), "must be >= 0 and finite"),
         ("amount_nats", amount, np.isfinite(amount), "must be finite"),
         ("duration_ms", lasts, lasts > 0, "must be > 0"),
     ):
@@ -128,11 +128,11 @@ def with_input(
             "every trial receives the input, from 0 or 1 ms on: is this a mask of trials? Give the "
             "onset in ms, and NaN for trials without it"
         )
-    onset = np.where(given, onset, np.inf)
+    onset = np.where(timed, onset, np.inf)
     on = np.clip((begins + step - onset) / step, 0, 1)
     off = np.clip((begins + step - onset - lasts) / step, 0, 1)
     added = (amount * (on - off))[:, :, None]
-    if (given & (amount != 0)).any() and not added.any():
+    if (timed & (amount != 0)).any() and not added.any():
         EditWarning.warn(f"the input has no effect: all trials end by {step * times:g} ms")
     if evidence.inputs_nats is not None:
         same = evidence.inputs_nats.shape[1] == times
@@ -147,9 +147,9 @@ def _per_step(step_ms: float, every_ms: float | None) -> int:
     if every_ms is None:
         return int(np.ceil(step_ms / RESOLUTION_MS - 1e-9))
     count = round(step_ms / every_ms)
-    whole = count >= 1 and abs(count * every_ms - step_ms) < 1e-9
+    divides = count >= 1 and abs(count * every_ms - step_ms) < 1e-9
     must = f"must be a whole fraction of the time between readings, {step_ms:g} ms"
-    require(whole, "every_ms", must, every_ms)
+    require(divides, "every_ms", must, every_ms)
     return count
 
 

@@ -58,6 +58,6 @@ def estimates_of(people: dict[str, StopTrials]) -> pd.DataFrame:
         few += bool(caught)
         rows.append({"participant_id": who, **row})
     if few:
-        said = f"{few} of {len(people)} participants have too few stop trials"
-        DataWarning.warn(f"{said}: their estimates are unreliable, their mean is less so")
+        share = f"{few} of {len(people)} participants have too few stop trials"
+        DataWarning.warn(f"{share}: their estimates are unreliable, their mean is less so")
     return pd.DataFrame(rows)

@@ -28,11 +28,11 @@ def walk(responded: npt.ArrayLike, delays_ms: npt.ArrayLike, starts_ms: npt.Arra
     index = np.empty(table.shape[1], dtype=np.int64)
     for which, start in enumerate(starts):
         at = int(np.flatnonzero(delays == start)[0])
-        own = np.arange(which, table.shape[1], len(starts))
-        for trial in own:
+        of_staircase = np.arange(which, table.shape[1], len(starts))
+        for trial in of_staircase:
             index[trial] = at
             at = min(max(at + (-1 if table[at, trial] else 1), 0), len(delays) - 1)
-        _warn_unless_it_reverses(float(start), table[index[own], own])
+        _warn_unless_it_reverses(float(start), table[index[of_staircase], of_staircase])
     return index
 
 

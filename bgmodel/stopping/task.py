@@ -151,8 +151,8 @@ def decided(
     late[rng.random(len(stop)) < task.failures] = np.nan
 
     def at(ssd_ms: Array) -> Decision:
-        given = with_onsets(evidence, task.onsets(ssd_ms) + late, task)
-        return model.decided(given, level)
+        with_signal = with_onsets(evidence, task.onsets(ssd_ms) + late, task)
+        return model.decided(with_signal, level)
 
     delays = np.asarray(task.delays_ms, float)
     if not task.staircases:
@@ -175,5 +175,5 @@ def _chosen(each: list[Decision], place: Array) -> Decision:
     """Return the decision of each trial at its delay."""
     trial = np.arange(len(place))
     names = ("choice", "time_ms", "forced", "premature", "deadline_ms")
-    found = {n: np.stack([getattr(one, n) for one in each])[place, trial] for n in names}
-    return replace(each[0], **found)
+    columns = {n: np.stack([getattr(one, n) for one in each])[place, trial] for n in names}
+    return replace(each[0], **columns)

@@ -78,11 +78,11 @@ class StopTrials(Facts):
     def facts(self) -> dict[str, str]:
         """Return the numbers of trials, the delays and the proportion of failed stops."""
         stops = int(self.stop.sum())
-        found = {"trials": f"{len(self.rt_ms)}", "stop_trials": f"{stops}"}
+        facts = {"trials": f"{len(self.rt_ms)}", "stop_trials": f"{stops}"}
         if stops:
-            found["ssd_ms"] = span(self.ssd_ms[self.stop])
-            found["p_respond"] = f"{self.p_respond:.3f}"
-        return found
+            facts["ssd_ms"] = span(self.ssd_ms[self.stop])
+            facts["p_respond"] = f"{self.p_respond:.3f}"
+        return facts
 
     @property
     def stop(self) -> Truths:

@@ -50,7 +50,7 @@ def violations(trials: StopTrials, ssrt_ms: float, width_ms: float = WIDTH_MS) -
 
 
 def truncated_means(times_ms: Array, limits_ms: Array) -> Array:
-    """Return the mean of the times up to each limit; NaN where there are none."""
+    """Return the mean of the times up to each limit; NaN for a limit below all of them."""
     ordered = np.sort(times_ms)
     sums = np.cumsum(ordered)
     count = np.searchsorted(ordered, limits_ms, side="right")
@@ -95,7 +95,7 @@ def slowing(trials: StopTrials) -> dict[str, float]:
     """Return how much slower go responses are after stop trials than after go trials, ms.
 
     ``after_go_ms`` is the mean go time after a go response; ``after_failed_stop_ms`` and
-    ``after_successful_stop_ms`` are those after such trials minus it. NaN where there are none.
+    ``after_successful_stop_ms`` are those after such trials minus it; NaN without such trials.
     Trials are in the order in which they were run.
     """
     before, response = trials.outcome[:-1], trials.rt_ms[1:]
@@ -106,8 +106,8 @@ def slowing(trials: StopTrials) -> dict[str, float]:
         return float(response[chosen].mean()) if chosen.any() else np.nan
 
     base = mean("response")
-    found = {f"after_{name.replace(' ', '_')}_ms": mean(name) - base for name in AFTER}
-    return {"after_go_ms": base, **found}
+    slowed_ms = {f"after_{name.replace(' ', '_')}_ms": mean(name) - base for name in AFTER}
+    return {"after_go_ms": base, **slowed_ms}
 
 
 def standard_error(values: Array) -> float:

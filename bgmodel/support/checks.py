@@ -113,10 +113,10 @@ class Problems:
             raise self.found[0]
         if self.found:
             texts = [str(error) for error in self.found]
-            said = f"{len(texts)} problems: {texts[0]}"
+            message = f"{len(texts)} problems: {texts[0]}"
             for number, text in enumerate(texts[1:], 1):
-                if len(said) + len(text) > MOST_SAID:
-                    said += f"; and {len(texts) - number} more"
+                if len(message) + len(text) > MOST_SAID:
+                    message += f"; and {len(texts) - number} more"
                     break
-                said += f"; {text}"
-            raise InputError(said, getattr(self.found[0], "field", "table"))
+                message += f"; {text}"
+            raise InputError(message, getattr(self.found[0], "field", "table"))

@@ -25,11 +25,11 @@ def _exponential(x: float) -> float:
     x = max(x, LOWEST)
     twos = np.floor(x * PER_LOG2 + 0.5)
     rest = x - twos * LOG2_HIGH - twos * LOG2_LOW
-    found = 0.0
+    polynomial = 0.0
     for coefficient in COEFFICIENTS:
-        found = found * rest + coefficient
+        polynomial = polynomial * rest + coefficient
     power: float = np.int64((np.int64(twos) + BIAS) << MANTISSA).view(np.float64)
-    return found * power
+    return polynomial * power
 
 
 exponential = inlined(_exponential)

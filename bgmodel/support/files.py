@@ -201,24 +201,24 @@ def read_arrays(path: str | Path) -> arrays.Arrays:
 
 
 def read_provenance(path: str | Path) -> dict[str, Any]:
-    """Return the provenance stored by ``write_table``; OSError or ValueError if there is none."""
+    """Return the provenance stored by ``write_table``; OSError or ValueError without one."""
     path = Path(path)
     if path.suffix == ".csv":
-        found = from_json(provenance_path(path).read_text())
+        provenance_read = from_json(provenance_path(path).read_text())
     else:
         try:
-            found = from_json(_metadata(path)[KEY])
+            provenance_read = from_json(_metadata(path)[KEY])
         except OSError:
             raise
         except Exception as error:  # a damaged file may raise an error of any class
             raise unreadable(path, error) from None
-    if not isinstance(found, dict) or set(found) != FIELDS:
+    if not isinstance(provenance_read, dict) or set(provenance_read) != FIELDS:
         raise InputError(f"{str(path)!r} has no provenance", "path", path)
-    return found
+    return provenance_read
 
 
 def from_json(text: str | bytes) -> Any:
-    """Return what a JSON text contains; ValueError if it is none, or nested too deeply."""
+    """Return the value of a JSON text; ValueError for invalid JSON, or one nested too deeply."""
     try:
         return json.loads(text)
     except RecursionError:
@@ -264,8 +264,8 @@ def _metadata(path: Path) -> dict[bytes, bytes]:
 
     schema = pq.read_schema(path)
     about = dict(schema.metadata or {})
-    given = about.pop(CHECK, None)
-    if given is not None and given != _digest(schema, about):
+    digest = about.pop(CHECK, None)
+    if digest is not None and digest != _digest(schema, about):
         raise ValueError("it is damaged")
     return about
 

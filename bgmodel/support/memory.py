@@ -26,8 +26,8 @@ def check_memory(needed_bytes: float, what: str, field: str = "trials") -> None:
 
     free = psutil.virtual_memory().available
     if needed_bytes > free:
-        said = f"{what} need {_size(needed_bytes)} of memory, {_size(free)} are free"
-        raise NoMemoryError(said, field)
+        reason = f"{what} need {_size(needed_bytes)} of memory, {_size(free)} are free"
+        raise NoMemoryError(reason, field)
 
 
 def check_evidence_memory(trials: int, steps: int, hypotheses: int) -> None:

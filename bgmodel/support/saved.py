@@ -66,8 +66,8 @@ def load(path: str | Path) -> Any:
     try:
         return _restored(tree["value"], arrays)
     except (ImportError, AttributeError, KeyError, TypeError) as error:
-        said = f"{str(path)!r} was saved by version {tree.get('version')}, this is {__version__}"
-        raise InputError(f"{said}: its records differ ({error})", "path", path) from None
+        reason = f"{str(path)!r} was saved by version {tree.get('version')}, this is {__version__}"
+        raise InputError(f"{reason}: its records differ ({error})", "path", path) from None
 
 
 def _plain(value: Any, arrays: list[npt.NDArray[Any]]) -> Any:
@@ -92,10 +92,10 @@ def _plain(value: Any, arrays: list[npt.NDArray[Any]]) -> Any:
     if own_kind and base:
         return {"kind": _name(kind), "value": _plain(base.__new__(base, value), arrays)}
     if not own_kind or not is_dataclass(value):
-        said = f"it holds a {kind.__name__}, which is no record of this package"
-        raise InputError(f"this can't be saved: {said}", "record", value)
-    own = {one.name: _plain(getattr(value, one.name), arrays) for one in fields(value)}
-    return {"record": _name(type(value)), "fields": own}
+        reason = f"it holds a {kind.__name__}, which is no record of this package"
+        raise InputError(f"this can't be saved: {reason}", "record", value)
+    plain_fields = {one.name: _plain(getattr(value, one.name), arrays) for one in fields(value)}
+    return {"record": _name(type(value)), "fields": plain_fields}
 
 
 def _restored(value: Any, arrays: dict[str, npt.NDArray[Any]]) -> Any:
@@ -124,12 +124,12 @@ def _restored(value: Any, arrays: dict[str, npt.NDArray[Any]]) -> Any:
     return value
 
 
-def _record(kind: type, own: dict[str, Any]) -> Any:
-    """Return a record with these fields, as they were: it was checked when it was made."""
-    if not is_dataclass(kind) or {one.name for one in fields(kind)} != set(own):
+def _record(kind: type, values: dict[str, Any]) -> Any:
+    """Return a record with these fields, unchecked: they were checked when it was made."""
+    if not is_dataclass(kind) or {one.name for one in fields(kind)} != set(values):
         raise TypeError(f"the fields of {kind.__name__} are others")
     made = object.__new__(kind)
-    for name, value in own.items():
+    for name, value in values.items():
         object.__setattr__(made, name, value)
     return made
 
@@ -163,7 +163,7 @@ def _class(name: str) -> Any:
     module, _, inner = name.partition(":")
     if not module.startswith(PACKAGES) or "__main__" in module or "." in inner:
         raise TypeError(f"{name} is no record")
-    found = getattr(importlib.import_module(module), inner)
-    if not isinstance(found, type) or not found.__module__.startswith(PACKAGES):
+    kind = getattr(importlib.import_module(module), inner)
+    if not isinstance(kind, type) or not kind.__module__.startswith(PACKAGES):
         raise TypeError(f"{name} is no record")
-    return found
+    return kind

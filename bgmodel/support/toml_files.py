@@ -59,8 +59,8 @@ def decoded(given: dict[str, Any], kind: type[T], name: str, inside: str = "") -
 
     try:
         # JSON mode accepts lists for tuples but makes no other conversions.
-        found: T = _adapter(cast(Any, kind)).validate_json(json.dumps(given, default=refused))
-        return found
+        record: T = _adapter(cast(Any, kind)).validate_json(json.dumps(given, default=refused))
+        return record
     except ValidationError as error:
         wrongs = error.errors(include_url=False)
     # A misspelt key is also a missing one; the first error is more helpful.
@@ -71,8 +71,8 @@ def decoded(given: dict[str, Any], kind: type[T], name: str, inside: str = "") -
         known = _keys(kind, wrong["loc"][:-1])
         near = nearest(wrong["loc"][-1], known)
         whose = f" for {getattr(kind, 'name', '')}" if inside else ""
-        said = f"there is no key {key!r}{whose}{near}; there are {', '.join(known)}"
-        raise InputError(f"{before}{said}", key)
+        reason = f"there is no key {key!r}{whose}{near}; there are {', '.join(known)}"
+        raise InputError(f"{before}{reason}", key)
     if wrong["type"] == "missing":
         raise InputError(f"{before}the key {key!r} is missing", key)
     says = wrong["msg"].removeprefix("Value error, ").removeprefix("Input ")
@@ -95,8 +95,8 @@ def as_toml(text: str) -> Any:
     if not isinstance(value, bool | int | float | str | list):
         return text
     # TOML writes a large whole number, such as 1e5, as it writes any number.
-    whole = isinstance(value, float) and value.is_integer()
-    return int(value) if whole else value  # type: ignore[arg-type]
+    integral = isinstance(value, float) and value.is_integer()
+    return int(value) if integral else value  # type: ignore[arg-type]
 
 
 def value(given: Any, kind: Any, name: str) -> Any:
@@ -125,5 +125,5 @@ def _keys(kind: Any, place: tuple[int | str, ...]) -> list[str]:
         kind = get_type_hints(kind)[part] if isinstance(part, str) else get_args(kind)[0]
         if isinstance(kind, UnionType):
             kind = next(one for one in get_args(kind) if one is not NoneType)
-    own = sorted(fields(kind), key=lambda field: bool(field.kw_only))
-    return [field.name for field in own]
+    ordered = sorted(fields(kind), key=lambda field: bool(field.kw_only))
+    return [field.name for field in ordered]

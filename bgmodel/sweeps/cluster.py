@@ -32,7 +32,7 @@ def check_slurm(folder: Path) -> None:
         try:
             subprocess.run(command, capture_output=True, text=True, check=True, timeout=TIMEOUT_S)
         except (OSError, subprocess.SubprocessError) as error:
-            said = " ".join((getattr(error, "stderr", None) or str(error)).split())
+            answer = " ".join((getattr(error, "stderr", None) or str(error)).split())
             raise InputError(
-                f"{reason} ({command[0]}: {said}); --part K/N needs no answers from SLURM", "on"
+                f"{reason} ({command[0]}: {answer}); --part K/N needs no answers from SLURM", "on"
             ) from None

@@ -49,8 +49,8 @@ def measured(point: Point, folder: Path) -> pd.DataFrame:
         )
         return table.assign(trials=0, gain=point.used_gain, **{REMARK: remark})
     trials = len(behaviour.decision.choice)
-    found = [behaviour.measures(weights) for weights in _weights(point.seed, trials)]
-    joined = {name: np.concatenate([part[name] for part in found]) for name in found[0]}
+    measures = [behaviour.measures(weights) for weights in _weights(point.seed, trials)]
+    joined = {name: np.concatenate([part[name] for part in measures]) for name in measures[0]}
     rows = [(name, *interval(joined[name])) for name in joined]
     table = pd.DataFrame(rows, columns=["measure", "value", "low", "high"])
     values = {name: float(joined[name][0]) for name in joined}
@@ -112,13 +112,13 @@ def _kept(seed: int, trials: int) -> Array:
 
 def gathered(plan: Plan, tables: list[pd.DataFrame]) -> pd.DataFrame:
     """Return the measures of all points as one table, and warn of keys that change none."""
-    whole = []
+    rows = []
     for point, measures in zip(plan.each, tables, strict=True):
         table = measures.drop(columns="gain") if "gain" in point else measures
         for place, (key, value) in enumerate(point.items()):
             table.insert(place, key, value)
-        whole.append(table)
-    table = pd.concat(whole, ignore_index=True)
+        rows.append(table)
+    table = pd.concat(rows, ignore_index=True)
     for key in plan.axes:
         if _idle(table, key, list(plan.axes)):
             EditWarning.warn(

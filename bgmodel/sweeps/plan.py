@@ -68,9 +68,9 @@ class Point(Observed):
     def block(self, first: int, trials: int) -> NamedEvidence:
         """Return the trials of a block."""
         if isinstance(self.task, EvidenceTable):
-            whole = read_once(self.task)
-            numbers = np.arange(whole.evidence.trials)
-            return whole.where((numbers >= first) & (numbers < first + trials))
+            every = read_once(self.task)
+            numbers = np.arange(every.evidence.trials)
+            return every.where((numbers >= first) & (numbers < first + trials))
         return trials_of(self.task.changed(trials=trials), self.block_seed(first), "sweep")
 
     def block_seed(self, first: int) -> int:
@@ -223,12 +223,12 @@ def _point(same: Point, point: Mapping[str, Value], folder: Path) -> Point:
         values = _values(same, point, folder)
     except ValueError as error:
         raise within(owner, error, "points") from None
-    found = toml_files.decoded(values, Point, owner)
+    point_read = toml_files.decoded(values, Point, owner)
     try:
-        found.check()
+        point_read.check()
     except ValueError as error:
         raise within(owner, error, "points") from None
-    return found
+    return point_read
 
 
 def _values(same: Point, point: Mapping[str, Value], folder: Path) -> dict[str, Any]:
@@ -293,5 +293,4 @@ def read_plan(file: str | Path) -> Plan:
     path = path_of(file, "file")
     if path.suffix != ".toml":
         raise InputError(f"a sweep is a .toml file, got {str(file)!r}", "file", file)
-    found = seen_from(path.parent, toml_files.read(path, Plan))
-    return found
+    return seen_from(path.parent, toml_files.read(path, Plan))

@@ -44,8 +44,8 @@ def state(shard: Shard, folder: Path) -> str:
         read = files.read_table(path)
     except (OSError, ValueError, KeyError):
         return "damaged"
-    whole = made_from == _plain(shard) and len(read) in (0, shard.trials)
-    return "done" if whole else "damaged"
+    complete = made_from == _plain(shard) and len(read) in (0, shard.trials)
+    return "done" if complete else "damaged"
 
 
 def compute(shard: Shard, folder: Path) -> None:
@@ -80,9 +80,9 @@ def _decided(shard: Shard) -> pd.DataFrame:
     model = replace(model, gain=of.used_gain)
     evidence = of.block(shard.first, shard.trials).evidence
     model.warn_beyond_range(evidence)
-    found = of.behaviour(model, evidence, of.block_seed(shard.first))
-    columns = {name: getattr(found.decision, name) for name in OF_DECISION}
-    measured = {"posterior": found.posterior, **found.columns()}
+    behaviour = of.behaviour(model, evidence, of.block_seed(shard.first))
+    columns = {name: getattr(behaviour.decision, name) for name in OF_DECISION}
+    measured = {"posterior": behaviour.posterior, **behaviour.columns()}
     return pd.DataFrame({**columns, **measured, "truth": evidence.truth})
 
 
@@ -99,8 +99,8 @@ def read(point: Point, folder: Path) -> tuple[Behaviour | None, str]:
     remark = "; ".join(dict.fromkeys(text for text in remarks if text))
     if any(part.empty for part in parts):
         return None, remark
-    whole = pd.concat(parts, ignore_index=True)
-    columns = {name: whole[name].to_numpy() for name in whole}
+    trials = pd.concat(parts, ignore_index=True)
+    columns = {name: trials[name].to_numpy() for name in trials}
     decision = Decision(
         **{name: columns[name] for name in OF_DECISION},
         step_ms=point.task.step_ms,

@@ -147,17 +147,17 @@ class SweepOutcome(Facts):
         """Return each remark on points, with the number of points that have it and their names."""
         axes = list(self.plan.axes)
         points = self.table.drop_duplicates(subset=axes)
-        found = []
+        texts = []
         for text, some in points[points["remark"] != ""].groupby("remark", sort=False):
             names = [
                 ", ".join(f"{axis} = {shown(value)}" for axis, value in zip(axes, row, strict=True))
                 for row in some[axes].head(NAMED).itertuples(index=False)
             ]
             more = "; ..." if len(some) > NAMED else ""
-            found.append(
+            texts.append(
                 f"at {len(some)} of {len(points)} points ({'; '.join(names)}{more}): {text}"
             )
-        return found
+        return texts
 
     def summary(self) -> pd.DataFrame:
         """Return the measures that the plan shows, one row per point."""
@@ -180,8 +180,8 @@ class SweepOutcome(Facts):
         axes = list(self.plan.axes)
         long = self.table.melt([*axes, "measure"], ["value", "low", "high"], "of", "number")
         wide = long.set_index([*axes, "of", "measure"])["number"].unstack("measure")
-        found = wide.to_xarray().rename({key: re.sub(r"\W+", "_", key) for key in axes})
-        return found.reindex(of=["value", "low", "high"])
+        dataset = wide.to_xarray().rename({key: re.sub(r"\W+", "_", key) for key in axes})
+        return dataset.reindex(of=["value", "low", "high"])
 
     def plot(self) -> Figure:
         """Draw the measures that the plan shows, over one key or two.

@@ -55,47 +55,47 @@ def _held(table: pd.DataFrame) -> int | None:
     if COLUMN not in table:
         return None
     values = pd.to_numeric(table[COLUMN], errors="coerce").to_numpy(dtype=float)
-    found = np.unique(values)
-    if len(found) > 1:
-        numbers = " and ".join(f"{each:g}" for each in found[:2])
+    numbers_held = np.unique(values)
+    if len(numbers_held) > 1:
+        numbers = " and ".join(f"{each:g}" for each in numbers_held[:2])
         raise InputError(
             f"{COLUMN} must be the same in all trials of a fit, got {numbers}: fit trials with "
             "different numbers of alternatives separately",
             COLUMN,
         )
-    if not (np.isfinite(found[0]) and found[0] == int(found[0])):
+    if not (np.isfinite(numbers_held[0]) and numbers_held[0] == int(numbers_held[0])):
         raise InputError.of(COLUMN, "must hold a whole number", table[COLUMN].iloc[0])
-    check_number(int(found[0]))
-    return int(found[0])
+    check_number(int(numbers_held[0]))
+    return int(numbers_held[0])
 
 
 def _named(table: pd.DataFrame, stimulus: str, number: int | None) -> int:
     """Return the number of alternatives that occur by name, or the number given if they agree."""
     texts(table[stimulus])  # refuses missing ones
     answered = ~silent(table)
-    given = set(names_of(table["response"])[answered])
+    answers = set(names_of(table["response"])[answered])
     shown = set(names_of(table[stimulus]))
-    every = given | shown
-    if not given & shown:
-        said, other = (", ".join(sorted(names)[:3]) for names in (given, shown))
+    every = answers | shown
+    if not answers & shown:
+        got, other = (", ".join(sorted(names)[:3]) for names in (answers, shown))
         must = f"and {stimulus} must be in the same words"
-        raise InputError(f"response {must}, got {said} and {other}", "response")
+        raise InputError(f"response {must}, got {got} and {other}", "response")
     check_alike("response", np.array(sorted(every)))
     number = len(every) if number is None else number
     if len(every) > number:
         listed = ", ".join(sorted(every))
         must = f"and {stimulus} must name at most {number} alternatives, got {listed}"
         raise InputError(f"response {must}", "response")
-    if len(given) < number:
-        never = sorted(every - given)
+    if len(answers) < number:
+        never = sorted(every - answers)
         names = f", never {', '.join(never)}" if never else ""
         raise InputError(
             f"each of the {number} alternatives must occur as a response, got only "
-            f"{', '.join(sorted(given))}{names}",
+            f"{', '.join(sorted(answers))}{names}",
             "response",
         )
     check_number(number)
-    if unseen := sorted(given - shown):
+    if unseen := sorted(answers - shown):
         DataWarning.warn(
             f"response {', '.join(map(repr, unseen))} is never correct, and counts as one of "
             f"{number} alternatives: leave the cell empty if it means no response"
@@ -108,10 +108,10 @@ def correctness(table: pd.DataFrame, stimulus: str) -> npt.NDArray[np.int8]:
 
     Warns if accuracy differs between stimuli: models treat all alternatives alike.
     """
-    shown, given = names_of(table[stimulus]), names_of(table["response"])
-    found = np.where(silent(table), NO_RESPONSE, shown == given).astype(np.int8)
-    _warn_of_unequal(shown, found, participants(table))
-    return found
+    shown, answers = names_of(table[stimulus]), names_of(table["response"])
+    coded = np.where(silent(table), NO_RESPONSE, shown == answers).astype(np.int8)
+    _warn_of_unequal(shown, coded, participants(table))
+    return coded
 
 
 def _warn_of_unequal(

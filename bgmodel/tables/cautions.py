@@ -99,15 +99,15 @@ def check_times(rt_s: Array) -> None:
 
     Whole numbers with a median above 5 are refused: hundredths of a second.
     """
-    given = rt_s[np.isfinite(rt_s)]
-    if len(given) < FEWEST:
+    timed = rt_s[np.isfinite(rt_s)]
+    if len(timed) < FEWEST:
         return
-    check_one_unit(given)
-    median = float(np.median(given))
-    whole = bool((given == np.round(given)).all())
-    if median > LONG_MEDIAN_S and whole:
+    check_one_unit(timed)
+    median = float(np.median(timed))
+    integral = bool((timed == np.round(timed)).all())
+    if median > LONG_MEDIAN_S and integral:
         raise InputError(
-            f"rt must be in seconds, got {len(given)} whole numbers with a median of {median:g}: "
+            f"rt must be in seconds, got {len(timed)} whole numbers with a median of {median:g}: "
             "divide by 100 if these are hundredths of a second",
             "rt",
         )
@@ -117,18 +117,18 @@ def check_times(rt_s: Array) -> None:
             "evidence (hundredths of a second have to be divided by 100)"
         )
     for step_s in STEPS_S:
-        if (np.abs(given - step_s * np.round(given / step_s)) <= STEP_ERROR_S).all():
+        if (np.abs(timed - step_s * np.round(timed / step_s)) <= STEP_ERROR_S).all():
             DataWarning.warn(
-                f"all {len(given)} times are multiples of {step_s:.3g} s: rounding adds "
+                f"all {len(timed)} times are multiples of {step_s:.3g} s: rounding adds "
                 f"{1000 * step_s / np.sqrt(12):.0f} ms to t0_sd_s, and truncation also subtracts "
                 f"{500 * step_s:.0f} ms from t0_s"
             )
             break
-    _warn_of_pile(given)
-    fast = int((given < FAST_S).sum())
-    if median >= SHORT_MEDIAN_S and fast >= max(PILE, FAST_SHARE * len(given)):
+    _warn_of_pile(timed)
+    fast = int((timed < FAST_S).sum())
+    if median >= SHORT_MEDIAN_S and fast >= max(PILE, FAST_SHARE * len(timed)):
         DataWarning.warn(
-            f"{fast} of {len(given)} times are below {FAST_S:g} s, the shortest {given.min():.3g} "
+            f"{fast} of {len(timed)} times are below {FAST_S:g} s, the shortest {timed.min():.3g} "
             "s: responses to the evidence take longer. Leave such trials out, or begin the window "
             "of a fit later (rt_window, at the terminal --columns rt_window=)"
         )
@@ -152,14 +152,14 @@ def check_one_unit(rt_s: Array) -> None:
         )
 
 
-def _warn_of_pile(given: Array) -> None:
+def _warn_of_pile(rt_s: Array) -> None:
     """Warn if many times are exactly equal to the longest: trials were probably cut off there."""
-    longest = float(given.max())
-    ends, times = int((given == longest).sum()), len(np.unique(given))
+    longest = float(rt_s.max())
+    ends, times = int((rt_s == longest).sum()), len(np.unique(rt_s))
     # With coarse times, many trials share each value.
-    if ends >= PILE and ends > PILE_SHARE * len(given) and ends > PILE * len(given) / times:
+    if ends >= PILE and ends > PILE_SHARE * len(rt_s) and ends > PILE * len(rt_s) / times:
         DataWarning.warn(
-            f"{ends} of {len(given)} times are exactly the longest one, {longest:g} s: if trials "
+            f"{ends} of {len(rt_s)} times are exactly the longest one, {longest:g} s: if trials "
             "ended then without a response, leave rt and response empty, and give that time "
             "as the deadline (deadline_s, at the terminal --columns deadline_s=)"
         )
@@ -284,14 +284,14 @@ def warn_of_twins(
 
 def check_deadline(rt_s: Array, deadline_s: float) -> None:
     """Refuse a deadline from 10 times the slowest response on, and warn of one from 3 times on."""
-    given = rt_s[np.isfinite(rt_s)]
-    if not len(given) or deadline_s < LATE * given.max():
+    known_s = rt_s[np.isfinite(rt_s)]
+    if not len(known_s) or deadline_s < LATE * known_s.max():
         return
-    missed, slowest = len(rt_s) - len(given), float(given.max())
+    missed, slowest = len(rt_s) - len(known_s), float(known_s.max())
     if deadline_s >= TOO_LATE * slowest:
         raise InputError(
             f"deadline_s must be the time at which trials ended, s, got {deadline_s:g}, while the "
-            f"slowest of {len(given)} responses took {slowest:.3g} s: divide by 1000 if it is in "
+            f"slowest of {len(known_s)} responses took {slowest:.3g} s: divide by 1000 if it is in "
             "milliseconds, or leave out trials without a response that did not end by a deadline",
             "deadline_s",
         )
@@ -302,7 +302,7 @@ def check_deadline(rt_s: Array, deadline_s: float) -> None:
         else "leave it out, since every trial has a response"
     )
     DataWarning.warn(
-        f"the slowest of {len(given)} responses took {slowest:.3g} s, and deadline_s is "
+        f"the slowest of {len(known_s)} responses took {slowest:.3g} s, and deadline_s is "
         f"{deadline_s:g}: {advice}"
     )
 
@@ -335,7 +335,7 @@ def warn_without_strength(
     A column may hold it if its numbers vary, and it either has a suitable name or has at least
     three values and is correlated with the responses (1, 0 or -1).
     """
-    found = []
+    candidates = []
     for name in table:
         if name in (*OURS, *used):
             continue
@@ -346,10 +346,10 @@ def warn_without_strength(
         r = _correlation(values, response) if distinct > 2 else 0.0
         called = any(word in STRENGTHS for word in re.split(r"[^a-z]+", str(name).lower()))
         if called or abs(r) > max(CORRELATED, ERRORS_OF_R / np.sqrt(len(values))):
-            found.append(f"{name} ({distinct} values, correlation with response 1 {r:.2f})")
-    if found:
+            candidates.append(f"{name} ({distinct} values, correlation with response 1 {r:.2f})")
+    if candidates:
         DataWarning.warn(
-            f"no strength is named, and {', '.join(found)} may hold it: without strength all "
+            f"no strength is named, and {', '.join(candidates)} may hold it: without strength all "
             "trials count as equally difficult. Name the column of signed strengths (strength, at "
             "the terminal --strength)"
         )

@@ -43,6 +43,11 @@ PERSON = re.compile(
     r"[ _.-]?(id|idx|name|no|nr|num|number|code|index)?|id|pid|sid|name|initials"
 )
 """Pattern of names of columns that may hold participants."""
+TIME = re.compile(
+    r"(.*[ _.-])?(rts?|reaction|responsetimes?|latency|latencies|times?)"
+    r"([ _.-]?(time|s|ms|sec|msec))?"
+)
+"""Pattern of names of columns that may hold response times."""
 
 
 def names_once(columns: Iterable[object]) -> list[str]:
@@ -50,8 +55,8 @@ def names_once(columns: Iterable[object]) -> list[str]:
     names = [str(name) for name in columns]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        said = ", ".join(map(repr, twice))
-        raise InputError(f"each column may occur once, got {said} twice", "columns")
+        listed = ", ".join(map(repr, twice))
+        raise InputError(f"each column may occur once, got {listed} twice", "columns")
     return names
 
 
@@ -59,8 +64,8 @@ def check_spelt(name: str, ours: Sequence[str]) -> None:
     """Raise ValueError for a name that differs from ours only in blanks and capitals."""
     meant = name.strip().lower()
     if meant in ours and meant != name:
-        said = f"column {name!r} is not {meant!r}: write it so, or rename it"
-        raise InputError(said, meant)
+        reason = f"column {name!r} is not {meant!r}: write it so, or rename it"
+        raise InputError(reason, meant)
 
 
 def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
@@ -78,12 +83,12 @@ def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
         hint = ""
         if "response" in missing and "correct" in names:
             hint = "; if correct is 1 or 0, rename it to response and give unsigned strengths"
-        if own := [name for name in missing if name in ("rt", "response")]:
-            record, words = (end.join(f"{name}=..." for name in own) for end in (", ", " "))
+        if standard := [name for name in missing if name in ("rt", "response")]:
+            record, words = (end.join(f"{name}=..." for name in standard) for end in (", ", " "))
             hint += f"; name yours: Columns({record}), at the terminal --columns {words}"
         absent = " or ".join(missing)
-        said = f"there is no column {absent}; there are {', '.join(names)}{hint}"
-        raise InputError(said, missing[0])
+        reason = f"there is no column {absent}; there are {', '.join(names)}{hint}"
+        raise InputError(reason, missing[0])
     if len(table) == 0:
         raise InputError("a table of choices needs at least one trial, got 0 rows", "table", table)
 
@@ -98,10 +103,10 @@ def check_people(table: pd.DataFrame, used: Sequence[str]) -> None:
         if name not in (*OURS, *used) and PERSON.fullmatch(str(name).strip().lower())
     }
     # More names than participants with enough trials: these identify trials.
-    found = {name: k for name, k in kinds.items() if 2 <= len(k) <= len(table) / FEWEST}
-    if found:
+    people = {name: k for name, k in kinds.items() if 2 <= len(k) <= len(table) / FEWEST}
+    if people:
         each = " and ".join(
-            f"{name!r} ({len(k)} values, such as {', '.join(k[:3])})" for name, k in found.items()
+            f"{name!r} ({len(k)} values, such as {', '.join(k[:3])})" for name, k in people.items()
         )
         raise InputError(
             f"column {each} may hold participants, whose trials would be pooled: rename it to "
@@ -120,8 +125,8 @@ def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.
     table = table.set_axis(names, axis=1).reset_index(drop=True)
     check_columns(table, ["rt", "response", *wanted])
     taken = sorted({name for name in wanted if name in OURS or wanted.count(name) > 1})
-    own = "and strength must be separate columns, each named once"
-    require(not taken, "conditions", own, taken)
+    must = "and strength must be separate columns, each named once"
+    require(not taken, "conditions", must, taken)
     check_people(table, wanted)
     who = participants(table)
     check_alike("participant_id", who)
@@ -150,6 +155,17 @@ def with_index(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table with rows numbered from 0; levels of its index with a name are columns."""
     named = [name for name in table.index.names if name is not None and name not in table]
     return (table.reset_index(named) if named else table).reset_index(drop=True)
+
+
+def with_times(table: pd.DataFrame) -> tuple[pd.DataFrame, bool]:
+    """Return a table with a column rt, which is empty if it was absent, and whether it has times.
+
+    Warns if there is no such column; one that may hold the times has to be named.
+    """
+    if "rt" not in table and not any(TIME.fullmatch(str(name).strip().lower()) for name in table):
+        DataWarning.warn("there is no column rt: these trials are read as choices without times")
+        table = table.assign(rt=np.nan)
+    return table, list(table).count("rt") != 1 or not _is_missing(table["rt"]).all()
 
 
 def check_both(table: pd.DataFrame, rt_s: Array, silent: Truths) -> None:
@@ -199,17 +215,17 @@ def refuse(wrong: Truths, column: pd.Series, must: str, hint: str = "") -> None:
 
 def texts(column: pd.Series) -> npt.NDArray[np.str_]:
     """Return a column as text, (rows,); ValueError for an empty cell."""
-    found = np.array([str(value) for value in column], dtype=np.str_)
-    refuse(column.isna().to_numpy() | (found == ""), column, "given for every trial")
-    return found
+    values = np.array([str(value) for value in column], dtype=np.str_)
+    refuse(column.isna().to_numpy() | (values == ""), column, "given for every trial")
+    return values
 
 
 def levels(column: pd.Series) -> npt.NDArray[np.str_]:
     """Return a column of a condition as text; a code of a missing value, as R's NA, is no level."""
-    found = texts(column)
-    refuse(np.isin(found, NOT_GIVEN), column, "given for every trial")
-    check_alike(column.name, found)
-    return found
+    names = texts(column)
+    refuse(np.isin(names, NOT_GIVEN), column, "given for every trial")
+    check_alike(column.name, names)
+    return names
 
 
 def check_alike(column: Hashable, names: npt.NDArray[np.str_]) -> None:
@@ -269,8 +285,8 @@ def times(column: pd.Series, unit: str = "s") -> Array:
     require(known, "rt_unit", f"must be one of {', '.join(UNITS)}", unit)
     values = numbers(column)
     values[values == MISSING_RT] = np.nan
-    given = values[np.isfinite(values)]
-    median = float(np.median(given)) if len(given) else 1.0 / UNITS[unit]
+    finite = values[np.isfinite(values)]
+    median = float(np.median(finite)) if len(finite) else 1.0 / UNITS[unit]
     if unit == "s" and median > MOST_MEDIAN_S:
         raise InputError(
             f"{column.name} must be in seconds, got a median of {median:g}: divide by 1000 if "
@@ -324,14 +340,38 @@ def responses(column: pd.Series, rt: pd.Series, upper: str | None = None) -> npt
         upper = "1"
     else:
         check_alike(column.name, names[~missing].astype(str))
-        found = list(dict.fromkeys(names[~missing]))
-        if len(found) > 2:
-            third = ~missing & ~np.isin(names, found[:2])
-            refuse(third, column, f"one of two names, such as {found[0]} and {found[1]}")
-        if len(found) == 2 and upper not in found:
-            raise InputError.of("upper", f"must be one of {', '.join(sorted(found))}", upper)
+        kinds = list(dict.fromkeys(names[~missing]))
+        if len(kinds) > 2:
+            third = ~missing & ~np.isin(names, kinds[:2])
+            refuse(third, column, f"one of two names, such as {kinds[0]} and {kinds[1]}")
+        if len(kinds) == 2 and upper not in kinds:
+            raise InputError.of("upper", f"must be one of {', '.join(sorted(kinds))}", upper)
     coded = np.where(missing, NO_RESPONSE, names == upper)
     return coded.astype(np.int8)
+
+
+def withholding(
+    table: pd.DataFrame, withheld: str, upper: str | None = None
+) -> tuple[npt.NDArray[np.int8], int]:
+    """Return responses, (rows,), one of which is given by waiting, and the code of that one.
+
+    A row without a response is that one too; ``upper`` is needed only to code it as 1.
+    """
+    column, missing = table["response"], silent(table)
+    names = names_of(column)
+    waited = missing | (names == withheld)
+    others = sorted(set(names[~waited]))
+    require(waited.any(), "withheld", "must occur", withheld)
+    must = f"must be one of two responses, the other is {' or '.join(others) or 'never given'}"
+    require(len(others) == 1, "withheld", must, withheld)
+    if upper is None and set(others) | {withheld} != {"0", "1"}:
+        upper = others[0]
+    known = upper in (None, withheld, *others)
+    require(known, "upper", f"must be one of {withheld}, {others[0]}", upper)
+    must = f"empty where the response is {withheld}, which is given by waiting until deadline_s"
+    refuse(waited & ~_is_missing(table["rt"]) & ~missing, table["rt"], must)
+    code = int(withheld == (upper or "1"))
+    return np.where(waited, code, 1 - code).astype(np.int8), code
 
 
 def silent(table: pd.DataFrame) -> Truths:
@@ -346,7 +386,7 @@ def names_of(column: pd.Series) -> npt.NDArray[np.object_]:
 
 
 def _is_missing(column: pd.Series) -> Truths:
-    told = [str(value).strip() in MISSING for value in column]
+    told = np.array([str(value).strip() in MISSING for value in column], dtype=bool)
     return np.asarray(column.isna().to_numpy() | told)
 
 

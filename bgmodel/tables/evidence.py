@@ -134,9 +134,9 @@ def trials_from_table(
     for person in np.unique(people):
         warn_of_copies(values[people == person], lengths[people == person])
     warn_of_units(evidence)
-    own = [name for name in table.columns if name not in (*columns, "step", "truth")]
-    varying = [name for name in own if not _constant(table[name], trial, first_row)]
-    kept = table[[name for name in own if name not in varying]].iloc[first_row]
+    extra = [name for name in table.columns if name not in (*columns, "step", "truth")]
+    varying = [name for name in extra if not _constant(table[name], trial, first_row)]
+    kept = table[[name for name in extra if name not in varying]].iloc[first_row]
     for name in kept:
         if name == "row" or (name in RESULT and f"given_{name}" in kept):
             raise InputError(f"the column {name} is reserved for results: rename it", "columns")

@@ -24,7 +24,7 @@ def renamed(table: pd.DataFrame, **given: str | None) -> pd.DataFrame:
     A table of PyDDM (RT or rt, and choice) is recognised by its columns if neither rt nor response
     is named, and responses of HSSM (1 and -1) by their values: -1 becomes 0.
     """
-    table = named(table, {name: (OTHER.get(name, name), own) for name, own in given.items()})
+    table = named(table, {name: (OTHER.get(name, name), theirs) for name, theirs in given.items()})
     if given.get("rt") is None and given.get("response") is None:
         table = _of_pyddm(table)
     return _of_hssm(table)
@@ -33,8 +33,8 @@ def renamed(table: pd.DataFrame, **given: str | None) -> pd.DataFrame:
 def named(table: pd.DataFrame, options: Mapping[str, tuple[str, str | None]]) -> pd.DataFrame:
     """Return a table with columns renamed: each option maps to our name and the user's, or None."""
     names = names_once(table.columns)
-    given = {option: pair for option, pair in options.items() if pair[1] is not None}
-    for option, (ours, name) in given.items():
+    renaming = {option: pair for option, pair in options.items() if pair[1] is not None}
+    for option, (ours, name) in renaming.items():
         there = isinstance(name, str) and name in names
         require(there, option, f"must be one of the columns {', '.join(names)}", name)
         if name != ours and ours in names:
@@ -42,10 +42,10 @@ def named(table: pd.DataFrame, options: Mapping[str, tuple[str, str | None]]) ->
                 f"{option} is {name!r}, but there is also a column {ours}: remove or rename it",
                 option,
             )
-    meant = [name for _, name in given.values()]
+    meant = [name for _, name in renaming.values()]
     require(len(set(meant)) == len(meant), "columns", "must be named once each", meant)
     return table.set_axis(names, axis=1).rename(
-        columns={str(name): ours for ours, name in given.values()}
+        columns={str(name): ours for ours, name in renaming.values()}
     )
 
 
@@ -64,10 +64,10 @@ def _of_hssm(table: pd.DataFrame) -> pd.DataFrame:
     names = list(table.columns)
     if names.count("rt") != 1 or names.count("response") != 1 or table["rt"].isna().any():
         return table
-    said = table["response"].map(_code)
-    if set(said) != HSSM:
+    codes = table["response"].map(_code)
+    if set(codes) != HSSM:
         return table
-    return table.assign(response=np.where(said == "1", 1, 0))
+    return table.assign(response=np.where(codes == "1", 1, 0))
 
 
 def _code(value: object) -> str:

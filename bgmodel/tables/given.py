@@ -79,5 +79,5 @@ def trials_of(
         return read_evidence_table(task.evidence, prior=prior, step_ms=task.step_ms)
     assert isinstance(task, Drawn)
     ahead = stream(seed, name, "expectancy")
-    found = task.drawn_with(stream(seed, name), ahead, prior, **more)
-    return NamedEvidence(found, list(task.names))
+    evidence = task.drawn_with(stream(seed, name), ahead, prior, **more)
+    return NamedEvidence(evidence, list(task.names))

@@ -17,7 +17,7 @@ SIMON_SET = "parkinson_simon_2018"
 """A Simon task of patients on and off medication; its trials without a response have different
 deadlines, so that ``read_trials`` does not read it."""
 CELLS_SET = "striatum_clicks"
-"""Choices by clicks with the spikes of striatal cells, which are in a table of their own."""
+"""Choices by clicks with the spikes of striatal cells, which are in a second table."""
 OTHERS = (STOP_SET, SIMON_SET, CELLS_SET)
 """Sets that are no choices with one deadline."""
 

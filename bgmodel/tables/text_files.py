@@ -30,10 +30,10 @@ def read_rows(path: Path) -> pd.DataFrame:
     return cells.iloc[1:].set_axis(names, axis=1)
 
 
-def separated(found: str, wanted: str) -> InputError:
+def separated(separator: str, wanted: str) -> InputError:
     """Return the error for a table with another column separator."""
     hint = f"write {wanted!r} between columns, and a point as the decimal sign"
-    return InputError(f"its columns are separated by {found!r}: {hint}", "path")
+    return InputError(f"its columns are separated by {separator!r}: {hint}", "path")
 
 
 def _cells(path: Path, separator: str) -> pd.DataFrame:

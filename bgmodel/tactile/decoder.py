@@ -123,8 +123,8 @@ class Decoder:
                 f"got taps of {len(taps.rest_mm)} pins or at other positions",
                 "taps",
             )
-        own = isinstance(self.training, OwnNetwork)
-        kind: Any = self.training if own else NETWORKS[self.training.network]
+        foreign = isinstance(self.training, OwnNetwork)
+        kind: Any = self.training if foreign else NETWORKS[self.training.network]
         read: dict[str, Reals] = kind.read(
             _outputs(self.network, _checked_inputs(kind.inputs(taps)))
         )
@@ -241,9 +241,9 @@ def train_decoder(
     ValueError
         As for ``taps_of`` and ``train``.
     """
-    found, about = taps_of(taps, stimulus="edge" if edge else None, mm_per_px=mm_per_px)
-    training = training or (EDGE if found.stimulus == "edge" else Training())
-    return train(found, seed=seed, training=training, about={"taps": about}, device=device)
+    labelled, about = taps_of(taps, stimulus="edge" if edge else None, mm_per_px=mm_per_px)
+    training = training or (EDGE if labelled.stimulus == "edge" else Training())
+    return train(labelled, seed=seed, training=training, about={"taps": about}, device=device)
 
 
 def load_decoder(
@@ -345,8 +345,8 @@ def check_device(device: str) -> None:
     if device == "cpu":
         return
     torch = import_torch()
-    found = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}
-    names = ["cpu", *(name for name, there in found.items() if there)]
+    available = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}
+    names = ["cpu", *(name for name, there in available.items() if there)]
     must = f"must be one that PyTorch finds here ({', '.join(names)})"
     require(device in names, "device", must, device)
 

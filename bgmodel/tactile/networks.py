@@ -210,8 +210,8 @@ class OwnNetwork:
         known = {"stimulus": NETWORKS, "takes": ("maps", "displacements"),
                  "gives": ("angle", "vector")}  # fmt: skip
         for name, words in known.items():
-            given = getattr(self, name)
-            require(given in words, name, f"must be {' or '.join(words)}", given)
+            word = getattr(self, name)
+            require(word in words, name, f"must be {' or '.join(words)}", word)
 
     @property
     def network(self) -> str:
@@ -226,8 +226,8 @@ class OwnNetwork:
         """Return the columns that tasks read, as the included networks do."""
         count = 1 if self.gives == "angle" else 2
         if outputs.ndim != 2 or outputs.shape[1] != count:
-            said = f"must be one that gives {count} number(s) for a tap, as stated by gives"
-            raise InputError.of("network", f"{said} ({self.gives})", outputs.shape[1:])
+            must = f"must be one that gives {count} number(s) for a tap, as stated by gives"
+            raise InputError.of("network", f"{must} ({self.gives})", outputs.shape[1:])
         turn, period = (2, 180.0) if self.stimulus == "grating" else (1, 360.0)
         if self.gives == "angle":
             angle, strength = outputs[:, 0].astype(np.float64), np.ones(len(outputs))

@@ -74,12 +74,12 @@ class OnnxNetwork:
 
     def outputs(self, inputs: Singles) -> Singles:
         """Return the outputs (taps, outputs) for inputs (taps, ...)."""
-        given, asked = self._ends
-        if all(isinstance(size, int) for size in given.shape[1:]):
-            inputs = _shaped(inputs, given.shape[1:])
-        kind = np.float64 if given.type == "tensor(double)" else np.float32
-        (found,) = self._session.run([asked.name], {given.name: inputs.astype(kind, copy=False)})
-        return np.asarray(found).reshape(len(inputs), -1)
+        entry, asked = self._ends
+        if all(isinstance(size, int) for size in entry.shape[1:]):
+            inputs = _shaped(inputs, entry.shape[1:])
+        kind = np.float64 if entry.type == "tensor(double)" else np.float32
+        (values,) = self._session.run([asked.name], {entry.name: inputs.astype(kind, copy=False)})
+        return np.asarray(values).reshape(len(inputs), -1)
 
 
 def _shaped(inputs: Singles, shape: list[int]) -> Singles:

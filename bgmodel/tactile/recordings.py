@@ -31,10 +31,10 @@ REACH, CROWDED = 0.75, 0.7  # in pitches: largest match distance; smallest pin d
 
 def find_recordings(option: Path | None) -> Path | None:
     """Return the given folder, or that of the environment variable BGMODEL_RECORDINGS, or None."""
-    given = option or os.environ.get("BGMODEL_RECORDINGS")
-    if given and not Path(given).is_dir():
-        raise InputError(f"recordings (BGMODEL_RECORDINGS): {given} is not a folder", "recordings")
-    return Path(given) if given else None
+    folder = option or os.environ.get("BGMODEL_RECORDINGS")
+    if folder and not Path(folder).is_dir():
+        raise InputError(f"recordings (BGMODEL_RECORDINGS): {folder} is not a folder", "recordings")
+    return Path(folder) if folder else None
 
 
 def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals | None = None,
@@ -66,12 +66,12 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals 
             f"pins must be those of the sensor, got {pins}: {len(rest_mm)} were detected", "pins"
         )
     track = _tracker(rest_mm / scale + centre)
-    moved, found = zip(*_map(track, taps, workers, "tracking"), strict=True)
-    if (few := min(found)) < len(rest_mm) / 2:
+    moved, counts = zip(*_map(track, taps, workers, "tracking"), strict=True)
+    if (few := min(counts)) < len(rest_mm) / 2:
         raise ValueError(
-            f"{images[found.index(few)]}: only {few} of {len(rest_mm)} pins were detected"
+            f"{images[counts.index(few)]}: only {few} of {len(rest_mm)} pins were detected"
         )
-    labels["markers_found"] = found
+    labels["markers_found"] = counts
     return Taps((np.stack(moved) * scale).astype(np.float32), rest_mm, labels, stimulus)
 
 
@@ -94,10 +94,10 @@ class Tracker:
             self.shape = _read_image(path).shape
             centre = (np.array(self.shape[::-1]) - 1) / 2
             self._track = _tracker(self.rest_mm / self.scale + centre)
-        moved, found = self._track(_detect(path, self.shape))
-        if found < len(self.rest_mm) / 2:
-            raise ValueError(f"{path}: only {found} of {len(self.rest_mm)} pins were detected")
-        labels = pd.DataFrame({"image": [path], "markers_found": [found]})
+        moved, pins = self._track(_detect(path, self.shape))
+        if pins < len(self.rest_mm) / 2:
+            raise ValueError(f"{path}: only {pins} of {len(self.rest_mm)} pins were detected")
+        labels = pd.DataFrame({"image": [path], "markers_found": [pins]})
         still = (moved[None] * self.scale).astype(np.float32)
         return Taps(still, self.rest_mm, labels, self.stimulus)
 
@@ -128,8 +128,8 @@ def _read_image(path: Path, shape: tuple[int, ...] | None = None) -> Image:
     sizes = f"{shape} px like the first" if shape else f"{SMALLEST_IMAGE_PX} px a side or more"
     fits = image.shape == shape if shape else min(image.shape) >= SMALLEST_IMAGE_PX
     if image.ndim != 2 or image.dtype != np.uint8 or not fits:
-        given = f"got {image.dtype} of shape {image.shape}"
-        raise ValueError(f"{path}: {given}; must be one grey channel of uint8, {sizes}")
+        got = f"got {image.dtype} of shape {image.shape}"
+        raise ValueError(f"{path}: {got}; must be one grey channel of uint8, {sizes}")
     return image
 
 

@@ -164,10 +164,10 @@ class Tactile(Drawn):
         self, taps: pd.DataFrame | str | Path | None = None, density: Density | None = None
     ) -> Source:
         """Return all readings of the task, from its own taps by default; warn if uninformative."""
-        found = source(load_taps(self.taps if taps is None else taps), self,
-                       fold=self.fold, density=density)  # fmt: skip
-        found.warn_if_silent()
-        return found
+        readings = source(load_taps(self.taps if taps is None else taps), self,
+                          fold=self.fold, density=density)  # fmt: skip
+        readings.warn_if_silent()
+        return readings
 
     def _drawn(
         self, rng: np.random.Generator, prior: Sequence[float] | None, **more: Any

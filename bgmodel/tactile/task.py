@@ -187,7 +187,7 @@ class EdgeTurn(_Edge):
         """Return, per hypothesis, decoded differences of all pairs with that true difference."""
         true, read = pool[0][np.argsort(pool[0][:, 0], kind="stable")].T
         around = np.concatenate([true - 360, true, true + 360])
-        found: list[Array] = []
+        differences: list[Array] = []
         for angle in self.angles_deg:
             # For each tap, the other taps rotated by this angle, within the tolerance.
             first = np.searchsorted(around, true + angle - TOLERANCE_DEG, side="right")
@@ -197,8 +197,8 @@ class EdgeTurn(_Edge):
             other = (np.repeat(first, count) + ahead) % len(true)
             pairs = one != other
             turned = read[other[pairs]] - read[one[pairs]]
-            found.append(np.asarray(wrapped(turned, 360), dtype=np.float64))
-        return found
+            differences.append(np.asarray(wrapped(turned, 360), dtype=np.float64))
+        return differences
 
     def reading(self, angles_deg: Sequence[float]) -> float:
         """Return the difference of the two decoded yaws."""

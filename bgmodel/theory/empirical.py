@@ -29,16 +29,16 @@ class Empirical:
     weights: Array  # (n,), probabilities; they sum to 1
 
     def __post_init__(self) -> None:
-        given = np.atleast_1d(np.asarray(self.values, dtype=float))
+        points = np.atleast_1d(np.asarray(self.values, dtype=float))
         weights = np.atleast_1d(np.asarray(self.weights, dtype=float))
-        require(given.ndim == 1 and given.size, "values", "must be (n,), n >= 1", given.shape)
-        require(np.isfinite(given).all(), "values", "must be finite", given)
-        require(weights.shape == given.shape, "weights", f"must be {given.shape}", weights.shape)
+        require(points.ndim == 1 and points.size, "values", "must be (n,), n >= 1", points.shape)
+        require(np.isfinite(points).all(), "values", "must be finite", points)
+        require(weights.shape == points.shape, "weights", f"must be {points.shape}", weights.shape)
         require((weights >= 0).all(), "weights", "must be at least 0", weights)
         total = float(weights.sum())
         require(abs(total - 1) < 1e-9, "weights", "must be of sum 1", weights)
         # Values that differ only by rounding are merged; the walk resolves 1e-10.
-        near = np.round(given[weights > 0], 12) + 0.0
+        near = np.round(points[weights > 0], 12) + 0.0
         values, group = np.unique(near, return_inverse=True)
         merged = np.bincount(group, weights[weights > 0]) / total
         for name, array in (("values", values), ("weights", merged)):
@@ -162,9 +162,9 @@ def _from_cells(x: Empirical, edges: Array, k: int) -> tuple[Array, ...]:
     """
     n, width = edges.size - 1, edges[1] - edges[0]
     shift = np.clip(x.values / width, -n, n)
-    whole = np.floor(shift).astype(int)
-    part = shift - whole
-    lag, size = whole + n, 2 * n + 2
+    cells = np.floor(shift).astype(int)
+    part = shift - cells
+    lag, size = cells + n, 2 * n + 2
     tilt = x.weights * part * (1 - part) / 2
     flat, slope = np.zeros(size), np.zeros(size)
     flat += np.bincount(lag, x.weights * (1 - part), size)

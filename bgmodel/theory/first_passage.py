@@ -154,8 +154,8 @@ def walk(
 
 def _whole(name: str, value: int, least: int) -> int:
     try:
-        whole = index(value)
+        number = index(value)
     except TypeError:
-        whole = least - 1
-    require(whole >= least, name, f"must be a whole number, at least {least}", value)
-    return whole
+        number = least - 1
+    require(number >= least, name, f"must be a whole number, at least {least}", value)
+    return number

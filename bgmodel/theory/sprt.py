@@ -112,9 +112,9 @@ def siegmund(d: ArrayLike, theta: ArrayLike) -> Performance:
     return wald(d, np.asarray(theta, dtype=float) + OVERSHOOT * _positive("d", d))
 
 
-def _positive(name: str, given: ArrayLike) -> Array:
-    array = np.asarray(given, dtype=float)
-    require(np.all(np.isfinite(array) & (array > 0)), name, "must be finite and > 0", given)
+def _positive(name: str, values: ArrayLike) -> Array:
+    array = np.asarray(values, dtype=float)
+    require(np.all(np.isfinite(array) & (array > 0)), name, "must be finite and > 0", values)
     return array
 
 

@@ -47,6 +47,8 @@ from bgmodel.tables.columns import (
     strengths,
     times,
     with_index,
+    with_times,
+    withholding,
 )
 from bgmodel.tables.foreign import renamed
 from bgmodel.tables.shipped import CELLS_SET, SETS, STOP_SET, shipped_table
@@ -91,6 +93,9 @@ class Columns:
         nor ``stimulus`` gives it.
     deadline_s : float, optional
         Time at which a trial without a response ended, s.
+    withheld : str, optional
+        The response that is given by waiting until ``deadline_s``, as "no" in a go/no-go task;
+        rows without a response are this one.
     restore_delays : bool
         Whether stop-signal delays of exactly 0 are missing, and are inferred from the staircases
         (``trials.restored``). Otherwise they are kept, with a warning if they look missing.
@@ -106,6 +111,7 @@ class Columns:
     stimulus: str | None = None
     alternatives: int | None = None
     deadline_s: float | None = None
+    withheld: str | None = None
     restore_delays: bool = False
 
     def __post_init__(self) -> None:
@@ -113,8 +119,10 @@ class Columns:
             given = getattr(self, name)
             named = given is None or isinstance(given, str)
             require(named, name, "must be the name of a column", given)
-        named = self.upper is None or isinstance(self.upper, str)
-        require(named, "upper", "must be the name of a response, as text", self.upper)
+        for name in ("upper", "withheld"):
+            given = getattr(self, name)
+            named = given is None or isinstance(given, str)
+            require(named, name, "must be the name of a response, as text", given)
         known = isinstance(self.rt_unit, str) and self.rt_unit in UNITS
         require(known, "rt_unit", f"must be one of {', '.join(UNITS)}", self.rt_unit)
         check_flag("restore_delays", self.restore_delays)
@@ -122,6 +130,12 @@ class Columns:
             several.check_number(self.alternatives)
         if self.deadline_s is not None:
             check_positive(deadline_s=self.deadline_s)
+        if self.withheld is not None:
+            must = "must be given, s, if a response is given by waiting until then"
+            require(self.deadline_s is not None, "deadline_s", must, None)
+            for name in ("stimulus", "alternatives"):
+                without = "has no meaning if a response is withheld: code stimuli by strengths"
+                require(getattr(self, name) is None, name, without, getattr(self, name))
 
 
 OURS = Columns()
@@ -159,8 +173,9 @@ def read_trials(
         events with stop signals, or a table with one row per trial: ``rt``, s from the onset of
         evidence, and ``response``, 1 or 0; optionally ``participant_id``, without which all trials
         belong to one participant, "all". A trial without a response has neither ``rt`` nor
-        ``response``; if ``rt`` is -999, as written for HSSM, ``response`` is ignored. Tables of
-        HSSM (responses 1 and -1) and of PyDDM (columns RT and choice) are recognised. Stop-signal
+        ``response``; if no trial has ``rt``, choices alone are read. If ``rt`` is -999, as written
+        for HSSM, ``response`` is ignored. Tables of HSSM (responses 1 and -1) and of PyDDM
+        (columns RT and choice) are recognised. Stop-signal
         trials have ``ssd``, s, in stop trials, and are correct where a column ``correct`` is 1
         rather than 0, or else where ``stimulus`` and ``response`` are equal, if there are these.
         With rewards, response 1 is the item of the pair that is rewarded more often. With evidence
@@ -232,8 +247,9 @@ def read_trials(
 
 
 NAMES = {"rt", "response", "participant", "rt_unit"}
+OF_CHOICES = {"upper", "stimulus", "alternatives", "deadline_s", "withheld", "strength"}
 USED = {
-    "choices": NAMES | {"upper", "stimulus", "alternatives", "deadline_s", "strength"},
+    "choices": NAMES | OF_CHOICES,
     "stop-signal trials": NAMES | {"ssd", "trial_type", "deadline_s", "restore_delays"},
     "rewarded choices": NAMES,
     "known evidence": NAMES | {"upper"},
@@ -258,14 +274,17 @@ def _choices(
     stimulus, upper = columns.stimulus, columns.upper
     used = [each for each in (*wanted, strength, stimulus) if each is not None]
     check_no_stops(table)
+    table, timed = with_times(table)
     table = rows(table, used, participant)
     warn_of_copies(table, used)
-    problems, held = Problems(), {}
+    problems, held, withheld = Problems(), {}, None
     with problems.caught():
         rt_s = times(table["rt"], columns.rt_unit)
     with problems.caught():
         number = several.number_of(table, columns.alternatives, stimulus)
-        if stimulus is None:
+        if columns.withheld is not None:
+            chosen, withheld = withholding(table, columns.withheld, upper)
+        elif stimulus is None:
             chosen = responses(table["response"], table["rt"], upper)
         else:
             require(upper is None, "upper", "has no effect with stimulus: leave it out", upper)
@@ -278,7 +297,11 @@ def _choices(
         with problems.caught():
             held[column] = levels(table[column])
     problems.refuse()
-    check_answers(table, rt_s, chosen, columns.deadline_s)
+    if timed:
+        answers = np.where(chosen == withheld, NO_RESPONSE, chosen).astype(np.int8)
+        check_answers(table, rt_s, answers, columns.deadline_s)
+    else:
+        _check_alone(table, chosen, columns)
     check_times(rt_s)
     warn_of_mixed_units(rt_s, participants(table))
     if columns.deadline_s is not None:
@@ -288,7 +311,7 @@ def _choices(
         warn_of_units(signed)
     found = Trials(
         participants(table), rt_s, chosen, signed, pd.DataFrame(held, index=range(len(table))),
-        columns.deadline_s, alternatives=number,
+        columns.deadline_s, alternatives=number, withheld=withheld,
     )  # fmt: skip
     warn_of_twins(found.participant, rt_s, chosen)
     _check_cells(found)
@@ -298,6 +321,14 @@ def _choices(
     if strength is None:
         warn_without_strength(table, [*used, several.COLUMN], chosen, number)
     return found
+
+
+def _check_alone(table: pd.DataFrame, chosen: npt.NDArray[np.int8], columns: Columns) -> None:
+    """Raise ValueError for choices without times that lack a response, or name a deadline."""
+    refuse(chosen == NO_RESPONSE, table["response"], "given in every trial if there are no times")
+    for name in ("withheld", "deadline_s"):
+        without = "needs times, and all of them are missing"
+        require(getattr(columns, name) is None, name, without, getattr(columns, name))
 
 
 def _others(
@@ -344,11 +375,12 @@ def _rewarded(
 ) -> Trials:
     """Return choices between the items of a pair that are rewarded."""
     more = [name for name in wanted if name != "pair"]
+    table, timed = with_times(table)
     table, who, rt_s, held = _others(
         table, ["response", "pair", "reward"], more, participant, columns
     )
     held.insert(0, "pair", levels(table["pair"]))
-    refuse(np.isnan(rt_s), table["rt"], "given for every trial")
+    refuse(timed & np.isnan(rt_s), table["rt"], "given for every trial, or for none")
     response, reward = (code(table[column]) for column in ("response", "reward"))
     warn_of_twins(who, rt_s, response)
     better, other = (reward[response == side] for side in (1, 0))
@@ -365,10 +397,15 @@ def _known(
     asked: tuple[Source, float | None, bool], spikes: Source | None,
 ) -> Trials:  # fmt: skip
     """Return trials of which the readings are known, and perhaps the spikes of cells."""
+    table, timed = with_times(table)
     table, who, rt_s, held = _others(table, ["response", "trial"], wanted, participant, columns)
     evidence, step_ms, forced = asked
     given = read_readings(evidence, step_ms, participant if "participant_id" in table else None)
-    readings = replace(answered(given, table, who.tolist(), rt_s, columns.upper), forced=forced)
+    missing = silent(table)
+    refuse(timed & np.isnan(rt_s) & ~missing, table["rt"], "given where there is a response")
+    missing |= timed & np.isnan(rt_s)
+    matched = answered(given, table, who.tolist(), rt_s, missing, columns.upper)
+    readings = replace(matched, forced=forced)
     several.check_number(len(readings.names))
     choice = np.asarray(readings.choice)
     favoured = 1 if len(readings.names) == 2 else seen_sums(readings, rt_s).argmax(axis=1)

@@ -114,8 +114,9 @@ def read_readings(
 
 
 def answered(
-    readings: Readings, table: pd.DataFrame, who: Sequence[str], rt_s: Array, upper: str | None
-) -> Readings:
+    readings: Readings, table: pd.DataFrame, who: Sequence[str], rt_s: Array, missing: Truths,
+    upper: str | None,
+) -> Readings:  # fmt: skip
     """Return the readings of the rows of a table of trials, with the chosen alternatives.
 
     Parameters
@@ -127,7 +128,9 @@ def answered(
     who : sequence of str (rows,)
         Participant of each row.
     rt_s : array (rows,), s
-        Response times; NaN without a response.
+        Response times; NaN without a response, or for choices alone.
+    missing : bool array (rows,)
+        Which rows have no response.
     upper : str, optional
         The alternative that is coded as response 1, if there are two and responses are 1 and 0.
 
@@ -143,7 +146,7 @@ def answered(
         If there are readings of trials that are not in the table.
     """
     matched = readings.where(_matched(table, readings))
-    choice = _choices(table["response"], np.isnan(rt_s), readings.names, upper)
+    choice = _choices(table["response"], missing, readings.names, upper)
     matched = replace(matched, choice=choice)
     for person in np.unique(np.asarray(who)):
         mine = np.asarray(who) == person

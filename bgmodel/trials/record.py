@@ -47,7 +47,8 @@ class Trials(Facts):
     participant : (trials,) text
         The participant of each trial.
     rt_s : (trials,) float64
-        Time from onset to response, s; NaN without a response.
+        Time from onset to response, s; NaN without a response, for one that is withheld, and in
+        all trials if only choices were recorded.
     response : (trials,) int8
         1 or 0; -1 without a response. With more than two alternatives 1 is the correct response
         and 0 any of the wrong ones.
@@ -70,6 +71,8 @@ class Trials(Facts):
     readings : Readings, optional
         The readings of each trial, if its evidence is known. Response 1 is then the second
         alternative; of more than two it is the one that the readings before the response favour.
+    withheld : int, optional
+        The response, 1 or 0, that is given by waiting until the deadline, as in go/no-go tasks.
     spikes : Spikes, optional
         Spikes of recorded cells in each trial.
 
@@ -81,8 +84,8 @@ class Trials(Facts):
     Raises
     ------
     ValueError
-        If columns differ in length, a response has another value, or a time is given without a
-        response or the reverse.
+        If columns differ in length, a response has another value, or times are given where there
+        are none or the reverse.
     """
 
     participant: npt.NDArray[np.str_]
@@ -96,6 +99,7 @@ class Trials(Facts):
     ssd_s: Array | None = None
     reward: Array | None = None
     readings: Readings | None = None
+    withheld: int | None = None
     spikes: Spikes | None = None
     checksum: str = field(init=False)
 
@@ -108,8 +112,14 @@ class Trials(Facts):
             raise InputError(f"choices need one value per trial, got {lengths}", "response")
         coded = np.isin(self.response, (0, 1, NO_RESPONSE)).all()
         require(coded, "response", "must hold 1, 0 or -1", np.unique(self.response))
-        if not np.array_equal(np.isnan(self.rt_s), self.response == NO_RESPONSE):
-            raise InputError("rt_s must be NaN where response is -1, and nowhere else", "rt_s")
+        if self.withheld is not None:
+            require(self.withheld in (0, 1), "withheld", "must be 1 or 0", self.withheld)
+            must = "must be given, s, if a response is given by waiting until then"
+            require(self.deadline_s is not None, "deadline_s", must, None)
+        silent = (self.response == NO_RESPONSE) | (self.response == self.withheld)
+        if self.timed and not np.array_equal(np.isnan(self.rt_s), silent):
+            must = "must be NaN where response is -1 or withheld, and nowhere else, or everywhere"
+            raise InputError(f"rt_s {must}", "rt_s")
         several.check_number(self.alternatives)
         if self.alternatives > 2 and self.strength is not None and (self.strength < 0).any():
             must = "must be 0 or more with more than two alternatives: it favours the correct one"
@@ -126,6 +136,12 @@ class Trials(Facts):
         """What was done in these trials; a name in ``KINDS``."""
         given = (self.spikes, self.readings, self.ssd_s, self.reward)
         return next((k for k, x in zip(KINDS[1:], given, strict=True) if x is not None), KINDS[0])
+
+    @property
+    def timed(self) -> bool:
+        """Whether responses have times; otherwise only choices were recorded."""
+        answered = (self.response != NO_RESPONSE) & (self.response != self.withheld)
+        return bool(np.isfinite(self.rt_s).any() or not answered.any())
 
     @property
     def trials(self) -> int:
@@ -184,16 +200,17 @@ class Trials(Facts):
         return (
             f"{self.source}: {self.trials} trials of {who} participant{'s' * (who != 1)}, response "
             f"1 in {known['responses 1']}, 0 in {known['responses 0']}, none{end} in "
-            f"{known['no response']}, times {known['rt_s']} s"
+            f"{known['no response']}, "
+            + (f"times {known['rt_s']} s" if self.timed else "without times")
         )
 
     def to_pyddm(self) -> pd.DataFrame:
         """Return them for ``pyddm.Sample.from_pandas_dataframe(table, "rt", "choice")``.
 
-        Columns rt (s) and choice (1 or 0; both NaN without a response), strength, conditions, and
-        participant_id if there are several participants.
+        Columns rt (s; NaN without a time) and choice (1 or 0; NaN without a response), strength,
+        conditions, and participant_id if there are several participants.
         """
-        coded = np.where(np.isnan(self.rt_s), np.nan, self.response)
+        coded = np.where(self.response == NO_RESPONSE, np.nan, self.response)
         who = {"participant_id": self.participant} if len(self.people()) > 1 else {}
         return pd.DataFrame({"rt": self.rt_s, "choice": coded, **who, **self._given("choice")})
 
@@ -229,6 +246,7 @@ class Trials(Facts):
         digest = hashlib.sha256()
         plain = [self.participant.tolist(), texts, self.deadline_s, self.strength is None]
         plain += [self.alternatives] if self.alternatives > 2 else []
+        plain += [] if self.withheld is None else ["withheld", self.withheld]
         digest.update(json.dumps(plain).encode())
         columns: list[Any] = [self.rt_s, self.response, *self._more.values()]
         if self.readings is not None:

@@ -31,7 +31,7 @@ def statistics(choices: Trials) -> pd.DataFrame:
     if choices.strength is not None:
         table["strength"] = np.abs(choices.strength)
     keys = list(table.columns)
-    table = table.assign(_time=choices.rt_s, _right=choices.correct)
+    table = table.assign(_time=choices.rt_s, _right=choices.correct, _none=choices.response < 0)
     rows = [
         dict(zip(keys, key, strict=True)) | _row(part)
         for key, part in table.groupby(keys, sort=True)
@@ -44,7 +44,7 @@ def _row(trials: pd.DataFrame) -> dict[str, float]:
     times, quantiles = trials["_time"].dropna(), trials["_time"].quantile(QUANTILES)
     return {
         "trials": len(trials),
-        "missing": len(trials) - len(times),
+        "missing": int(trials["_none"].sum()),
         "accuracy": trials["_right"].mean(),
         "mean_s": times.mean(),
         "sd_s": times.std(),

@@ -93,9 +93,9 @@ class AdEx(Cell):
     def __post_init__(self) -> None:
         check_constants(self, "tau_ms", "tau_w_ms", "noise_mv", "sharpness_mv")
         if not self.reset_mv < self.knee_mv < self.peak_mv:
-            given = f"{self.reset_mv}, {self.knee_mv} and {self.peak_mv}"
-            said = f"reset_mv must lie below knee_mv, and that below peak_mv, got {given}"
-            raise InputError(said, "reset_mv")
+            values = f"{self.reset_mv}, {self.knee_mv} and {self.peak_mv}"
+            reason = f"reset_mv must lie below knee_mv, and that below peak_mv, got {values}"
+            raise InputError(reason, "reset_mv")
 
     def constants(self, factors: Array, dt_ms: float) -> Constants:
         """Return the constants of a tick, v in mV from the reset.
@@ -106,7 +106,7 @@ class AdEx(Cell):
         decay, fade = np.exp(-dt_ms / (self.tau_ms * tau)), np.exp(-dt_ms / self.tau_w_ms)
         bit = self.noise_mv * np.sqrt((1 - decay**2) / 2)
         way = (self.knee_mv - self.reset_mv) * top
-        found = {
+        values = {
             "decay": decay,
             "rest": (self.rest_mv - self.reset_mv) * (1 - decay) - 4 * bit,
             "slope": self.mv_per_nat * slope * (1 - decay),
@@ -123,4 +123,4 @@ class AdEx(Cell):
             "held": whole_ticks("refractory_ms", self.refractory_ms, dt_ms),
             "height": way,
         }
-        return {name: np.float32(value) for name, value in found.items()}
+        return {name: np.float32(value) for name, value in values.items()}

@@ -221,22 +221,22 @@ def constant_names(kind: type[Cell]) -> tuple[str, ...]:
         must = f"must take heard, ones, state and the constants of {name}.begin, {', '.join(names)}"
         raise InputError(f"{name}.tick {must}; it takes {', '.join(taken)}", "tick")
     if taken_by_engines := RESERVED & {*kind.state, *names}:
-        said = f"{name}: an engine's own names can't be those of a variable or a constant"
-        raise InputError(f"{said}: {', '.join(sorted(taken_by_engines))}", "state")
+        reason = f"{name}: an engine's own names can't be those of a variable or a constant"
+        raise InputError(f"{reason}: {', '.join(sorted(taken_by_engines))}", "state")
     for what, function in (("begin", begin), ("tick", tick)):
         if numbers := _bare_numbers(function):
             must = "must be constants, or global names of np.float32, to be rounded alike"
-            said = f"{name}.{what} holds the numbers {', '.join(map(str, numbers))}: they {must}"
-            raise InputError(said, what)
+            reason = f"{name}.{what} holds the numbers {', '.join(map(str, numbers))}: they {must}"
+            raise InputError(reason, what)
     constants, one = [np.float32(1)] * len(names), np.float32(1)
     with np.errstate(all="ignore"):
         begun = begin(np.float64(0.5), *constants)
         moved = tick(np.float64(0.5), one, *[one] * len(kind.state), *constants)
-    for what, given, wanted in (("begin", begun, 0), ("tick", moved, 1)):
-        if len(given) != wanted + len(kind.state):
+    for what, returned, wanted in (("begin", begun, 0), ("tick", moved, 1)):
+        if len(returned) != wanted + len(kind.state):
             wants = ", ".join(("whether it fires",) * wanted + kind.state)
-            said = f"{name}.{what} must return {wants}; it returns {len(given)} values"
-            raise InputError(said, what)
+            reason = f"{name}.{what} must return {wants}; it returns {len(returned)} values"
+            raise InputError(reason, what)
     return names
 
 
@@ -252,15 +252,15 @@ def tick_constants(cell: Cell, factors: Array, dt_ms: float) -> Constants:
 
     Raises InputError for names that do not match, or values not finite or not in single precision.
     """
-    name, found = type(cell).__name__, cell.constants(factors, dt_ms)
+    name, constants = type(cell).__name__, cell.constants(factors, dt_ms)
     names = constant_names(type(cell))
-    if set(found) != set(names):
+    if set(constants) != set(names):
         must = f"must give what {name}.begin takes, {', '.join(names)}"
-        raise InputError(f"{name}.constants {must}; it gives {', '.join(found)}", "constants")
+        raise InputError(f"{name}.constants {must}; it gives {', '.join(constants)}", "constants")
     owner = f"{name}.constants"
-    for constant, value in found.items():
+    for constant, value in constants.items():
         kind = np.asarray(value).dtype
         must = "must be in single precision, np.float32"
         require(kind == np.float32, constant, must, kind, owner=owner)
         require(np.isfinite(value).all(), constant, "must be finite", value, owner=owner)
-    return {constant: found[constant] for constant in names}
+    return {constant: constants[constant] for constant in names}

@@ -116,9 +116,9 @@ class Lif(Membrane, Cell):
 
     def response(self, x: Array, line: Line, frequency_hz: Array) -> Response:
         """Return the response from the Fokker-Planck equation; it includes the membrane filter."""
-        found = lif_response(self, self.mean_mv(x), frequency_hz)
-        gain, bend = self.mv_per_nat * found.gain, self.mv_per_nat**2 * found.bend
-        return Response(gain, bend, found.spectrum)
+        per_mv = lif_response(self, self.mean_mv(x), frequency_hz)
+        gain, bend = self.mv_per_nat * per_mv.gain, self.mv_per_nat**2 * per_mv.bend
+        return Response(gain, bend, per_mv.spectrum)
 
     def varied(self, factors: Array) -> tuple[Cell, float]:
         """Return a cell with scaled time constant, slope, and distance from reset to threshold."""
@@ -140,7 +140,7 @@ class Lif(Membrane, Cell):
         bit = self.step_mv(dt_ms, tau) / np.sqrt(2)
         threshold = self.sampled_threshold_mv(dt_ms) - self.reset_mv
         unit = threshold / (self.sampled_threshold_mv(dt_ms, tau, top) - self.reset_mv)
-        found = {
+        values = {
             "decay": decay,
             "rest": unit * ((self.rest_mv - self.reset_mv) * (1 - decay) - 4 * bit),
             "slope": unit * self.mv_per_nat * slope * (1 - decay),
@@ -149,4 +149,4 @@ class Lif(Membrane, Cell):
             "threshold": threshold,
             "held": whole_ticks("refractory_ms", self.refractory_ms, dt_ms),
         }
-        return {name: np.float32(value) for name, value in found.items()}
+        return {name: np.float32(value) for name, value in values.items()}

@@ -68,8 +68,8 @@ class Phase(Cell):
 
     def response(self, x: Array, line: Line, frequency_hz: Array) -> Response:
         """Return the slopes of its line, which it follows without lag, and its power spectrum."""
-        own = phase_spectrum(self, line.hz, frequency_hz)
-        return Response(line.slope[:, None], line.curvature[:, None] / 2, own)
+        spectrum = phase_spectrum(self, line.hz, frequency_hz)
+        return Response(line.slope[:, None], line.curvature[:, None] / 2, spectrum)
 
 
 def phase_spectrum(cell: Phase, rate_hz: npt.ArrayLike, frequency_hz: npt.ArrayLike) -> Array:

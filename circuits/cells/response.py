@@ -86,7 +86,7 @@ class _Density:
         leave = self.up.copy()
         leave[1:] += self.down[:-1]
         shares = np.empty(np.broadcast_shapes(leave.shape, omega.shape), omega.dtype)
-        found = [
+        densities = [
             np.empty(
                 np.broadcast_shapes(shares.shape, source.shape), np.result_type(shares, source)
             )
@@ -96,12 +96,12 @@ class _Density:
         for k in range(count):
             left = omega + leave[k] - (self.up[k - 1] * shares[k - 1] if k else 0)
             shares[k] = self.down[k] / left
-            for density, source in zip(found, sources, strict=True):
+            for density, source in zip(densities, sources, strict=True):
                 density[k] = (source[k] + (self.up[k - 1] * density[k - 1] if k else 0)) / left
         for k in range(count - 2, -1, -1):
-            for density in found:
+            for density in densities:
                 density[k] += shares[k] * density[k + 1]
-        return found
+        return densities
 
     def pushed(self, density: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
         """Return the source due to 1 mV more of mean, and the flux that it drives out, 1/s."""

@@ -42,9 +42,9 @@ def choose(test: Any, yes: Any, no: Any) -> Any:
 def exponential(x: Any) -> Any:
     """Return exp of single-precision x, capped at -87 and 60, with a relative error of 1e-7."""
     x = np.minimum(np.maximum(single(x), LOWEST), HIGHEST)
-    whole = np.floor(x * PER_LN2 + HALF)
-    r = fused(whole, LN2_LOW, fused(whole, LN2_HIGH, x))
+    powers = np.floor(x * PER_LN2 + HALF)
+    r = fused(powers, LN2_LOW, fused(powers, LN2_HIGH, x))
     p: Any = TAYLOR[0]
     for term in TAYLOR[1:]:
         p = fused(p, r, term)
-    return single(np.ldexp(p, whole.astype(np.int32)))
+    return single(np.ldexp(p, powers.astype(np.int32)))

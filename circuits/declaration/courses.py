@@ -63,8 +63,8 @@ class Course:
         rate, width = self.rate_hz, self.pulse_ms
         check_range(0, math.inf, owner=self.name, rate_hz=rate, pulse_ms=width)
         if bool(rate) != bool(width):
-            said = "a train of pulses needs both rate_hz and pulse_ms"
-            raise InputError(f"{self.name}: {said}", "pulse_ms" if rate else "rate_hz")
+            reason = "a train of pulses needs both rate_hz and pulse_ms"
+            raise InputError(f"{self.name}: {reason}", "pulse_ms" if rate else "rate_hz")
         if rate:
             must = f"must be shorter than the period, {1000 / rate:g} ms"
             require(width * rate < 1000, "pulse_ms", must, width, owner=self.name)
@@ -125,8 +125,8 @@ class Course:
         """Return the time within pulses up to times since the first one, all in ticks."""
         period, width = 1000 / self.rate_hz / dt_ms, self.pulse_ms / dt_ms
         # A time that is a pulse's edge except for rounding counts as the edge.
-        whole = np.floor(since / period + NEAR)
-        return np.asarray(whole * width + np.clip(since - whole * period, 0, width))
+        periods = np.floor(since / period + NEAR)
+        return np.asarray(periods * width + np.clip(since - periods * period, 0, width))
 
 
 def extremes(courses: Sequence[Course]) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -143,9 +143,9 @@ def extremes(courses: Sequence[Course]) -> tuple[tuple[float, float], tuple[floa
     after = (np.array(edges)[:, None] + since).ravel()
     even = np.linspace(edges[0], edges[-1], POINTS)
     times = np.concatenate([[-1.0], edges, even, after, before])
-    found = np.sum([row.at(times) for row in courses], axis=0)
-    low, high = int(np.argmin(found)), int(np.argmax(found))
-    return (float(found[low]), float(times[low])), (float(found[high]), float(times[high]))
+    sums = np.sum([row.at(times) for row in courses], axis=0)
+    low, high = int(np.argmin(sums)), int(np.argmax(sums))
+    return (float(sums[low]), float(times[low])), (float(sums[high]), float(times[high]))
 
 
 def warn_of_late(courses: Sequence[Course], end_ms: float) -> None:

@@ -177,10 +177,10 @@ class Edit:
     @property
     def named(self) -> dict[str, Any]:
         """The named arguments of the verb's method: the channel, and the receptor of a pathway."""
-        found: dict[str, Any] = {} if self.channel is None else {"channel": self.channel}
+        arguments: dict[str, Any] = {} if self.channel is None else {"channel": self.channel}
         if VERBS[self.verb].of == PATHWAY and " " in self.row:
-            found["synapse"] = self.row.partition(" ")[2]
-        return found
+            arguments["synapse"] = self.row.partition(" ")[2]
+        return arguments
 
     @property
     def is_course(self) -> bool:
@@ -190,8 +190,8 @@ class Edit:
     @property
     def place(self) -> tuple[object, ...]:
         """Target of the edit: edits with the same target differ only in their values."""
-        own = self.value if self.is_course else None
-        return self.verb, self.row, self.field, self.channel, own
+        course = self.value if self.is_course else None
+        return self.verb, self.row, self.field, self.channel, course
 
     def overlaps(self, other: Edit) -> bool:
         """Whether both change the same number."""
@@ -298,12 +298,12 @@ class Edits(tuple[str, ...]):
         return Edits(edit.text for edit in (*replaced, *new.values()))
 
 
-def _list(given: object) -> tuple[object, ...]:
+def _list(value: object) -> tuple[object, ...]:
     """Return the list of edits in a file; ValueError for anything else."""
-    if not isinstance(given, (list, tuple)):
+    if not isinstance(value, (list, tuple)):
         must = 'must be a list of lines, such as edits = ["lesion STN 10%"]'
-        raise InputError.of("edits", must, given)
-    return tuple(given)
+        raise InputError.of("edits", must, value)
+    return tuple(value)
 
 
 def overlapping(one: Edit, other: Edit) -> ValueError:
@@ -316,8 +316,8 @@ def parsed(line: str) -> Edit:
     """Parse a line as an edit."""
     if not isinstance(line, str):
         many = ": unpack it, edited(*lines)" if isinstance(line, (list, tuple)) else ""
-        said = f"an edit must be a text such as 'lesion STN 10%', got {shown(line)}{many}"
-        raise InputError(said, "edits", line)
+        reason = f"an edit must be a text such as 'lesion STN 10%', got {shown(line)}{many}"
+        raise InputError(reason, "edits", line)
     verb, _, rest = line.strip().partition(" ")
     if verb not in VERBS:
         known = f"{', '.join(VERBS)}, such as 'lesion STN 10%'"
@@ -345,9 +345,9 @@ def _new_row(line: str, rest: str) -> Edit | None:
 
 
 def _new_value(line: str, rest: str) -> Edit | None:
-    found = SET.fullmatch(rest)
-    row, _, field = _tidied(found[1]).partition(".") if found else ("", "", "")
-    return Edit(line, "set", row, field, value=found[2]) if found and row and field else None
+    match = SET.fullmatch(rest)
+    row, _, field = _tidied(match[1]).partition(".") if match else ("", "", "")
+    return Edit(line, "set", row, field, value=match[2]) if match and row and field else None
 
 
 def _numbered(line: str, verb: str, words: Sequence[str]) -> Edit | None:

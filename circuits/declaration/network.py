@@ -41,8 +41,8 @@ class Network(Mapping[str, "Population | Projection"]):
             raise InputError(f"{self.name}: two populations have the same name", "populations")
         names = [p.name for p in self.projections]
         if twice := [name for name in names if names.count(name) > 1]:
-            said = f"{self.name}: two rows are {twice[0]}: each needs its own receptor"
-            raise InputError(f"{said} in synapse, such as AMPA and NMDA", "synapse")
+            reason = f"{self.name}: two rows are {twice[0]}: each needs its own receptor"
+            raise InputError(f"{reason} in synapse, such as AMPA and NMDA", "synapse")
         check_channels(self.channels)
         object.__setattr__(self, "channels", int(self.channels))
         for row in self.populations:
@@ -65,8 +65,8 @@ class Network(Mapping[str, "Population | Projection"]):
     def population(self, name: str) -> Population:
         """Return a row by name."""
         if not isinstance(name, str) or name not in self._known:
-            said = f"{self.name} has no nucleus {shown(name)}: {', '.join(self._known)}"
-            raise InputError(said, "nucleus", name)
+            reason = f"{self.name} has no nucleus {shown(name)}: {', '.join(self._known)}"
+            raise InputError(reason, "nucleus", name)
         return self._known[name]
 
     def projection(self, source: str, target: str, synapse: str = "") -> Projection:
@@ -81,19 +81,19 @@ class Network(Mapping[str, "Population | Projection"]):
         """Return the rows that join two populations through a receptor, by default through all."""
         if isinstance(source, str) and "->" in source:
             ends = ", ".join(f'"{end.strip()}"' for end in source.split("->"))
-            given = f"must be one nucleus, got {shown(source)}"
-            said = f"source {given}: give the two ends one by one, as in cut({ends}, 0.5)"
-            raise InputError(said, "source", source)
+            must = f"must be one nucleus, got {shown(source)}"
+            reason = f"source {must}: give the two ends one by one, as in cut({ends}, 0.5)"
+            raise InputError(reason, "source", source)
         require(isinstance(synapse, str), "synapse", "must be the name of a receptor", synapse)
         pair, _, named = " ".join(f"{source}->{target}".split()).partition(" ")
         synapse = synapse or named
         rows = tuple(p for p in self.projections if p.pair == pair)
-        found = tuple(p for p in rows if synapse in ("", p.synapse))
-        if found:
-            return found
+        joining = tuple(p for p in rows if synapse in ("", p.synapse))
+        if joining:
+            return joining
         valid = ", ".join(p.name for p in rows or self.projections)
-        said = f"{self.name} has no pathway {pair} {synapse}".rstrip()
-        raise InputError(f"{said}: {valid}", "synapse" if rows else "pathway")
+        reason = f"{self.name} has no pathway {pair} {synapse}".rstrip()
+        raise InputError(f"{reason}: {valid}", "synapse" if rows else "pathway")
 
     def row(self, name: str) -> Population | Projection:
         """Return a row by its name: ``"STN"``, ``"STN->GPe"`` or ``"STN->GPe NMDA"``."""

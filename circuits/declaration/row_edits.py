@@ -69,7 +69,7 @@ def changed_rows(circuit: CircuitTable, edits: Sequence[Edit]) -> dict[str, Row]
         with naming(edit.text):
             name = circuit.row(edit.row).name
         by_row.setdefault(name, []).append(edit)
-    return {name: _changed(circuit.row(name), own) for name, own in by_row.items()}
+    return {name: _changed(circuit.row(name), changes) for name, changes in by_row.items()}
 
 
 def _changed(row: Row, edits: Sequence[Edit]) -> Row:
@@ -83,11 +83,11 @@ def new_rows(circuit: CircuitTable, rows: Iterable[Row | Course | str]) -> list[
     A row given as text may be like an existing row or another new row, in any order. A population
     like a lesioned one is itself intact. The name of a motif adds all of its rows.
     """
-    given = list(expanded(circuit, rows))
+    wanted = list(expanded(circuit, rows))
     known: dict[str, Row] = {row.name: row for row in circuit.populations}
     known |= {row.name: row for row in circuit.projections}
-    known |= {row.name: row for row in given if isinstance(row, (Population, Projection))}
-    texts = {k: row for k, row in enumerate(given) if isinstance(row, str)}
+    known |= {row.name: row for row in wanted if isinstance(row, (Population, Projection))}
+    texts = {k: row for k, row in enumerate(wanted) if isinstance(row, str)}
     likes = {k: _like(text) for k, text in texts.items()}
     read: dict[int, Row | Course] = {}
     while waiting := [k for k in texts if k not in read]:
@@ -95,13 +95,13 @@ def new_rows(circuit: CircuitTable, rows: Iterable[Row | Course | str]) -> list[
         ready = [k for k in waiting if likes[k] not in names]
         if not ready:
             with naming(*(texts[k] for k in waiting)):
-                said = "rows that are like each other say nothing: give one its fields"
-                raise InputError(said, "add")
+                reason = "rows that are like each other say nothing: give one its fields"
+                raise InputError(reason, "add")
         for k in ready:
             row = read[k] = _read(circuit, known, texts[k])
             if not isinstance(row, Course):
                 known[row.name] = row
-    return [read[k] if isinstance(row, str) else row for k, row in enumerate(given)]
+    return [read[k] if isinstance(row, str) else row for k, row in enumerate(wanted)]
 
 
 def _like(text: str) -> str:
@@ -113,39 +113,39 @@ def _like(text: str) -> str:
 def _read(circuit: CircuitTable, known: Mapping[str, Row], text: str) -> Row | Course:
     """Parse the text of a new row."""
     with naming(text):
-        name, given = _new(text)
-        if name == DOPAMINE or any(field in OF_COURSES for field in given):
-            return _course(name, given)
+        name, texts = _new(text)
+        if name == DOPAMINE or any(field in OF_COURSES for field in texts):
+            return _course(name, texts)
         if name in known:
-            said = f"{name} already exists: use set, or another name or receptor"
-            raise InputError(said, "add", name)
+            reason = f"{name} already exists: use set, or another name or receptor"
+            raise InputError(reason, "add", name)
         source, arrow, target = name.partition(" ")[0].partition("->")
         kind = Projection if arrow else Population
-        old = given.pop("like", None)
+        old = texts.pop("like", None)
         like = None if old is None else known[old] if old in known else circuit.row(old)
         if like is not None and not isinstance(like, kind):
             raise InputError(f"{name} can't be like {like.name}: one of them is a pathway", "add")
         identity = {"source": source, "target": target} if arrow else {"name": name}
         if like is not None:
-            given.setdefault("cite", _as(like, given))
+            texts.setdefault("cite", _as(like, texts))
             like = replace(like, cite_more="")
         if isinstance(like, Population):
             like = replace(like, **WHOLE, published_hz=())
-        return _row(kind, like, given, identity)
+        return _row(kind, like, texts, identity)
 
 
-def _as(like: Row, given: Iterable[str]) -> str:
+def _as(like: Row, names: Iterable[str]) -> str:
     """Return the citation of a row like another: that row, and the fields that are assumed."""
-    edited = ", ".join(given)
+    edited = ", ".join(names)
     return f"as {like.name}" + (f"; assumed: {edited}" if edited else "")
 
 
-def _course(what: str, given: Mapping[str, str]) -> Course:
+def _course(what: str, texts: Mapping[str, str]) -> Course:
     """Return a course from the texts of its fields."""
     owner = f"a course of {what}"
-    _check_names(given, [f.name for f in fields(Course) if f.name != "what"], owner)
-    found: Course = _made(Course, None, {"what": what, **_typed(Course, given)}, owner)
-    return found
+    _check_names(texts, [f.name for f in fields(Course) if f.name != "what"], owner)
+    course: Course = _made(Course, None, {"what": what, **_typed(Course, texts)}, owner)
+    return course
 
 
 @contextmanager
@@ -165,26 +165,26 @@ def _new(text: str) -> tuple[str, dict[str, str]]:
     name = row_of(words)
     words += [f"synapse={receptor}" for receptor in name.split()[1:]]
     pairs = [word.partition("=") for word in words]
-    given = {field: value for field, equals, value in pairs if equals}
-    if not name or "=" in name or len(given) < len(pairs):
+    texts = {field: value for field, equals, value in pairs if equals}
+    if not name or "=" in name or len(texts) < len(pairs):
         raise InputError(f"{A_ROW}, each field once; or one of {', '.join(MOTIFS)}", "add", text)
-    return name, given
+    return name, texts
 
 
 def _row(
-    kind: type[Row], old: Row | None, given: Mapping[str, str], identity: Mapping[str, str]
+    kind: type[Row], old: Row | None, declared: Mapping[str, str], identity: Mapping[str, str]
 ) -> Row:
     """Return a row from the texts of its fields; other fields are those of the old row, if any."""
     owner = "->".join(identity.values()) or (old.name if old else "")
     cell = type(old.cell) if isinstance(old, Population) else None
-    if kind is Population and "cell" in given:
-        cell = _cell_type(given["cell"], owner)
-    _check_names(given, _names(kind, cell), owner)
-    constants = {k.removeprefix(OF_CELL): v for k, v in given.items() if k.startswith(OF_CELL)}
-    own = {k: v for k, v in given.items() if k != "cell" and not k.startswith(OF_CELL)}
-    values = {**_typed(kind, own), **identity}
+    if kind is Population and "cell" in declared:
+        cell = _cell_type(declared["cell"], owner)
+    _check_names(declared, _names(kind, cell), owner)
+    constants = {k.removeprefix(OF_CELL): v for k, v in declared.items() if k.startswith(OF_CELL)}
+    texts = {k: v for k, v in declared.items() if k != "cell" and not k.startswith(OF_CELL)}
+    values = {**_typed(kind, texts), **identity}
     if cell:
-        kept = old.cell if isinstance(old, Population) and "cell" not in given else None
+        kept = old.cell if isinstance(old, Population) and "cell" not in declared else None
         values["cell"] = _made(cell, kept, _typed(cell, constants), f"{owner}: the cell")
     row: Row = _made(kind, old, values, owner)
     return row
@@ -206,7 +206,7 @@ def _cell_type(kind: str, owner: str) -> type[Cell]:
     return CELLS[kind]
 
 
-def _typed(kind: type, given: Mapping[str, str]) -> dict[str, Any]:
+def _typed(kind: type, texts: Mapping[str, str]) -> dict[str, Any]:
     """Convert texts to the types declared by a dataclass.
 
     A text that cannot be converted stays text; the dataclass rejects it and says what it expects.
@@ -214,8 +214,8 @@ def _typed(kind: type, given: Mapping[str, str]) -> dict[str, Any]:
     # Imported only here, because it takes a tenth of a second.
     from pydantic import TypeAdapter
 
-    types, values = get_type_hints(kind), dict[str, Any](given)
-    for name, text in given.items():
+    types, values = get_type_hints(kind), dict[str, Any](texts)
+    for name, text in texts.items():
         with suppress(ValueError):
             values[name] = TypeAdapter(types[name]).validate_python(_parts(types[name], text))
     return values
@@ -230,14 +230,14 @@ def _parts(kind: type, text: str) -> object:
 
 def _names(kind: type, cell: type | None = None) -> list[str]:
     """Return the fields of a row that can be changed, and the constants of its cell."""
-    own = [f.name for f in fields(kind) if f.name not in NAMES]
-    return own + [OF_CELL + f.name for f in (fields(cell) if cell else ())]
+    names = [f.name for f in fields(kind) if f.name not in NAMES]
+    return names + [OF_CELL + f.name for f in (fields(cell) if cell else ())]
 
 
 def _check_names(
-    given: Iterable[str], valid: Sequence[str], owner: str, shown: Sequence[str] = ()
+    names: Iterable[str], valid: Sequence[str], owner: str, shown: Sequence[str] = ()
 ) -> None:
-    for name in given:
+    for name in names:
         if name not in valid:
             listed = ", ".join(shown or valid) or "there is none"
             raise InputError(f"{owner} has no {name!r}: {listed}", name)

@@ -101,8 +101,8 @@ class Population:
         _one_of("receptor", self.receptor, RECEPTORS)
         self._check_ranges()
         if self.cell.hears == "nats" and self.tau_ms:
-            said = f"{self.name}: tau_ms is that of the {self.cell.kind} cell, cell.tau_ms"
-            raise InputError(f"{said}: leave it 0 here", "tau_ms")
+            reason = f"{self.name}: tau_ms is that of the {self.cell.kind} cell, cell.tau_ms"
+            raise InputError(f"{reason}: leave it 0 here", "tau_ms")
 
     def _check_ranges(self) -> None:
         name, published = self.name, self.published_hz
@@ -184,11 +184,11 @@ class Projection:
             check_range(0, math.inf, owner=name, factors=factor)
         if self.transfer != "linear":
             if self.probability < 1:
-                said = f"{name}: connections of probability < 1 must be linear"
-                raise InputError(said, "transfer")
+                reason = f"{name}: connections of probability < 1 must be linear"
+                raise InputError(reason, "transfer")
             if self.factors:
-                said = f"{name}: a pathway that is scaled in one channel must be linear"
-                raise InputError(f"{said}, got {self.transfer!r}", "transfer")
+                reason = f"{name}: a pathway that is scaled in one channel must be linear"
+                raise InputError(f"{reason}, got {self.transfer!r}", "transfer")
 
     @property
     def pair(self) -> str:

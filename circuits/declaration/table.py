@@ -170,9 +170,9 @@ class CircuitTable(Network):
         for row in self.courses:
             name, channel = place_of(row.what)
             if row.what != DOPAMINE and name not in self._known:
-                said = f"{row.name}: {self.name} has no nucleus {row.what!r}: a course is of"
+                reason = f"{row.name}: {self.name} has no nucleus {row.what!r}: a course is of"
                 known = ", ".join((DOPAMINE, *self._known))
-                raise InputError(f"{said} {known}, or of one channel, such as STN[0]", "courses")
+                raise InputError(f"{reason} {known}, or of one channel, such as STN[0]", "courses")
             if channel is not None:
                 check_channel(row.name, channel, self.channels_of(name))
         rows = [row for row in self.courses if row.what == DOPAMINE]
@@ -182,8 +182,8 @@ class CircuitTable(Network):
         if DOPAMINE in self._known:
             raise InputError(f"{first}: a nucleus of {self.name} has that name too", "courses")
         if not self.receptors():
-            said = f"{first}: no row of {self.name} has a receptor, so it would have no effect"
-            raise InputError(said, "courses")
+            reason = f"{first}: no row of {self.name} has a receptor, so it would have no effect"
+            raise InputError(reason, "courses")
         self.dopamine_changes(1.0)
         for moved, time_ms in extremes(rows):
             if not -1 <= moved <= 1:
@@ -191,21 +191,21 @@ class CircuitTable(Network):
                 there = [row for row in rows if float(row.at(at)[0]) * moved > 0]
                 last = max(there, key=lambda row: row.from_ms).name
                 level = f"with this row it is {1 + moved:.3g} at {time_ms:.4g} ms"
-                said = f"{last}: the level of dopamine must be within 0..2, {level}"
-                raise InputError(said, "courses")
+                reason = f"{last}: the level of dopamine must be within 0..2, {level}"
+                raise InputError(reason, "courses")
 
     def check_steady(self, what: str) -> None:
         """Raise ValueError if the circuit has courses, for methods without time."""
         if self.courses:
             steady = "circuit.steady, which has none, or circuit.dopamine(level), which is constant"
-            said = f"{self.name} has courses, but {what} has no time: use {steady}"
-            raise InputError(said, "courses")
+            reason = f"{self.name} has courses, but {what} has no time: use {steady}"
+            raise InputError(reason, "courses")
 
     def check_nats(self, what: str, instead: str = "") -> None:
         """Raise ValueError if the circuit's unit is not nats, for quantities that need nats."""
         if self.unit != NATS:
-            said = f"{self.name} works in {self.unit}, not nats: {what} has no meaning there"
-            raise InputError(said + instead, "unit")
+            reason = f"{self.name} works in {self.unit}, not nats: {what} has no meaning there"
+            raise InputError(reason + instead, "unit")
 
     @property
     def rest_drive(self) -> float:
@@ -218,14 +218,14 @@ class CircuitTable(Network):
         These are pathways with receptors at their terminals, and pathways from the input onto cells
         with receptors; if both have receptors, only those of the pathway count.
         """
-        found: list[tuple[Projection, Population | Projection]] = []
+        pairs: list[tuple[Projection, Population | Projection]] = []
         for p in self.projections:
             cells = self.population(p.target)
             if p.receptor:
-                found.append((p, p))
+                pairs.append((p, p))
             elif cells.receptor and p.source == self.input:
-                found.append((p, cells))
-        return tuple(found)
+                pairs.append((p, cells))
+        return tuple(pairs)
 
     def dopamine_changes(self, level: Level) -> list[tuple[Projection, Level, Level]]:
         """Return the effects of a dopamine level relative to this circuit's; 1 has no effect.
@@ -235,14 +235,14 @@ class CircuitTable(Network):
         Each effect is a pathway, the change of its weight's factor (relative to 1), and the nats
         added to its target's bias; the level may be an array, one per tick.
         """
-        found = []
+        changes = []
         for p, row in self.receptors():
             if p.factors and row.operating_point_nats:
                 bias = "dopamine about a pivot would need a bias for each"
                 raise InputError(f"{p.name} differs from channel to channel: {bias}", "dopamine")
             change = RECEPTORS[row.receptor] * (level - 1)
-            found.append((p, change, -(change * p.weight * row.operating_point_nats)))
-        return found
+            changes.append((p, change, -(change * p.weight * row.operating_point_nats)))
+        return changes
 
     @property
     def steady(self) -> Self:

@@ -47,12 +47,12 @@ def is_path(name: str | Path) -> bool:
 
 def plain(circuit: CircuitTable) -> dict[str, Any]:
     """Return a circuit as plain data: fields of rows and cells that differ from their defaults."""
-    found = {"name": circuit.name, "channels": circuit.channels, **_changed(circuit)}
+    contents = {"name": circuit.name, "channels": circuit.channels, **_changed(circuit)}
     for table in TABLES:
         rows = getattr(circuit, table)
         if rows or table not in SPARE:
-            found[table] = [_plain_row(row) for row in rows]
-    return found
+            contents[table] = [_plain_row(row) for row in rows]
+    return contents
 
 
 def digest(circuit: CircuitTable) -> str:
@@ -82,10 +82,10 @@ def text(circuit: CircuitTable) -> str:
     labels = _labels(circuit)
     if any(label not in CELLS for label in labels.values()):
         lines += ["", "[cells]", *_cell_lines(labels)]
-    for row, given in zip(circuit.populations, tables["populations"], strict=True):
-        given["cell"] = labels[row.cell]
-    for name, given in tables.items():
-        lines += ["", f"[{name}]", *_columns(TABLES[name], given)]
+    for row, values in zip(circuit.populations, tables["populations"], strict=True):
+        values["cell"] = labels[row.cell]
+    for name, columns in tables.items():
+        lines += ["", f"[{name}]", *_columns(TABLES[name], columns)]
     return "\n".join(lines) + "\n"
 
 
@@ -112,10 +112,10 @@ def _changed(row: Any) -> dict[str, Any]:
 
 
 def _plain_row(row: Population | Projection | Course) -> dict[str, Any]:
-    found = _changed(row)
+    values = _changed(row)
     if isinstance(row, Population):
-        found["cell"] = {TYPE: type(row.cell).__name__, **_changed(row.cell)}
-    return found
+        values["cell"] = {TYPE: type(row.cell).__name__, **_changed(row.cell)}
+    return values
 
 
 def _canonical(value: Any) -> Any:
@@ -155,12 +155,12 @@ def _cell_lines(labels: Mapping[Any, str]) -> list[str]:
     ]
 
 
-def _columns(kind: type, given: Sequence[Mapping[str, Any]]) -> list[str]:
+def _columns(kind: type, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return the lines of a table: its columns, and its rows below them."""
     known = {f.name: f.default for f in fields(kind)}
-    names = [name for name in known if any(name in row for row in given)]
+    names = [name for name in known if any(name in row for row in rows)]
     cells = [[_value(name) for name in names]]
-    cells += [[_value(row.get(name, known[name])) for name in names] for row in given]
+    cells += [[_value(row.get(name, known[name])) for name in names] for row in rows]
     wide = [max(map(len, column)) + 2 for column in zip(*cells, strict=True)]
     lines = [
         "".join(f"{text + ',':<{w}}" for text, w in zip(row[:-1], wide, strict=False)) + row[-1]

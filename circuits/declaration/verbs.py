@@ -107,8 +107,8 @@ class EditableTable(CircuitTable):
             raise InputError(f"{name} is the {role}: without it there is no decision", "nucleus")
         if (self.intact_of(name) < 1).any() and row.clamped != clamped:
             there = "clamped" if row.clamped else "lesioned"
-            said = f"{name} is already {there}: it can't be both lesioned and clamped"
-            raise InputError(said, "nucleus")
+            reason = f"{name} is already {there}: it can't be both lesioned and clamped"
+            raise InputError(reason, "nucleus")
         check_range(0, 1, fraction=fraction)
         if channel is not None:
             self._check_own_channel(row, channel)
@@ -123,8 +123,8 @@ class EditableTable(CircuitTable):
     def _check_own_channel(self, row: Population, channel: int) -> None:
         if row.pooled:
             none = f"it has no channel {shown(channel)} to lesion, give none"
-            said = f"{row.name} is pooled, one for all alternatives: {none}"
-            raise InputError(said, "channel")
+            reason = f"{row.name} is pooled, one for all alternatives: {none}"
+            raise InputError(reason, "channel")
         check_channel(row.name, channel, self.channels)
 
     def scale(
@@ -200,8 +200,8 @@ class EditableTable(CircuitTable):
         into = self.population(target.strip()).name
         onto = [p for p in self.projections if p.target == into]
         rows = self.pathways(source, into) if arrow else onto
-        found = [p for p in rows if synapse and p.synapse == synapse]
-        if not found:
+        blocked = [p for p in rows if synapse and p.synapse == synapse]
+        if not blocked:
             known = ", ".join(f"{p.name} ({p.synapse or 'none declared'})" for p in rows)
             where = "of" if arrow else "onto"
             raise InputError(
@@ -210,7 +210,7 @@ class EditableTable(CircuitTable):
                 "synapse",
                 synapse,
             )
-        return self._multiplied(found, "intact", 1 - fraction, channel)
+        return self._multiplied(blocked, "intact", 1 - fraction, channel)
 
     def _multiplied(
         self, rows: Sequence[Projection], field: str, factor: float, channel: int | None = None
@@ -336,8 +336,8 @@ class EditableTable(CircuitTable):
         """
         for row in rows:
             if not isinstance(row, (Population, Projection, Course, str)):
-                said = f"a row must be a Population, Projection, Course or text, got {row!r}"
-                raise InputError(said, "row")
+                reason = f"a row must be a Population, Projection, Course or text, got {row!r}"
+                raise InputError(reason, "row")
         new = new_rows(self, rows)
         with naming(*(row for row in rows if isinstance(row, str))):
             return self._with_tables(
@@ -393,8 +393,8 @@ class EditableTable(CircuitTable):
 
     def _everywhere(self, **values: Any) -> Self:
         if not any(row.spiking for row in self.populations):
-            said = f"{self.name} has no spiking cells: {', '.join(values)} would have no effect"
-            raise InputError(said, "cells")
+            reason = f"{self.name} has no spiking cells: {', '.join(values)} would have no effect"
+            raise InputError(reason, "cells")
         rows = tuple(replace(p, **values) if p.spiking else p for p in self.populations)
         return self._edited(populations=rows)
 

@@ -138,6 +138,6 @@ def _newton(wiring: Wiring, drive: Array, outside: Array, x: Array, blocks: Inde
         if size.max() < TOLERANCE:
             return
     worst = int(np.nanargmax(np.where(np.isfinite(size), size, np.inf)))
-    given = np.array2string(drive[worst], precision=3, max_line_width=1000, threshold=8)
-    what = f"{wiring.circuit.name} has no fixed point at drive {given}"
+    nats = np.array2string(drive[worst], precision=3, max_line_width=1000, threshold=8)
+    what = f"{wiring.circuit.name} has no fixed point at drive {nats}"
     raise loops.runaway(wiring, drive[worst], what)

@@ -51,7 +51,7 @@ def runaway(wiring: Wiring, drive: Array, what: str) -> ValueError:
 def _loops(wiring: Wiring, direct: Array) -> Iterator[tuple[list[int], float]]:
     """Yield every loop, its first nucleus first, with its gain."""
     blocks = [wiring.blocks_of(row.name) for row in wiring.circuit.populations]
-    paths = [([i], np.eye(len(own))) for i, own in enumerate(blocks)]
+    paths = [([i], np.eye(len(of_nucleus))) for i, of_nucleus in enumerate(blocks)]
     while paths:
         path, product = paths.pop()
         for i in range(path[0], len(blocks)):

@@ -64,9 +64,9 @@ class Clock:
         check_range(0, math.inf, settle_ms=self.settle_ms)
         _ = self.settle_ticks  # raises unless it is a multiple of the tick
         if self.step_ticks % self.sample_ticks:
-            given = f"{self.step_ms} and {self.sample_ms}"
-            said = f"step_ms must be a multiple of sample_ms, got {given}"
-            raise InputError(said, "sample_ms")
+            times = f"{self.step_ms} and {self.sample_ms}"
+            reason = f"step_ms must be a multiple of sample_ms, got {times}"
+            raise InputError(reason, "sample_ms")
 
     @property
     def step_ticks(self) -> int:

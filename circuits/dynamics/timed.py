@@ -60,9 +60,9 @@ def _sums(circuit: CircuitTable, clock: Clock) -> tuple[Array, dict[tuple[str, i
     """Return dopamine's level, and the nats added to populations and to channels with courses."""
     late = clock.ticks - clock.settle_ticks
     level = np.ones(clock.ticks)
-    whole = [(row.name, None) for row in circuit.populations]
-    own = [place_of(course.what) for course in circuit.courses if course.what != DOPAMINE]
-    nats = {place: np.zeros(clock.ticks) for place in (*whole, *own)}
+    nuclei = [(row.name, None) for row in circuit.populations]
+    driven = [place_of(course.what) for course in circuit.courses if course.what != DOPAMINE]
+    nats = {place: np.zeros(clock.ticks) for place in (*nuclei, *driven)}
     for course in circuit.courses:
         name, channel = place_of(course.what)
         here = [sums for (row, k), sums in nats.items() if row == name and channel in (None, k)]
@@ -73,10 +73,10 @@ def _sums(circuit: CircuitTable, clock: Clock) -> tuple[Array, dict[tuple[str, i
 
 def rows(values: list[Array], first: Array) -> tuple[Index, Array]:
     """Return row indices into a table, and the table of distinct rows, starting with ``first``."""
-    found = {first.tobytes(): first}
+    distinct = {first.tobytes(): first}
     for row in values:
         # Adding 0 turns -0.0 into 0.0.
-        found.setdefault((row + 0.0).tobytes(), row + 0.0)
-    places = {key: place for place, key in enumerate(found)}
+        distinct.setdefault((row + 0.0).tobytes(), row + 0.0)
+    places = {key: place for place, key in enumerate(distinct)}
     of = np.array([places[(row + 0.0).tobytes()] for row in values], dtype=np.intp)
-    return of, np.array(list(found.values()))
+    return of, np.array(list(distinct.values()))

@@ -91,10 +91,10 @@ class Wiring:
         channels have the rate of ``held_hz``. NaN stays.
         """
         span = self.span_of(name)
-        own, held = rates[..., span], self.held_hz[span]
+        simulated, held = rates[..., span], self.held_hz[span]
         if (free := np.isnan(held)).all():
-            return own
-        return np.where(free | np.isnan(own), own, held.astype(own.dtype))
+            return simulated
+        return np.where(free | np.isnan(simulated), simulated, held.astype(simulated.dtype))
 
     def column(self, name: str) -> Array:
         """Return a field of each block's population as an array."""
@@ -127,12 +127,12 @@ class Wiring:
     @cached_property
     def columns(self) -> Index:
         """Column of the drive that each block receives, -1 for none, (blocks,)."""
-        found = np.full(self.blocks, -1, dtype=np.intp)
-        found[self.blocks_of(self.circuit.input)] = np.arange(self.circuit.channels)
+        columns = np.full(self.blocks, -1, dtype=np.intp)
+        columns[self.blocks_of(self.circuit.input)] = np.arange(self.circuit.channels)
         for k, (name, channel) in enumerate(self.circuit.input_places()):
             blocks = self.blocks_of(name)
-            found[blocks if channel is None else blocks[channel]] = self.circuit.channels + k
-        return found
+            columns[blocks if channel is None else blocks[channel]] = self.circuit.channels + k
+        return columns
 
     @cached_property
     def drive_gains(self) -> Array:
@@ -146,8 +146,8 @@ class Wiring:
         The columns of ``circuit.more_inputs`` count as 0 where only the channels are given.
         """
         x = np.zeros((*drive.shape[:-1], self.blocks))
-        given = (self.columns >= 0) & (self.columns < drive.shape[-1])
-        x[..., given] = self.drive_gains[given] * drive[..., self.columns[given]]
+        reached = (self.columns >= 0) & (self.columns < drive.shape[-1])
+        x[..., reached] = self.drive_gains[reached] * drive[..., self.columns[reached]]
         return x
 
     def inputs(self, units: Array, factors: Array | float = 1.0) -> Array:
@@ -249,15 +249,15 @@ def wire(circuit: CircuitTable, rest_hz: Array | None = None) -> Wiring:
         source = circuit.population(p.source)
         first, intact = start[p.source], circuit.intact_of(p.source)
         kept = np.full(pattern.shape[1], -float(source.baseline_hz))
-        given = np.zeros(pattern.shape[1])
+        clamped = np.zeros(pattern.shape[1])
         if source.clamped and rest_hz is not None:
-            given += (1 - intact) * rest_hz[first : first + pattern.shape[1]]
+            clamped += (1 - intact) * rest_hz[first : first + pattern.shape[1]]
         for k, row_ in enumerate(pattern):
             path.append(i)
             hz = np.zeros(len(owner))
             hz[first : first + len(row_)] = intact * alive[k] / source.gain_hz_per_nat
             deliver.append(hz)
-            always = float(row_ @ (kept + given) + (alive[k] - row_) @ given)
+            always = float(row_ @ (kept + clamped) + (alive[k] - row_) @ clamped)
             constant.append(always / source.gain_hz_per_nat)
             column = np.zeros(len(owner))
             targets = np.flatnonzero(place == k)
@@ -283,9 +283,9 @@ def units_of(circuit: CircuitTable, p: Projection) -> tuple[Array, Array, Index]
     The first two are (units, source channels): how much of each source channel arrives, in total
     and through surviving axons. The last is the index of each target channel's unit.
     """
-    whole, left = circuit.pattern(p), circuit.axons_of(p)[:, None]
-    both, place = np.unique(np.hstack([whole, left * whole]), axis=0, return_inverse=True)
-    sources = whole.shape[1]
+    connected, left = circuit.pattern(p), circuit.axons_of(p)[:, None]
+    both, place = np.unique(np.hstack([connected, left * connected]), axis=0, return_inverse=True)
+    sources = connected.shape[1]
     return both[:, :sources], both[:, sources:], np.asarray(place.ravel(), dtype=np.intp)
 
 

@@ -65,10 +65,10 @@ TASKS = (Task(2, 0.5, 120, 0.30), Task(4, 0.5, 120, 0.45), Task(4, 1.0, 40, 0.48
 """Thresholds from the tuning seeds, for an accuracy of 0.9 without conflict."""
 
 
-def evidence(task: Task, conflict: float, trials: int) -> Evidence:
+def evidence(task: Task, conflict: float, trials: int, seed: int = SCORING_SEED) -> Evidence:
     """Draw the evidence of a task; that with conflict differs from that without in one mean."""
     given = {"d_prime": task.d_prime, "channels": task.channels, "t_max": task.readings}
-    rng = stream(SCORING_SEED, "loss", task.name)
+    rng = stream(seed, "loss", task.name)
     return gaussian_evidence(trials, step_ms=STEP_MS, conflict=conflict, seed=rng, **given)
 
 
@@ -85,10 +85,16 @@ def lesioned(task: Task) -> dict[tuple[float, str, float], Circuit]:
     return found
 
 
-def decided(table: Circuit, shown: Evidence, threshold_nats: float, workers: int) -> Tradeoff:
+def decided(
+    table: Circuit,
+    shown: Evidence,
+    threshold_nats: float,
+    workers: int,
+    seed: int = SCORING_SEED,
+) -> Tradeoff:
     """Let a circuit decide at one threshold."""
     engine = Population(workers=workers, rates=False)
-    model = BasalGanglia(table, engine, gain_of(table), SCORING_SEED)
+    model = BasalGanglia(table, engine, gain_of(table), seed)
     return decide_at_thresholds(model, shown, [threshold_nats], decoder_tau_ms=None)[CIRCUIT]
 
 

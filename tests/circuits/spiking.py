@@ -41,10 +41,10 @@ def with_cell(circuit, name, cell):
 
 
 def spikes_of(circuit, engine, names=NAMES):
-    found = run(circuit, DRIVE, engine=engine, spikes=names, **GIVEN)
+    activity = run(circuit, DRIVE, engine=engine, spikes=names, **GIVEN)
     return {
         (name, *row)
-        for name, table in found.spikes.items()
+        for name, table in activity.spikes.items()
         for row in np.rint(table[["trial", "channel", "neuron", "time_ms"]] * 10)
         .astype(int)
         .itertuples(index=False)
@@ -56,8 +56,8 @@ WITH_ADEX = with_cell(BASE, "GPe", ADEX)
 
 def lacking(engine="ensemble", **options):
     def call(circuit):
-        given = GIVEN if engine in SPIKING else {"step_ms": 40.0}
-        return run(circuit, DRIVE[:, :1], engine=engine, **given | options)
+        options_of_engine = GIVEN if engine in SPIKING else {"step_ms": 40.0}
+        return run(circuit, DRIVE[:, :1], engine=engine, **options_of_engine | options)
 
     return call
 
@@ -65,8 +65,8 @@ def lacking(engine="ensemble", **options):
 def one_sentence(call, *parts):
     with pytest.raises(ValueError, match=r".") as error:
         call()
-    said = str(error.value)
-    assert "\n" not in said
+    sentence = str(error.value)
+    assert "\n" not in sentence
     for part in parts:
-        assert part in said
-    return said
+        assert part in sentence
+    return sentence

@@ -45,10 +45,10 @@ def test_rates_decode_to_the_activity_they_stand_for():
 
 def test_an_activity_is_one_line_and_in_a_notebook_its_mean_rates():
     activity = run_algebra(anatomy.bogacz_gurney(4), evidence(4)[:3, None])
-    said = repr(activity)
-    assert said.startswith("Activity(bogacz_gurney on algebra: 3 trials x 1 ticks x 4 channels, ")
-    assert f"mean OUT {activity.output_nats.mean():.3g} nats" in said
-    assert "\n" not in said
+    line = repr(activity)
+    assert line.startswith("Activity(bogacz_gurney on algebra: 3 trials x 1 ticks x 4 channels, ")
+    assert f"mean OUT {activity.output_nats.mean():.3g} nats" in line
+    assert "\n" not in line
     page = activity._repr_html_()
     assert f"{activity.rates_hz['GPe'].mean():.4g}" in page
     assert "<table" not in replace(activity, rates_hz={})._repr_html_()
@@ -60,8 +60,8 @@ def test_independent_spikes_have_twice_their_rate_over_their_number():
     row = Population("source", Phase(1.0), hz, 1.0, neurons=cells)
     alone = Circuit("alone", (row,), (), 2, input="source", readout="source")
     alone = replace(alone, reference_nats=np.log(2))
-    found = run_ensemble(alone, np.zeros((20, 4, 2)), step_ms=1000, seed=71)
-    frequency, power = found.spectrum("source", from_ms=500)
+    recorded = run_ensemble(alone, np.zeros((20, 4, 2)), step_ms=1000, seed=71)
+    frequency, power = recorded.spectrum("source", from_ms=500)
     assert frequency[1] == 1  # Hz: a segment is a second unless told otherwise
     inside = (frequency > 5) & (frequency < 480)
     # Two channels are averaged: their number is that of both.
@@ -72,9 +72,9 @@ def test_independent_spikes_have_twice_their_rate_over_their_number():
 
 
 def test_a_segment_of_a_spectrum_that_does_not_fit_is_refused():
-    found = run_rate(anatomy.bogacz_gurney(), np.zeros((1, 1, 2)), step_ms=500)
+    recorded = run_rate(anatomy.bogacz_gurney(), np.zeros((1, 1, 2)), step_ms=500)
     with refused("segment_ms"):
-        found.spectrum("STN", from_ms=100)
+        recorded.spectrum("STN", from_ms=100)
 
 
 @pytest.mark.parametrize(
@@ -101,8 +101,8 @@ def test_a_circuit_in_saliences_says_between_which_inputs_it_works():
     with unwarned():
         warn_beyond_range(circuit, np.array([-rest, 0.9 - rest]))
     for drive in ([-rest - 0.25, 0.5], [0.2, 1.3 - rest]):
-        said = f"the input runs from {rest + drive[0]:.2f} to {rest + drive[1]:.2f} salience"
-        with pytest.warns(RangeWarning, match=said):
+        warning = f"the input runs from {rest + drive[0]:.2f} to {rest + drive[1]:.2f} salience"
+        with pytest.warns(RangeWarning, match=warning):
             warn_beyond_range(circuit, np.array(drive))
 
 
@@ -133,8 +133,8 @@ def test_spikes_are_rasters_beside_the_rates_and_the_first_crossing_is_marked(ac
     at = activity.time_ms[(activity.output_nats[1] <= threshold).any(axis=1)]
     first = at[at > 0][0]
     (legend,) = figure.legends
-    said = [text.get_text() for text in legend.get_texts()]
-    assert f"First crossing, {first:.0f} ms" in said
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert f"First crossing, {first:.0f} ms" in labels
     assert list(raster.lines[-1].get_xdata()) == [first, first]
     plt.close(figure)
 
@@ -142,9 +142,9 @@ def test_spikes_are_rasters_beside_the_rates_and_the_first_crossing_is_marked(ac
 def test_smoothing_keeps_a_constant_and_what_is_unknown():
     values = np.full((50, 1), 7.0)
     values[40:] = np.nan
-    found = plots.smoothed(values, 1.0, 5.0)
-    assert found[:40] == pytest.approx(7.0)
-    assert np.isnan(found[40:]).all()
+    smooth = plots.smoothed(values, 1.0, 5.0)
+    assert smooth[:40] == pytest.approx(7.0)
+    assert np.isnan(smooth[40:]).all()
 
 
 def test_what_cannot_be_drawn_is_said(activity):
@@ -157,13 +157,13 @@ def test_what_cannot_be_drawn_is_said(activity):
 def test_labelled_arrays_hold_what_the_activity_holds():
     circuit = anatomy.spiking_msprt(3)
     activity = run_rate(circuit, evidence(3)[:2, None], step_ms=20.0)
-    found = activity.to_xarray()
-    assert np.array_equal(found.output, activity.output_nats)
-    one = found.rate_hz.sel(nucleus="STN", channel=2, trial=1)
+    dataset = activity.to_xarray()
+    assert np.array_equal(dataset.output, activity.output_nats)
+    one = dataset.rate_hz.sel(nucleus="STN", channel=2, trial=1)
     assert np.array_equal(one, activity.rates_hz["STN"][1, :, 2])
     pooled = next(row.name for row in circuit.populations if row.pooled)
     for channel in range(3):
-        rate = found.rate_hz.sel(nucleus=pooled, channel=channel)
+        rate = dataset.rate_hz.sel(nucleus=pooled, channel=channel)
         assert np.array_equal(rate, activity.rates_hz[pooled][:, :, 0])
     assert "rate_hz" not in replace(activity, rates_hz={}).to_xarray()
 

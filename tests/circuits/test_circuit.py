@@ -51,11 +51,11 @@ def test_an_edit_returns_a_new_circuit_and_leaves_the_old(circuit, edit):
 
 def test_a_circuit_is_one_line_that_tells_two_apart():
     one = anatomy.spiking_msprt()
-    said = repr(one)
-    assert said.startswith("Circuit(spiking_msprt: 2 channels in nats, 7 populations, 10 pathways")
-    assert f"1800 cells per channel, sha256 {digest(one)[:8]})" in said
-    assert len(said) < 150
-    assert repr(one.lesion("STN", 0.1)) != said
+    line = repr(one)
+    assert line.startswith("Circuit(spiking_msprt: 2 channels in nats, 7 populations, 10 pathways")
+    assert f"1800 cells per channel, sha256 {digest(one)[:8]})" in line
+    assert len(line) < 150
+    assert repr(one.lesion("STN", 0.1)) != line
     assert "0 cells per channel" in repr(anatomy.bogacz_gurney())
 
 
@@ -115,10 +115,10 @@ def test_a_lesion_in_one_channel_takes_the_tone_of_that_channel_alone():
     assert lost.intact_of("GPe").tolist() == [1, 0.375, 1]
     assert lost.lesion("GPe", 0.5).intact_of("GPe").tolist() == [0.5, 0.1875, 0.5]
     assert lost.unlesioned == table
-    whole, part = wire(table), wire(lost)
-    left = np.where(np.arange(whole.blocks) == whole.blocks_of("GPe")[1], 0.375, 1)
-    np.testing.assert_array_equal(part.deliver, whole.deliver * left)
-    np.testing.assert_array_equal(part.constant, whole.constant)
+    intact, part = wire(table), wire(lost)
+    left = np.where(np.arange(intact.blocks) == intact.blocks_of("GPe")[1], 0.375, 1)
+    np.testing.assert_array_equal(part.deliver, intact.deliver * left)
+    np.testing.assert_array_equal(part.constant, intact.constant)
     each = table
     for channel in range(3):
         each = each.lesion("GPe", 0.25, channel=channel)
@@ -254,8 +254,8 @@ def test_a_table_of_ones_own_takes_a_thousand_alternatives():
 
 @pytest.mark.parametrize(("factor", "neurons"), [(0.5, 150), (2, 600), (1.004, 301), (1e-6, 1)])
 def test_a_multiple_of_the_cells_is_rounded_and_at_least_one(factor, neurons):
-    found = anatomy.spiking_msprt().with_neurons_times(factor)
-    assert {row.neurons for row in found.populations if row.spiking} == {neurons}
+    circuit = anatomy.spiking_msprt().with_neurons_times(factor)
+    assert {row.neurons for row in circuit.populations if row.spiking} == {neurons}
 
 
 def test_the_largest_lead_is_kept_by_edits_that_leave_times_as_they_are_and_cleared_by_others():

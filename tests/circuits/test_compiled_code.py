@@ -36,9 +36,9 @@ def test_compiled_code_is_kept_under_a_hash_of_all_sources(module):
     expected = {"bgmodel": bgmodel.support.compiling.SOURCES, "circuits": compiling.SOURCES}[
         package
     ]
-    found = [f for f in vars(module).values() if isinstance(f, Dispatcher) and f.stats.cache_path]
-    assert found
-    assert all(f"/compiled/{expected}/" in function.stats.cache_path for function in found)
+    kernels = [f for f in vars(module).values() if isinstance(f, Dispatcher) and f.stats.cache_path]
+    assert kernels
+    assert all(f"/compiled/{expected}/" in function.stats.cache_path for function in kernels)
 
 
 def test_the_hash_follows_an_edit_of_any_source(tmp_path):
@@ -100,15 +100,15 @@ def compiled_files(folder):
 def test_processes_at_once_keep_their_code_outside_of_the_package(installed, tmp_path):
     place, start = installed
     runs = [start(XDG_CACHE_HOME=str(tmp_path / "cache")) for _ in range(2)]
-    said = [run.communicate() for run in runs]
-    assert said[0] == said[1]
-    assert float(said[0][0]) > 0
-    assert said[0][1] == ""
+    outputs = [run.communicate() for run in runs]
+    assert outputs[0] == outputs[1]
+    assert float(outputs[0][0]) > 0
+    assert outputs[0][1] == ""
     kept = compiled_files(tmp_path / "cache" / "bgmodel")
     assert kept
     assert compiled_files(place) == []
     dates = [path.stat().st_mtime_ns for path in kept]
-    assert start(XDG_CACHE_HOME=str(tmp_path / "cache")).communicate() == said[0]
+    assert start(XDG_CACHE_HOME=str(tmp_path / "cache")).communicate() == outputs[0]
     assert compiled_files(tmp_path / "cache") == kept
     assert [path.stat().st_mtime_ns for path in kept] == dates, "compiled again"
 
@@ -116,8 +116,8 @@ def test_processes_at_once_keep_their_code_outside_of_the_package(installed, tmp
 def test_of_processes_at_once_one_compiles(installed, tmp_path):
     _, start = installed
     told = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "NUMBA_DEBUG_CACHE": "1"}
-    said = [run.communicate()[0] for run in [start(**told) for _ in range(2)]]
-    lines = [line for text in said for line in text.splitlines() if "data saved to" in line]
+    outputs = [run.communicate()[0] for run in [start(**told) for _ in range(2)]]
+    lines = [line for text in outputs for line in text.splitlines() if "data saved to" in line]
     assert lines
     assert len(lines) == len(set(lines))
 

@@ -26,9 +26,9 @@ from circuits.errors import InputError
 def test_the_edits_that_are_found_do_what_was_done(lines):
     first = load_circuit("macaque", 3)
     second = first.edited(*lines)
-    found = first.edited(*differences(first, second))
-    for one, other in ((found.populations, second.populations),
-                       (found.projections, second.projections)):  # fmt: skip
+    edited = first.edited(*differences(first, second))
+    for one, other in ((edited.populations, second.populations),
+                       (edited.projections, second.projections)):  # fmt: skip
         assert [replace(row, cite="") for row in one] == [replace(row, cite="") for row in other]
     assert bool(differences(first, second)) == bool(lines)
 

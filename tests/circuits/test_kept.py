@@ -28,9 +28,9 @@ def counted():
 def test_arrays_are_made_once_for_a_key_and_a_version(folder):
     calls, make = counted()
     for sources, key in (("a", "k"), ("a", "k"), ("b", "k"), ("a", "other")):
-        found = kept(sources, key, make)
-        np.testing.assert_array_equal(found["x"], [0, 1, 2])
-        assert found["none"].shape == (0, 0)
+        arrays = kept(sources, key, make)
+        np.testing.assert_array_equal(arrays["x"], [0, 1, 2])
+        assert arrays["none"].shape == (0, 0)
     assert len(calls) == 3
     assert len(list(folder.rglob("*.npz"))) == 3
 
@@ -75,9 +75,9 @@ def test_the_oldest_of_a_kind_are_forgotten(folder):
         remember("a", "kind", str(number), {"x": np.full(2, number)}, most=3)
         os.utime(max(folder.rglob("*.npz"), key=os.path.getmtime), (number, number))
     remember("a", "other", "0", {"x": np.zeros(2)}, most=3)
-    found = [recall("a", "kind", str(number)) for number in range(4)]
-    assert found[0] is None
-    assert [int(each["x"][0]) for each in found[1:]] == [1, 2, 3]
+    recalled = [recall("a", "kind", str(number)) for number in range(4)]
+    assert recalled[0] is None
+    assert [int(each["x"][0]) for each in recalled[1:]] == [1, 2, 3]
     assert recall("b", "kind", "3") is None
     assert recall("a", "other", "0") is not None
 

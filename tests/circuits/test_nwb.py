@@ -60,11 +60,11 @@ def test_chosen_trials_read_back_as_the_activity(parts, tmp_path):
                     times = unit.spike_times - 0.02 * n
                     here = times[(times > 1e-9) & (times < 0.02 + 1e-9)]
                     np.testing.assert_allclose(here, np.sort(spikes["time_ms"][cell]) / 1000)
-        whole = {
+        expected = {
             f"{name} rate": [p.rates_hz[name][k] for p, k in picked] for name in ("STN", "SNr")
         }
-        whole["OUT"] = [p.output_nats[k] for p, k in picked]
-        for name, data in whole.items():
+        expected["OUT"] = [p.output_nats[k] for p, k in picked]
+        for name, data in expected.items():
             series = read.acquisition[name]
             np.testing.assert_array_equal(series.data[:], np.concatenate(data))
             assert (series.starting_time, series.rate) == (pytest.approx(0.002), pytest.approx(500))
@@ -91,12 +91,12 @@ def test_the_inspector_finds_no_fault_but_what_a_simulation_lacks(parts, tmp_pat
     """Nobody did the experiment, and a column of two channels might hold a truth value."""
     inspector = pytest.importorskip("nwbinspector")
     write_nwb(parts, tmp_path / "a.nwb", table=pd.DataFrame({"rt": [0.1, 0.2, 0.3]}))
-    found = [
+    messages = [
         message
         for config in (None, inspector.load_config("dandi"))
         for message in inspector.inspect_nwbfile(nwbfile_path=tmp_path / "a.nwb", config=config)
     ]
-    assert {message.check_function_name for message in found} <= {
+    assert {message.check_function_name for message in messages} <= {
         *("check_experimenter_exists", "check_institution", "check_column_binary_capability")
     }
 

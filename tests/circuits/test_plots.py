@@ -23,17 +23,17 @@ def drawn(circuit, **given):
     """Return the texts and the pathways of a drawing, by name."""
     figure = circuit.plot(**given)
     (ax,) = figure.axes
-    said = {text.get_text() for text in ax.texts}
+    texts = {text.get_text() for text in ax.texts}
     arrows = {p.get_gid(): p for p in ax.patches if isinstance(p, FancyArrowPatch)}
     plt.close(figure)
-    return said, arrows, ax
+    return texts, arrows, ax
 
 
 def test_the_drawing_shows_every_nucleus_and_pathway():
     extra = Population("PPN", anatomy.bogacz_gurney().populations[0].cell, cite="test")
     circuit = anatomy.spiking_msprt().add(extra, Projection("PPN", "STN", 1, cite="test"))
-    said, arrows, _ = drawn(circuit)
-    assert {row.name for row in circuit.populations} <= said
+    texts, arrows, _ = drawn(circuit)
+    assert {row.name for row in circuit.populations} <= texts
     assert set(arrows) == {p.name for p in circuit.projections}
 
 
@@ -56,7 +56,7 @@ def test_no_pathway_passes_through_a_nucleus_or_another_pathway(name):
 
 
 def test_nuclei_lie_as_in_textbooks():
-    """Cortex above striatum, GPe beside STN, SNr below; others at free places."""
+    """Cortex is drawn above striatum, GPe next to STN, SNr below, others at free places."""
     placed = drawing.boxes(MACAQUE.add("TRN like=STN", "TRN->GPe weight=0.1"))
     y = {name: box.y for name, box in placed.items()}
     assert y["ctx"] > y["D1"] == y["D2"] > y["GPe"] == y["STN"] > y["SNr"]
@@ -71,8 +71,8 @@ def test_many_new_nuclei_have_room():
 
 
 def test_a_row_for_a_second_receptor_shares_the_box_of_its_nucleus():
-    said, arrows, _ = drawn(anatomy.load_circuit("humphries"))
-    assert "ctx + ctx_NMDA" in said
+    texts, arrows, _ = drawn(anatomy.load_circuit("humphries"))
+    assert "ctx + ctx_NMDA" in texts
     assert {"GPe->GPe", "SNr->SNr"} <= set(arrows)
     assert "ctx->ctx_NMDA" not in arrows
 
@@ -94,8 +94,8 @@ def test_an_arrow_is_as_wide_as_the_root_of_its_weight_and_dotted_where_nothing_
 
 def test_lesions_and_edits_are_marked():
     edited = MACAQUE.lesion("STN", 0.5).lesion("D2").clamp("GPe").scale("ctx", "D1", 0.5)
-    said, _, ax = drawn(edited, reference=MACAQUE)
-    assert {"STN\n50 % left", "D2\nsilenced", "GPe\nclamped"} <= said
+    texts, _, ax = drawn(edited, reference=MACAQUE)
+    assert {"STN\n50 % left", "D2\nsilenced", "GPe\nclamped"} <= texts
     assert sum(line.get_marker() == "*" for line in ax.lines) == 4
     legend = {text.get_text() for text in ax.get_legend().get_texts()}
     assert {"Edited or new", "Partial lesion", "Clamped or silenced"} <= legend

@@ -38,6 +38,15 @@ def test_edits_show_on_the_page_and_nothing_else_does():
     assert "intact" not in show.text(anatomy.spiking_msprt())
 
 
+def test_the_page_says_whether_a_circuit_is_in_the_family_and_what_fails():
+    circuit = anatomy.macaque(3)
+    assert "in the family of OUT = -ln P: Sigma0 2.2, loop gain 0.42" in show.text(circuit)
+    page = show.text(circuit.scale("ctx", "D1", 0.9))
+    assert "not in the family of OUT = -ln P:\n  direct: " in page
+    assert "off by +0.107" in page  # a tenth of 1 + 0.1 * 0.65, rounded
+    assert "family" not in show.text(anatomy.gpr())  # not in nats
+
+
 def test_constants_of_cells_are_in_the_circuits_unit():
     for name, unit in (("humphries", "salience"), ("spiking_msprt", "nat")):
         table = anatomy.load_circuit(name)

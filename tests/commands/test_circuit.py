@@ -24,23 +24,31 @@ def test_show_draws_a_table_and_says_that_it_is_not_exact(capsys, tmp_path):
     assert drawing.stat().st_size > 1000
 
 
+@pytest.mark.parametrize("command", ["show", "run --engine algebra --task trials=3"])
+def test_a_loss_of_stn_is_said_to_act_as_a_criterion(command, capsys):
+    run("circuit", *command.split(), "--edits", "lesion STN 10%")
+    assert "lesion STN 10%: acts as a criterion lower by 0.105 nats" in capsys.readouterr().err
+    run("circuit", *command.split(), "--edits", "lesion GPe 5%")
+    assert "acts as" not in capsys.readouterr().err
+
+
 def test_show_says_whose_noise_it_is(capsys):
     """More cells of a nucleus, less of its noise; where there are no cells, none."""
-    said = []
+    noise_nats = []
     for edits in ([], ["--edits", "neurons 1200"]):
         assert run("circuit", "show", "spiking_msprt", "--noise", "0.85", *edits) == 0
         line = capsys.readouterr().out.splitlines()[-1]
-        said.append(float(line.split("noise of OUT is ")[1].split(" nats")[0]))
+        noise_nats.append(float(line.split("noise of OUT is ")[1].split(" nats")[0]))
         shares = [int(part.split("%")[0]) for part in line.split("variance: ")[1].split(" ")[1::2]]
         assert 97 <= sum(shares) <= 103
-    assert said[1] == pytest.approx(said[0] / 2, abs=0.001)
+    assert noise_nats[1] == pytest.approx(noise_nats[0] / 2, abs=0.001)
     bent = [
         "set STN->GPe.transfer s_minus_log_s",
         "set STN->GPe.weight 1",
         "set GPe.bias_nats -1.4115",
     ]
-    given = ["--noise", "0.85", "--edits", *bent]
-    assert run("circuit", "show", "spiking_msprt", *given) == 0
+    options = ["--noise", "0.85", "--edits", *bent]
+    assert run("circuit", "show", "spiking_msprt", *options) == 0
     assert "noise of OUT is 0.028 nats" in capsys.readouterr().out
     assert run("circuit", "show", "appendix_b", "--noise", "0.85") == 0
     assert "has no noise" in capsys.readouterr().out
@@ -74,14 +82,14 @@ def test_rates_at_rest_are_shown_where_they_are_asked_for_and_cells_spike(capsys
         ("spiking_msprt", ["--rest", "--edits", "neurons 30"], (rest,)),
     ):
         assert run("circuit", "show", table, *asked) == 0
-        said = capsys.readouterr().out
-        assert [each for each in (cells, rest) if each in said] == list(wanted)
+        printed = capsys.readouterr().out
+        assert [each for each in (cells, rest) if each in printed] == list(wanted)
 
 
 def test_only_nwb_needs_its_library(refusal, tmp_path, monkeypatch):
-    found = importlib.util.find_spec
+    find_spec = importlib.util.find_spec
     monkeypatch.setattr(
-        importlib.util, "find_spec", lambda name, *_: found(name) if name != "pynwb" else None
+        importlib.util, "find_spec", lambda name, *_: find_spec(name) if name != "pynwb" else None
     )
     options = [
         "--save",
@@ -146,40 +154,40 @@ def test_run_writes_the_spikes_of_the_first_trials_and_rates_count_them(tmp_path
         )
         == 0
     )
-    found = pd.read_csv(spikes, comment="#")
-    assert list(found) == ["population", "trial", "channel", "neuron", "time_ms"]
-    assert set(found["trial"]) == {0, 1}
-    assert {"ctx", "D1", "D2", "STN", "GPe", "SNr"} == set(found["population"])
+    fired = pd.read_csv(spikes, comment="#")
+    assert list(fired) == ["population", "trial", "channel", "neuron", "time_ms"]
+    assert set(fired["trial"]) == {0, 1}
+    assert {"ctx", "D1", "D2", "STN", "GPe", "SNr"} == set(fired["population"])
     every = [*options[:-1], 3]
     assert run("circuit", "run", "--save", table, *every, "--save-spikes", spikes, "--force") == 0
-    found, mean = pd.read_csv(spikes, comment="#"), pd.read_csv(rates, comment="#")
+    fired, mean = pd.read_csv(spikes, comment="#"), pd.read_csv(rates, comment="#")
     for name in ("STN", "GPe"):
         hz = mean[mean["population"] == name]["rate_hz"].mean()
         # 3 trials, 2 channels of 30 cells, two readings and a step of 50 ms.
-        counted = (found["population"] == name).sum() / (3 * 2 * 30 * 0.15)
+        counted = (fired["population"] == name).sum() / (3 * 2 * 30 * 0.15)
         assert counted == pytest.approx(hz, rel=1e-5)
 
 
 def test_a_posterior_below_a_half_is_allowed_where_a_table_has_three_hypotheses(tmp_path, refusal):
     mine = tmp_path / "mine.csv"
     long_table(some_evidence(trials=30)).to_csv(mine, index=False)
-    given = ("--task", mine, "--engine", "algebra", "--circuit", "bogacz_gurney", "--gain", 1)
+    options = ("--task", mine, "--engine", "algebra", "--circuit", "bogacz_gurney", "--gain", 1)
     out = tmp_path / "out.csv"
-    assert run("circuit", "run", "--save", out, *given, "--posterior", 0.45) == 0
+    assert run("circuit", "run", "--save", out, *options, "--posterior", 0.45) == 0
     assert read_provenance(out)["parameters"]["command"]["posterior"] == 0.45
     # The same criterion as a threshold: -ln P.
     again = tmp_path / "again.csv"
-    assert run("circuit", "run", "--save", again, *given, "--threshold", -np.log(0.45)) == 0
+    assert run("circuit", "run", "--save", again, *options, "--threshold", -np.log(0.45)) == 0
     assert again.read_bytes() == out.read_bytes()
-    two = ("circuit", "run", out, *given[2:], "--posterior", 0.45, "--force")
+    two = ("circuit", "run", out, *options[2:], "--posterior", 0.45, "--force")
     assert "posterior must lie between chance, 0.5 with 2" in refusal(*two)
 
 
 @pytest.mark.parametrize(("engine", "noisy"), [("algebra", False), ("population", True)])
 def test_a_result_names_its_seed_where_something_was_drawn_with_it(tmp_path, engine, noisy):
     """Evidence is drawn with it, or noise; a table of evidence at the fixed point has neither."""
-    given = pd.DataFrame({"trial": [0, 0, 1, 1], "step": [1, 2, 1, 2], "ll_a": [1.0, 1, -1, -1]})
-    given.assign(ll_b=-given["ll_a"]).to_csv(tmp_path / "mine.csv", index=False)
+    evidence = pd.DataFrame({"trial": [0, 0, 1, 1], "step": [1, 2, 1, 2], "ll_a": [1.0, 1, -1, -1]})
+    evidence.assign(ll_b=-evidence["ll_a"]).to_csv(tmp_path / "mine.csv", index=False)
     out = tmp_path / "out.csv"
     asked = ["--engine", engine, "--seed", 5, "--force"]
     assert run("circuit", "run", "--save", out, *asked, "--task", "trials=4", "t_max=4") == 0
@@ -194,7 +202,7 @@ def test_a_result_names_its_seed_where_something_was_drawn_with_it(tmp_path, eng
 def test_a_table_that_is_there_is_not_written_over(option, tmp_path, capsys):
     there = tmp_path / "there.csv"
     there.write_text("mine\n")
-    given = (
+    options = (
         "--engine",
         "ensemble",
         "--edits",
@@ -205,7 +213,7 @@ def test_a_table_that_is_there_is_not_written_over(option, tmp_path, capsys):
         "t_max=2",
     )
     assert (
-        run("circuit", "run", "--save", tmp_path / "out.csv", f"--save-{option}", there, *given)
+        run("circuit", "run", "--save", tmp_path / "out.csv", f"--save-{option}", there, *options)
         == 2
     )
     assert "there.csv" in capsys.readouterr().err
@@ -216,23 +224,23 @@ def test_a_table_that_is_there_is_not_written_over(option, tmp_path, capsys):
 def test_an_exported_trial_has_the_spikes_of_that_trial_in_a_run(tmp_path):
     """The run is of another engine, which takes all trials."""
     script, spikes = tmp_path / "trial.py", tmp_path / "spikes.csv"
-    given = ["--circuit", "spiking_msprt", "--edits", "neurons 8", "lesion STN 25%", "--seed", 4]
-    given += ["--task", "t_max=1", "step_ms=10"]
-    assert run("circuit", "export", "--save", script, "--trial", 2, *given) == 0
+    options = ["--circuit", "spiking_msprt", "--edits", "neurons 8", "lesion STN 25%", "--seed", 4]
+    options += ["--task", "t_max=1", "step_ms=10"]
+    assert run("circuit", "export", "--save", script, "--trial", 2, *options) == 0
     command = [sys.executable, script.name, "own.csv"]
     subprocess.run(command, cwd=tmp_path, capture_output=True, check=True)
-    given += ["--engine", "ensemble", "--task", "trials=3", "--save-spikes", spikes]
-    assert run("circuit", "run", "--save", tmp_path / "d.csv", *given) == 0
+    options += ["--engine", "ensemble", "--task", "trials=3", "--save-spikes", spikes]
+    assert run("circuit", "run", "--save", tmp_path / "d.csv", *options) == 0
     columns = ["population", "channel", "neuron", "time_ms"]
     both = pd.read_csv(tmp_path / "own.csv"), pd.read_csv(spikes, comment="#").query("trial == 2")
-    own, ours = (table[columns].sort_values(columns, ignore_index=True) for table in both)
-    assert len(own) > 20
-    pd.testing.assert_frame_equal(own, ours)
+    exported, ours = (table[columns].sort_values(columns, ignore_index=True) for table in both)
+    assert len(exported) > 20
+    pd.testing.assert_frame_equal(exported, ours)
 
 
 def test_an_exported_trial_is_that_of_the_same_condition_in_python(tmp_path):
     edits = ["neurons 8", "lesion STN 25%"]
-    given = [
+    options = [
         "--seed",
         4,
         "--task",
@@ -246,7 +254,7 @@ def test_an_exported_trial_is_that_of_the_same_condition_in_python(tmp_path):
     ]
     for trial in (0, 2):
         path = tmp_path / f"{trial}.py"
-        assert run("circuit", "export", "--save", path, "--trial", trial, *given) == 0
+        assert run("circuit", "export", "--save", path, "--trial", trial, *options) == 0
         task = Gaussian(trials=3, t_max=2)
         asked = Condition(edits=Edits(edits), engine="brian2", gain=0.4, seed=4, task=task)
         evidence = asked.drawn("circuit run").evidence
@@ -263,15 +271,15 @@ def test_an_exported_trial_is_that_of_the_same_condition_in_python(tmp_path):
 def test_an_option_without_effect_on_an_export_is_refused_by_its_name(
     option, value, tmp_path, refusal
 ):
-    given = [f"--{option}", value, "--task", "trials=100"]
-    assert option in refusal("circuit", "export", "--save", tmp_path / "trial.py", *given)
+    options = [f"--{option}", value, "--task", "trials=100"]
+    assert option in refusal("circuit", "export", "--save", tmp_path / "trial.py", *options)
     assert not list(tmp_path.iterdir())
 
 
 def test_a_file_of_chosen_trials_has_their_decisions_and_their_spikes(tmp_path, refusal):
     pynwb = pytest.importorskip("pynwb")
     table, spikes, recording = (tmp_path / name for name in ("d.csv", "s.csv", "r.nwb"))
-    given = [
+    options = [
         "--task",
         "trials=4",
         "--task",
@@ -281,9 +289,9 @@ def test_a_file_of_chosen_trials_has_their_decisions_and_their_spikes(tmp_path, 
         "--circuit",
         "spiking_msprt",
     ]
-    given += ["--edits", "neurons 4", "--save-spikes", spikes, "--task", "step_ms=20"]
+    options += ["--edits", "neurons 4", "--save-spikes", spikes, "--task", "step_ms=20"]
     chosen = ["--save-nwb", recording, "--nwb-trials", 3, 1]
-    assert run("circuit", "run", "--save", table, *given, *chosen) == 0
+    assert run("circuit", "run", "--save", table, *options, *chosen) == 0
     decided, fired = (pd.read_csv(path, comment="#") for path in (table, spikes))
     with pynwb.NWBHDF5IO(str(recording), "r") as file:
         read = file.read()
@@ -297,5 +305,5 @@ def test_a_file_of_chosen_trials_has_their_decisions_and_their_spikes(tmp_path, 
         np.testing.assert_allclose(here, expected)
         assert len(here) > 10
     assert "nwb_trials" in refusal(
-        "circuit", "run", "--save", table, *given, "--nwb-trials", 4, "--force"
+        "circuit", "run", "--save", table, *options, "--nwb-trials", 4, "--force"
     )

@@ -41,15 +41,15 @@ def test_compare_writes_the_same_bytes_for_any_number_of_workers(tmp_path, capsy
     lines = shown.splitlines()
     assert len(lines) <= 24
     assert max(map(len, lines)) <= 100
-    found = pd.read_csv(out, comment="#")
-    assert {"circuit", "cortical decoder", "race", "LCA"} <= set(found["model"])
+    table = pd.read_csv(out, comment="#")
+    assert {"circuit", "cortical decoder", "race", "LCA"} <= set(table["model"])
     behind = json.loads(provenance_path(out).read_text())
     assert behind["parameters"]["command"]["gain"] == 0.55
     again = tmp_path / "b.csv"
     assert run("compare", "--save", again, *SMALL, "--accuracies", 0.9, "--workers", 1) == 0
     assert out.read_bytes() == again.read_bytes()
     assert run("compare", "--save", out, *FIXED_POINT, "--task", "trials=100", "--force") == 0
-    # Both have thresholds of their own near this accuracy, between which one trial may fall.
+    # Each has its thresholds near this accuracy, and one trial may fall between the two.
     assert re.search(r"at 0\.9: same choice (1\.000|0\.99)", capsys.readouterr().out)
 
 
@@ -72,10 +72,10 @@ def test_a_comparison_says_before_it_starts_what_runs(tmp_path, refusal, capsys,
 
     monkeypatch.setattr("bgmodel.commands.compare.comparing.compare", stop)
     assert run("compare", "--task", "channels=4") == 2
-    said = capsys.readouterr().err
-    assert re.search(r"bgmodel: comparing macaque on population, .*1000 trials of up", said)
-    assert said.index("comparing") < said.index("started")
-    for engine, more, said in (
+    announced = capsys.readouterr().err
+    assert re.search(r"bgmodel: comparing macaque on population, .*1000 trials of up", announced)
+    assert announced.index("comparing") < announced.index("started")
+    for engine, more, length in (
         ("population", (), ""),
         ("population", ("--noise-ceiling",), "2 circuits, "),
         ("population", ("--noise-ceiling", "--edits", "lesion D2 10%"), "3 circuits, "),
@@ -91,7 +91,7 @@ def test_a_comparison_says_before_it_starts_what_runs(tmp_path, refusal, capsys,
             "trials=9000",
             *more,
         )
-        assert f"macaque on {engine}, {said}9000 trials" in refusal(*asked)
+        assert f"macaque on {engine}, {length}9000 trials" in refusal(*asked)
 
 
 def test_json_is_all_that_stdout_holds(tmp_path, capsys):
@@ -99,12 +99,12 @@ def test_json_is_all_that_stdout_holds(tmp_path, capsys):
     small = (*FIXED_POINT, "--task", "trials=100", "--json")
     assert run("compare", "--save", out, *small) == 0
     told = capsys.readouterr()
-    found = json.loads(told.out)
-    assert found["trials"] == 100
+    printed = json.loads(told.out)
+    assert printed["trials"] == 100
     kept = pd.read_csv(out)
-    assert list(found["records"][0]) == list(kept)
-    assert len(found["records"]) == len(kept)
-    values = [np.nan if r["value"] is None else r["value"] for r in found["records"]]
+    assert list(printed["records"][0]) == list(kept)
+    assert len(printed["records"]) == len(kept)
+    values = [np.nan if r["value"] is None else r["value"] for r in printed["records"]]
     np.testing.assert_allclose(values, kept["value"], rtol=1e-9, atol=1e-12)
     assert f"-> {out}" in told.err
     assert "left out" not in told.err
@@ -174,8 +174,8 @@ def test_what_the_deadline_decides_is_not_compared(tmp_path, refusal, capsys):
     mine = tmp_path / "zero.csv"
     rows = [f"{n},{t},0,0" for n in range(100) for t in range(2)]
     mine.write_text("\n".join(["trial,step,ll_a,ll_b", *rows]))
-    given = ("--task", mine, "--engine", "algebra", "--accuracies", 0.6)
-    assert run("compare", "--save", tmp_path / "a.csv", *given) == 0
+    options = ("--task", mine, "--engine", "algebra", "--accuracies", 0.6)
+    assert run("compare", "--save", tmp_path / "a.csv", *options) == 0
     told = capsys.readouterr()
     assert "read 100 trials of 2 readings, hypotheses a, b" in told.out
     assert "not reached" in told.out
@@ -192,8 +192,8 @@ def test_an_edited_circuit_is_also_held_to_the_intact_one(tmp_path, capsys):
     assert run("compare", "--save", tmp_path / "a.csv", *small, "--edits", "lesion STN 10%") == 0
     shown = capsys.readouterr().out
     assert re.search(r"MSPRT at its gain:(\n  .+)+\n  circuit minus intact +-?0\.\d{3} \[", shown)
-    found = pd.read_csv(tmp_path / "a.csv").query("reference == 'MSPRT at its gain'")
-    values = found.pivot(index=["accuracy", "measure"], columns="model", values="value")
+    table = pd.read_csv(tmp_path / "a.csv").query("reference == 'MSPRT at its gain'")
+    values = table.pivot(index=["accuracy", "measure"], columns="model", values="value")
     assert run("compare", "--save", tmp_path / "b.csv", *small) == 0
     assert "minus intact" not in capsys.readouterr().out
     intact = pd.read_csv(tmp_path / "b.csv").query("reference == 'MSPRT at its gain'")
@@ -201,7 +201,7 @@ def test_an_edited_circuit_is_also_held_to_the_intact_one(tmp_path, capsys):
     change = (values["circuit"] - intact).reindex(values.index)
     np.testing.assert_allclose(values["circuit minus intact"], change, atol=1e-9)
     assert (
-        found.query("model == 'circuit minus intact' and measure == 'extra_ms'")["low"]
+        table.query("model == 'circuit minus intact' and measure == 'extra_ms'")["low"]
         .notna()
         .all()
     )

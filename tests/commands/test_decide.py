@@ -58,34 +58,34 @@ def test_times_and_prior_of_a_table_are_those_that_were_said(tmp_path):
     rows = [f"{n},{t},{-0.1 * (n + 1)},0" for n in range(4) for t in range(5)]
     mine.write_text("\n".join(["trial,step,ll_a,ll_b", *rows]))
     z = 0.1 * np.arange(1, 5)[:, None] * np.arange(1, 6)
-    given = ("--task", mine, "--boundary-separation", 1)
+    task = ("--task", mine, "--boundary-separation", 1)
     for prior, start in (((), 0.0), (("--prior", 0.45, 0.55), np.log(0.55 / 0.45))):
         out = tmp_path / f"out{len(prior)}.csv"
         assert (
-            run("decide", "--save", out, *given, *prior, "--task", "step_ms=20", "--onset-ms", 300)
+            run("decide", "--save", out, *task, *prior, "--task", "step_ms=20", "--onset-ms", 300)
             == 0
         )
         met = z + start >= 0.5 - 1e-10
         reading = np.where(met.any(axis=1), met.argmax(axis=1) + 1, 5)
-        found = read_table(out)
-        assert found["rt"].to_numpy() == pytest.approx(0.02 * reading)
-        assert (found["forced"] == ~met.any(axis=1)).all()
+        decisions = read_table(out)
+        assert decisions["rt"].to_numpy() == pytest.approx(0.02 * reading)
+        assert (decisions["forced"] == ~met.any(axis=1)).all()
         assert read_provenance(out)["parameters"]["command"]["onset_ms"] == 300
     out = tmp_path / "circuit.csv"
-    assert run("circuit", "run", "--save", out, *given[:2], *ALGEBRA, "--task", "step_ms=20") == 0
+    assert run("circuit", "run", "--save", out, *task[:2], *ALGEBRA, "--task", "step_ms=20") == 0
     assert set(read_table(out)["rt"].round(6)) <= {0.02 * k for k in range(1, 7)}
 
 
 def test_where_no_criterion_is_given_it_is_a_gap_of_4_or_a_posterior_of_82_in_100(tmp_path):
     few = ("--task", "trials=40", "t_max=6", "--force")
-    for command, given in (
+    for command, level in (
         (("decide",), ("--boundary-separation", 4)),
         (("circuit", "run"), ("--posterior", 0.82)),
     ):
         out, more = tmp_path / "out.csv", ALGEBRA if command != ("decide",) else ()
         assert run(*command, "--save", out, *few, *more) == 0
         left_out = out.read_bytes(), read_provenance(out)
-        assert run(*command, "--save", out, *few, *more, *given) == 0
+        assert run(*command, "--save", out, *few, *more, *level) == 0
         assert (out.read_bytes(), read_provenance(out)) == left_out
 
 
@@ -95,14 +95,14 @@ def test_likelihoods_that_are_too_sure_are_warned_of_where_the_truth_is_known(tm
     right = replace(drawn, log_likelihood=0.4 / 0.7**2 * drawn.log_likelihood)
     sure = replace(drawn, log_likelihood=4 * drawn.log_likelihood)
     mine, out = tmp_path / "mine.csv", tmp_path / "out.csv"
-    given = ("decide", "--save", out, "--task", mine, "--posterior", 0.95, "--force")
+    arguments = ("decide", "--save", out, "--task", mine, "--posterior", 0.95, "--force")
     long_table(sure).to_csv(mine, index=False)
     with pytest.warns(UserWarning, match="the evidence is too sure: its mean posterior"):
-        assert run(*given) == 0
+        assert run(*arguments) == 0
     for table in (long_table(right), long_table(sure, truth=False)):
         table.to_csv(mine, index=False)
         with unwarned():
-            assert run(*given) == 0
+            assert run(*arguments) == 0
 
 
 def test_what_had_no_say_in_a_decision_is_not_recorded(tmp_path):
@@ -128,7 +128,7 @@ def test_what_had_no_say_in_a_decision_is_not_recorded(tmp_path):
 
 def test_decide_says_what_it_forced(tmp_path, capsys):
     out = tmp_path / "out.csv"
-    given = (
+    options = (
         "--task",
         "trials=40",
         "--task",
@@ -139,12 +139,12 @@ def test_decide_says_what_it_forced(tmp_path, capsys):
         "period_mm=1.5",
     )
     with pytest.warns(UserWarning, match="of 40 trials never meet the threshold") as warned:
-        assert run("decide", "--save", out, *given) == 0
+        assert run("decide", "--save", out, *options) == 0
     forced = int(read_table(out)["forced"].sum())
     assert f"forced {forced}, undecided 0" in capsys.readouterr().out
     assert str(warned[0].message).startswith(f"{forced} of 40 ")
     with pytest.warns(UserWarning, match="they stay undecided"):
-        assert run("decide", "--save", out, *given, "--no-forced", "--force") == 0
+        assert run("decide", "--save", out, *options, "--no-forced", "--force") == 0
     assert f"forced 0, undecided {forced}" in capsys.readouterr().out
 
 
@@ -165,16 +165,16 @@ def test_json_of_decide_holds_every_trial(tmp_path, capsys):
         )
         == 0
     )
-    found = json.loads(capsys.readouterr().out)
+    printed = json.loads(capsys.readouterr().out)
     table = read_table(out)
-    assert found["trials"] == len(found["records"]) == 40
-    assert found["forced"] == table["forced"].sum()
-    assert found["accuracy"] == pytest.approx(table["correct"].mean())
-    assert [row["response"] for row in found["records"]] == table["response"].tolist()
+    assert printed["trials"] == len(printed["records"]) == 40
+    assert printed["forced"] == table["forced"].sum()
+    assert printed["accuracy"] == pytest.approx(table["correct"].mean())
+    assert [row["response"] for row in printed["records"]] == table["response"].tolist()
     mine = tmp_path / "mine.csv"
     mine.write_text("trial,step,ll_a,ll_b\n0,0,1,0\n1,0,0,2\n")
-    given = ("--task", mine, "--posterior", 0.6, "--json", "--force")
-    assert run("decide", "--save", out, *given) == 0
+    options = ("--task", mine, "--posterior", 0.6, "--json", "--force")
+    assert run("decide", "--save", out, *options) == 0
     told = capsys.readouterr()
     assert json.loads(told.out)["accuracy"] is None
     assert "read 2 trials" in told.err

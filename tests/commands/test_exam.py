@@ -18,9 +18,9 @@ def test_it_lists_numbers_and_tasks(capsys):
     listed = json.loads(capsys.readouterr().out)
     assert len(listed["records"]) == 50
     assert run("exam", "--tasks") == 0
-    said = capsys.readouterr().out
-    assert "rate_hz" in said
-    assert "reference" in said
+    printed = capsys.readouterr().out
+    assert "rate_hz" in printed
+    assert "reference" in printed
 
 
 def test_a_circuit_takes_the_exam_and_its_marks_are_written(tmp_path, capsys, monkeypatch):

@@ -43,8 +43,8 @@ def test_an_experiment_without_a_prediction_reports_and_gives_no_verdict(experim
     table = pd.read_csv(out)
     assert table[["direction", "at_least", "outcome", "reason"]].isna().all(axis=None)
     assert run("experiment", experiment_file, "--save", out, "--json", "--force") == 0
-    found = json.loads(capsys.readouterr().out)
-    told = {name: found[name] for name in ("circuit", "engine", "gain", "posterior", "seed")}
+    printed = json.loads(capsys.readouterr().out)
+    told = {name: printed[name] for name in ("circuit", "engine", "gain", "posterior", "seed")}
     assert told == {
         "circuit": "spiking_msprt",
         "engine": "algebra",
@@ -94,13 +94,13 @@ def test_a_delay_of_a_pathway_is_a_hypothesis_in_a_file(experiment_file, tmp_pat
 def test_json_is_all_that_an_experiment_prints(experiment_file, tmp_path, capsys):
     out = tmp_path / "out.csv"
     assert run("experiment", experiment_file, "--save", out, "--json") == 0
-    found = json.loads(capsys.readouterr().out)
-    assert (found["name"], found["trials"]) == ("a lesion", 120)
-    changed = [r for r in found["records"] if r["outcome"] is not None]
+    printed = json.loads(capsys.readouterr().out)
+    assert (printed["name"], printed["trials"]) == ("a lesion", 120)
+    changed = [r for r in printed["records"] if r["outcome"] is not None]
     assert [(r["condition"], r["measure"], r["outcome"]) for r in changed] == [
         ("change", "mean_ms", AGREES)
     ]
-    assert len(found["records"]) == len(pd.read_csv(out))
+    assert len(printed["records"]) == len(pd.read_csv(out))
     assert run("experiment", "--json") == 0
     listed = json.loads(capsys.readouterr().out)["records"]
     assert {row["file"] for row in listed} == set(SHIPPED)
@@ -126,8 +126,8 @@ def test_an_experiment_that_decides_nothing_does_not_agree(experiment_file, engi
     shown = capsys.readouterr().out
     assert re.search(r"mean_ms down, by 20 .*the model decides without evidence", shown)
     assert "agrees" not in shown
-    said = pd.read_csv(out)["outcome"].dropna()
-    assert list(said) == [WITHOUT]
+    verdicts = pd.read_csv(out)["outcome"].dropna()
+    assert list(verdicts) == [WITHOUT]
 
 
 @pytest.mark.parametrize("engine", ["ensemble", "rate", "algebra"])
@@ -234,8 +234,8 @@ def test_the_command_lists_what_is_shipped_and_keeps_what_was_asked(
     assert run("experiment", experiment_file, "--save", out, "--trials", 100, "--seed", 5) == 0
     assert re.search(r"mean_ms down, by 20 .*the model agrees", capsys.readouterr().out)
     table = pd.read_csv(out)
-    said = table.set_index(["condition", "measure"])["outcome"].dropna()
-    assert dict(said) == {("change", "mean_ms"): AGREES}
+    verdicts = table.set_index(["condition", "measure"])["outcome"].dropna()
+    assert dict(verdicts) == {("change", "mean_ms"): AGREES}
     kept = read_provenance(out)
     assert kept["seed"] == 5
     assert kept["parameters"]["experiment"]["task"]["trials"] == 100
@@ -246,8 +246,8 @@ def test_the_command_lists_what_is_shipped_and_keeps_what_was_asked(
 
 def test_another_engine_than_the_files_is_used_and_kept(experiment_file, tmp_path):
     out = tmp_path / "a.csv"
-    given = ("--trials", 100, "--engine", "population")
-    assert run("experiment", experiment_file, "--save", out, *given) == 0
+    options = ("--trials", 100, "--engine", "population")
+    assert run("experiment", experiment_file, "--save", out, *options) == 0
     assert read_provenance(out)["parameters"]["experiment"]["engine"] == "population"
     assert set(pd.read_csv(tmp_path / "a_trials.csv")["model"]) == {"spiking_msprt population"}
 

@@ -92,7 +92,7 @@ BAD_TABLES = {
     "few trials": (GOOD.iloc[:12], "each participant needs at least 10 trials"),
     "another code": (changed(response=GOOD["response"] + 1), "response must be 1 or 0, got '2'"),
     "one strength": (changed(coherence=0.4), "coherence must differ between trials"),
-    "no rt": (GOOD.drop(columns="rt"), "there is no column rt; there are participant_id"),
+    "no rt": (GOOD.rename(columns={"rt": "RT"}), "column 'RT' is not 'rt'"),
 }
 
 
@@ -140,9 +140,9 @@ def test_a_table_that_is_wrong_is_one_sentence(mine, capsys, name):
     ],
 )
 def test_an_option_that_is_wrong_is_one_sentence(capsys, arguments, says):
-    given = [] if "--strength" in arguments else COHERENCE
+    strength = [] if "--strength" in arguments else COHERENCE
     models = [] if "--models" in arguments else GAP
-    assert fails(capsys, "mine.csv", *given, *models, *arguments).startswith(says)
+    assert fails(capsys, "mine.csv", *strength, *models, *arguments).startswith(says)
 
 
 def test_a_lean_to_one_response_is_said_of_the_participant_and_condition_that_has_it():
@@ -163,9 +163,9 @@ def test_a_lean_to_one_response_is_said_of_the_participant_and_condition_that_ha
     table.to_csv("leans.csv", index=False)
     with pytest.warns(UserWarning, match="sides were alike") as caught:
         assert run("fit", "leans.csv", *COHERENCE, *GAP, *QUICK, "--vary", "threshold=drug") == 0
-    said = [str(each.message) for each in caught if "sides were alike" in str(each.message)]
-    assert len(said) == 1
-    assert said[0].startswith("b, drug off: response 1 comes in ")
+    texts = [str(each.message) for each in caught if "sides were alike" in str(each.message)]
+    assert len(texts) == 1
+    assert texts[0].startswith("b, drug off: response 1 comes in ")
     table[table["participant_id"] == "a"].to_csv("even.csv", index=False)
     with warnings.catch_warnings():
         warnings.filterwarnings("error", ".*sides were alike")
@@ -201,15 +201,15 @@ def test_what_can_not_be_told_apart_is_warned_of_and_kept(capsys):
 @pytest.mark.parametrize("absent", ["cma", "emcee"])
 def test_without_the_extra_the_command_says_how_to_get_it(capsys, monkeypatch, absent):
     monkeypatch.setitem(sys.modules, absent, None)
-    said = fails(capsys, "mine.csv", *COHERENCE, *GAP)
-    assert 'pip install ".[fit]"' in said
+    sentence = fails(capsys, "mine.csv", *COHERENCE, *GAP)
+    assert 'pip install ".[fit]"' in sentence
 
 
 def test_a_table_of_somebody_else_is_not_written_over(tmp_path, capsys):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "cells.csv").write_text("dear diary")
-    said = fails(capsys, "mine.csv", "out", *COHERENCE, *GAP)
-    assert said.startswith(
+    sentence = fails(capsys, "mine.csv", "out", *COHERENCE, *GAP)
+    assert sentence.startswith(
         "'out/cells.csv' exists and is not a result of a fit: give another folder"
     )
 
@@ -239,10 +239,10 @@ def test_each_participant_gets_a_row_per_number_and_a_figure(whole, tmp_path, ca
 def test_one_participant_after_the_other_fills_one_table(tmp_path, capsys):
     one = ["mine.csv", *COHERENCE, *GAP, *QUICK]
     assert run("fit", *one) == 0
-    whole = pd.read_csv("fits/mine/parameters.csv")
+    table = pd.read_csv("fits/mine/parameters.csv")
     for who in ("a", "b/c"):
         assert run("fit", "mine.csv", "again", *one[1:], "--participant", who) == 0
-    pd.testing.assert_frame_equal(pd.read_csv("again/parameters.csv"), whole)
+    pd.testing.assert_frame_equal(pd.read_csv("again/parameters.csv"), table)
     assert len(pd.read_csv("again/cells.csv")) == 4
 
 
@@ -265,16 +265,16 @@ def test_fits_of_another_question_are_never_written_over_unasked(capsys):
     one = ["mine.csv", *COHERENCE, *GAP, *QUICK]
     assert run("fit", *one) == 0
     capsys.readouterr()
-    said = fails(capsys, *one, "--fix", "lapse=0.02")
-    assert said.startswith("'fits/mine' holds fits with another fix: give another folder, or --f")
+    error = fails(capsys, *one, "--fix", "lapse=0.02")
+    assert error.startswith("'fits/mine' holds fits with another fix: give another folder, or --f")
     assert fails(capsys, *one, "--vary", "bound=drug").startswith("'fits/mine' holds fits with ano")
     changed(rt=GOOD["rt"] + 0.01).to_csv("mine.csv", index=False)
     assert "holds fits with another trials:" in fails(capsys, *one)
     assert run("fit", *one, "--fix", "lapse=0.02", "--force", "--participant", "a") == 0
-    found = pd.read_csv("fits/mine/parameters.csv")
-    assert set(found["participant"]) == {"a"}
-    assert found.set_index("parameter")["value"]["lapse"] == 0.02
-    assert found.set_index("parameter")["held"]["lapse"]
+    parameters = pd.read_csv("fits/mine/parameters.csv")
+    assert set(parameters["participant"]) == {"a"}
+    assert parameters.set_index("parameter")["value"]["lapse"] == 0.02
+    assert parameters.set_index("parameter")["held"]["lapse"]
 
 
 def test_a_circuit_that_was_edited_is_another_question(tmp_path):
@@ -319,8 +319,8 @@ def test_strengths_without_a_sign_are_seen(mine, capsys, drop):
         with pytest.warns(UserWarning, match=r"coherence \(2 values, .* may hold it"):
             assert run("fit", "mine.csv", *GAP, *QUICK, "--people", "pooled") == 0
     else:
-        said = fails(capsys, "mine.csv", *COHERENCE, *GAP)
-        assert said.startswith("mine.csv: strength must be signed, positive where it favours")
+        sentence = fails(capsys, "mine.csv", *COHERENCE, *GAP)
+        assert sentence.startswith("mine.csv: strength must be signed, positive where it favours")
 
 
 def test_strengths_without_a_sign_are_right_where_responses_say_right_and_wrong(mine):
@@ -332,8 +332,8 @@ def test_strengths_without_a_sign_are_right_where_responses_say_right_and_wrong(
 
 def test_pooled_takes_all_for_one_and_json_is_one_object(capsys):
     assert run("fit", "mine.csv", "--json", "--people", "pooled", *COHERENCE, *GAP, *QUICK) == 0
-    found = json.loads(capsys.readouterr().out)["records"]
-    assert [row["participant"] for row in found if not row["held"]] == ["all"] * 3
+    records = json.loads(capsys.readouterr().out)["records"]
+    assert [row["participant"] for row in records if not row["held"]] == ["all"] * 3
 
 
 def test_threshold_means_that_of_each_model_and_varies_with_a_column(capsys):
@@ -349,10 +349,10 @@ def test_threshold_means_that_of_each_model_and_varies_with_a_column(capsys):
     models = ["--models", "constant_gap", "macaque"]
     assert run("fit", "mine.csv", *COHERENCE, *models, *QUICK, *small,
                "--vary", "threshold=drug", "--fix", "lapse=0.02") == 0  # fmt: skip
-    found = pd.DataFrame(json.loads(capsys.readouterr().out)["records"])
+    records = pd.DataFrame(json.loads(capsys.readouterr().out)["records"])
     for name, threshold in (("constant_gap", "bound"), ("macaque", "threshold_nats")):
         levels = [f"{threshold}[drug={level}]" for level in ("off", "on")]
-        mine = found[(found["model"] == name) & ~found["held"]]["parameter"].tolist()
+        mine = records[(records["model"] == name) & ~records["held"]]["parameter"].tolist()
         assert mine == ["sensitivity", *levels, "t0_s"]
 
 
@@ -360,9 +360,9 @@ def test_a_model_without_a_parameter_that_is_freed_is_named(capsys):
     models = ["--models", "constant_gap", "falling_gap"]
     free = ["--free", "sensitivity", "fall_per_s", "threshold"]
     assert run("fit", "mine.csv", *COHERENCE, *models, *free, "--people", "pooled") == 0
-    said = capsys.readouterr().err
-    assert "constant_gap has no fall_per_s, so all its parameters outside --free are fixed" in said
-    assert "falling_gap has no" not in said
+    err = capsys.readouterr().err
+    assert "constant_gap has no fall_per_s, so all its parameters outside --free are fixed" in err
+    assert "falling_gap has no" not in err
 
 
 @pytest.mark.parametrize("deadline", [None, 2.6])
@@ -377,11 +377,11 @@ def test_a_circuit_is_simulated_to_the_half_second_after_the_longest_response(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(CircuitModel, "_simulate", simulate)
-    given = [] if deadline is None else ["--columns", f"deadline_s={deadline!s}"]
-    for who, own in GOOD.groupby("participant_id"):
-        asked = ["mine.csv", "out", *COHERENCE, *QUICK, "--models", "macaque", *given]
+    columns = [] if deadline is None else ["--columns", f"deadline_s={deadline!s}"]
+    for who, rows in GOOD.groupby("participant_id"):
+        asked = ["mine.csv", "out", *COHERENCE, *QUICK, "--models", "macaque", *columns]
         assert run("fit", *asked, "--participant", who) == 130
-        longest = deadline or own["rt"].max()
+        longest = deadline or rows["rt"].max()
         assert 0 <= simulated[-1] - longest < 0.5
         assert 2 * simulated[-1] == round(2 * simulated[-1])
     assert len(simulated) == 2
@@ -393,12 +393,12 @@ def test_a_window_leaves_out_what_lies_outside_and_the_tables_say_how_much(mine,
     one = ["mine.csv", *COHERENCE, *GAP, *QUICK]
     with pytest.warns(UserWarning, match=r"b/c: 1 of 80 response times .* the longest 45 s"):
         assert run("fit", *one) == 0
-    found = pd.read_csv("fits/mine/parameters.csv")
-    fitted = found[~found["held"]].groupby("participant")["left_out"].first()
+    parameters = pd.read_csv("fits/mine/parameters.csv")
+    fitted = parameters[~parameters["held"]].groupby("participant")["left_out"].first()
     assert fitted.to_dict() == {"a": 0, "b/c": 1}
     capsys.readouterr()
-    said = fails(capsys, *one, "--columns", "rt_window=0.3,2")
-    assert said.startswith("'fits/mine' holds fits with another rt_window: give another folder")
+    sentence = fails(capsys, *one, "--columns", "rt_window=0.3,2")
+    assert sentence.startswith("'fits/mine' holds fits with another rt_window: give another folder")
     outside = (late < 0.4) | (late > 2)
     with pytest.warns(UserWarning, match="are excluded from the fit"):
         assert (
@@ -414,8 +414,8 @@ def test_a_window_leaves_out_what_lies_outside_and_the_tables_say_how_much(mine,
             )
             == 0
         )
-    found = pd.read_csv("out/parameters.csv")
-    assert (found.loc[~found["held"], "left_out"] == outside.sum()).all()
+    parameters = pd.read_csv("out/parameters.csv")
+    assert (parameters.loc[~parameters["held"], "left_out"] == outside.sum()).all()
     assert read_provenance("out/parameters.csv")["parameters"]["rt_window"] == ["0.4", "2"]
 
 
@@ -430,13 +430,13 @@ def test_an_optimum_at_a_bound_is_said_and_again_where_the_fit_is_there_already(
     rng = np.random.default_rng(1)
     changed(response=rng.integers(0, 2, len(GOOD))).to_csv(mine, index=False)
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--people", "pooled") == 0
-    said = capsys.readouterr().err
-    assert "sensitivity ends at a bound of its range, 0.05: its standard error is" in said
+    printed = capsys.readouterr().err
+    assert "sensitivity ends at a bound of its range, 0.05: its standard error is" in printed
     # Times are those of evidence that is heard.
-    assert "the model does not fit" in said
-    assert len(said.strip().splitlines()) == 2
+    assert "the model does not fit" in printed
+    assert len(printed.strip().splitlines()) == 2
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--people", "pooled") == 0
-    assert capsys.readouterr().err == said
+    assert capsys.readouterr().err == printed
 
 
 def test_a_short_chain_is_one_sentence_of_ours(capfd, monkeypatch):
@@ -448,11 +448,11 @@ def test_a_short_chain_is_one_sentence_of_ours(capfd, monkeypatch):
     capfd.readouterr()
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--people", "pooled", "--draws") == 0
     shown = capfd.readouterr()
-    (said,) = shown.err.splitlines()
-    assert said.startswith("bgmodel: all, constant_gap: the chain of draws lasts ")
-    assert "of its autocorrelation times, not 50: its effective sample size is below" in said
-    found = pd.read_csv("fits/mine/parameters.csv")
-    low, high = found.loc[~found["held"], ["low", "high"]].to_numpy().T
+    (sentence,) = shown.err.splitlines()
+    assert sentence.startswith("bgmodel: all, constant_gap: the chain of draws lasts ")
+    assert "of its autocorrelation times, not 50: its effective sample size is below" in sentence
+    parameters = pd.read_csv("fits/mine/parameters.csv")
+    low, high = parameters.loc[~parameters["held"], ["low", "high"]].to_numpy().T
     assert (low < high).all()
 
 
@@ -484,13 +484,13 @@ def test_an_interrupted_fit_goes_on_where_it_was(capsys, monkeypatch):
     assert len(done) == 1
     for name in ("a, constant_gap", "a, macaque", "b/c, constant_gap"):
         assert f"{name}: already done" in shown
-    whole = pd.read_csv("fits/mine/parameters.csv")
-    assert (~whole["held"]).sum() == 4 * 3
+    parameters = pd.read_csv("fits/mine/parameters.csv")
+    assert (~parameters["held"]).sum() == 4 * 3
 
     done.clear()
     assert run("fit", *asked) == 0
     assert not done
-    pd.testing.assert_frame_equal(pd.read_csv("fits/mine/parameters.csv"), whole)
+    pd.testing.assert_frame_equal(pd.read_csv("fits/mine/parameters.csv"), parameters)
 
 
 def test_models_are_compared_by_cross_validation(mine, capsys):
@@ -545,8 +545,8 @@ def known():
 def test_fits_on_known_evidence_write_the_same_tables_and_their_own_figure(known, whole, capsys):
     asked = [*KNOWN, "forced=true", "--compare"]
     assert run("fit", *asked, "--json") == 0
-    found = json.loads(capsys.readouterr().out)
-    assert {row["model"] for row in found["records"]} == {"msprt", "run"}
+    printed = json.loads(capsys.readouterr().out)
+    assert {row["model"] for row in printed["records"]} == {"msprt", "run"}
     folder = Path("fits/trials")
     names = {*TABLES, "comparison.csv", "all.png"}
     assert {path.name for path in folder.iterdir()} >= names
@@ -577,8 +577,8 @@ def test_mistakes_in_known_evidence_end_with_one_sentence_and_no_file(known, cap
 def test_learners_are_fitted_to_rewarded_choices(whole, capsys):
     asked = ["pedersen_frank_2020", "--participant", "3", "--models", "q", "no learning"]
     assert run("fit", *asked, "--compare", "--json") == 0
-    found = json.loads(capsys.readouterr().out)["records"]
-    learned = {row["parameter"] for row in found if row["model"] == "q"}
+    records = json.loads(capsys.readouterr().out)["records"]
+    learned = {row["parameter"] for row in records if row["model"] == "q"}
     assert learned == {"rate", "scale", "bound", "t0_s", "stickiness"}
     assert fails(capsys, *asked, "--fix", "speed=1").startswith("fix must name a parameter")
     assert fails(capsys, asked[0], "--models", "q", "--strength", "x").endswith("leave it out")

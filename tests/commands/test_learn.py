@@ -29,8 +29,8 @@ def test_every_trial_of_a_run_is_written_with_what_it_was_made_with(
 ):
     out, picture = tmp_path / "learned.csv", tmp_path / "learned.png"
     assert run("learn", "--save", out, *asked, *SHORT, "--plot", picture) == 0
-    said = capsys.readouterr().out
-    assert "regret" in said
+    printed = capsys.readouterr().out
+    assert "regret" in printed
     table = read_table(out)
     assert list(table) == COURSE
     assert len(table) == 1200
@@ -65,7 +65,7 @@ def test_weights_are_written_with_their_scores(tmp_path, capsys):
         (("--task", "orientation", "channels=3"), "channels must have 2 alternatives"),
         (("--task", "fold=7"), "fold must be 0..5"),
         (("--plot", "weights.txt"), "plot must end in"),
-        (("--what", "weights", "--feedback", "given=0"), "nothing can be learned"),
+        (("--what", "weights", "--feedback", "given=0"), "learning needs feedback"),
         (("--what", "weights", "--feedback", "wrong=-1"), "takes rewards as 0 or 1"),
         (("--what", "dopamine", "--levels", 1), "levels must be >= 2"),
         (("--what", "dopamine", "--levels", 0), "levels must be >= 2"),
@@ -124,9 +124,9 @@ def test_what_a_level_costs_is_measured_on_trials_that_were_not_learned_from(tmp
     mine = tmp_path / "mine.csv"
     mine.write_text("\n".join(["trial,step,ll_a,ll_b,truth", *rows]))
     few = ("--what", "dopamine", "--levels", 4, "--runs", 1, "--learner", "episodes=600")
-    for given in (("--task", mine), ("--task", "trials=40", "t_max=10")):
+    for task in (("--task", mine), ("--task", "trials=40", "t_max=10")):
         seen.clear()
-        assert run("learn", "--save", tmp_path / "out.csv", *given, *few, "--force") == 0
+        assert run("learn", "--save", tmp_path / "out.csv", *task, *few, "--force") == 0
         (seed, learned), (other, scored) = seen
         assert seed != other
         assert learned.trials == scored.trials

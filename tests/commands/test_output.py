@@ -43,14 +43,14 @@ def test_places_that_cannot_take_a_result_are_known_before_the_run(tmp_path, ref
     ):
         assert says in refusal("decide", "--save", path)
     monkeypatch.setattr("bgmodel.commands.touch_steps.load_decoder", lambda *given: 1 / 0)
-    given = (
+    options = (
         "d.safetensors",
         tmp_path / "taps",
         "--save",
         tmp_path / "taps" / "targets.csv",
         "--force",
     )
-    assert "folder that is read" in refusal("touch", "decode", *given)
+    assert "folder that is read" in refusal("touch", "decode", *options)
 
 
 def test_what_nobody_named_is_written_over_only_where_it_is_a_result(tmp_path, refusal):
@@ -119,17 +119,17 @@ def test_what_runs_and_its_memory_are_said_but_no_time_that_it_takes(
     """No estimate holds for circuits of any size on any machine: a bar shows how far a run is."""
     model = BasalGanglia(load_circuit(name, channels), "rate", 0.5)
     evidence = some_evidence(trials=1000, steps=39, hypotheses=channels, step_ms=50.0, baseline=0.0)
-    said = f"bgmodel: trying {name} on rate, {{}}1000 trials of up to 2 s{{}}\n"
+    announced = f"bgmodel: trying {name} on rate, {{}}1000 trials of up to 2 s{{}}\n"
     say_before("trying", model, evidence)
     say_before("trying", model, evidence, runs=3)
     monkeypatch.setattr(BasalGanglia, "memory_gb", lambda *given: 2.5)
     say_before("trying", model, evidence)
     expected = [("", ""), ("3 circuits, ", ""), ("", ", 2.5 GB of memory")]
-    assert capsys.readouterr().err == "".join(said.format(*each) for each in expected)
+    assert capsys.readouterr().err == "".join(announced.format(*each) for each in expected)
 
 
 def test_a_baseline_above_0_is_said_where_channels_get_their_own_evidence(capsys):
-    for name, baseline, said in (
+    for name, baseline, announced in (
         ("macaque", 0.5, True),
         ("macaque", 0.0, False),
         ("spiking_msprt", 0.5, False),
@@ -137,7 +137,7 @@ def test_a_baseline_above_0_is_said_where_channels_get_their_own_evidence(capsys
         evidence = some_evidence(trials=2, hypotheses=2, baseline=baseline)
         say_before("trying", BasalGanglia(load_circuit(name), "algebra", 0.5), evidence)
         told = capsys.readouterr().err
-        assert ("minus the baseline of a reading: 0.5 nats" in told) == said
+        assert ("minus the baseline of a reading: 0.5 nats" in told) == announced
 
 
 def test_compiling_is_announced_by_engines_that_compile_and_once_they_do(capsys, monkeypatch):

@@ -50,9 +50,9 @@ def small(tmp_path):
 def swept(tmp_path_factory):
     """Run the small sweep once for all; return its folder, what it printed and what it warned."""
     home = tmp_path_factory.mktemp("swept")
-    with redirect_stdout(StringIO()) as said, redirect_stderr(StringIO()) as warned:
+    with redirect_stdout(StringIO()) as printed, redirect_stderr(StringIO()) as warned:
         assert run("sweep", written(home), home / "found") == 0
-    return home / "found", said.getvalue(), warned.getvalue()
+    return home / "found", printed.getvalue(), warned.getvalue()
 
 
 def outcome(folder):
@@ -61,13 +61,13 @@ def outcome(folder):
 
 
 def test_a_sweep_is_one_table_with_what_it_was_made_from(swept):
-    folder, said, warned = swept
-    assert said.splitlines()[1].split() == ["measure", "accuracy", "mean_ms", "missed"]
+    folder, printed, warned = swept
+    assert printed.splitlines()[1].split() == ["measure", "accuracy", "mean_ms", "missed"]
     # Each remark once, with the number of points that have it; none for points without a remark.
     assert "bgmodel: at 2 of 6 points (lesion STN = 0, posterior = 0.9; lesion STN" in warned
     assert "): \n" not in warned
-    assert said.startswith(f"points: 6; shards: 6, 0 done; folder: {folder}\n")
-    assert said.endswith(f"drawn: {folder / 'outcome.png'}\n-> {folder / 'outcome.csv'}\n")
+    assert printed.startswith(f"points: 6; shards: 6, 0 done; folder: {folder}\n")
+    assert printed.endswith(f"drawn: {folder / 'outcome.png'}\n-> {folder / 'outcome.csv'}\n")
     table = pd.read_csv(folder / "outcome.csv")
     assert len(table.drop_duplicates(["lesion STN", "posterior"])) == 6
     behind = read_provenance(folder / "outcome.csv")["parameters"]
@@ -151,9 +151,9 @@ def test_jobs_give_the_same_bytes_and_run_again_where_the_circuit_was_edited(
 def test_a_dry_run_for_slurm_lists_its_jobs_and_does_nothing(small, tmp_path, capfd):
     folder = tmp_path / "cluster"
     assert run("sweep", small, folder, "--on", "slurm", "--parts", 3, "--dry-run") == 0
-    said = "".join(capfd.readouterr())
-    assert "runtime=120" in said
-    assert said.count("rule part:") == 3
+    printed = "".join(capfd.readouterr())
+    assert "runtime=120" in printed
+    assert printed.count("rule part:") == 3
     assert run("sweep", small, folder, "--dry-run") == 0
     assert not folder.exists()
 
@@ -177,9 +177,9 @@ def test_a_machine_without_slurm_is_refused_before_jobs_are_submitted(
 )
 def test_options_that_make_no_sense_are_one_sentence(small, tmp_path, capsys, options, says):
     assert run("sweep", small, tmp_path / "found", *options) == 2
-    said = capsys.readouterr().err
-    assert says in said
-    assert said.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert says in printed
+    assert printed.count("\n") == 1
 
 
 def test_two_sweeps_in_one_folder_at_once_are_refused(small, tmp_path, capsys):

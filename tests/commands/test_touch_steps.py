@@ -72,9 +72,9 @@ def test_taps_are_simulated_trained_on_and_decoded(tmp_path, refusal, capsys):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         assert run("decide", "--save", tmp_path / "a.csv", "--task", f"taps={fresh}", *decide) == 0
-    found = read_provenance(tmp_path / "a.csv")["parameters"]["command"]["task"]
-    assert found["taps"] == {"file": "fresh.csv", "sha256": checksum(fresh)}
-    assert found["decoder"] == checksum(decoder)
+    settings = read_provenance(tmp_path / "a.csv")["parameters"]["command"]["task"]
+    assert settings["taps"] == {"file": "fresh.csv", "sha256": checksum(fresh)}
+    assert settings["decoder"] == checksum(decoder)
     # Another task needs other yaws: the command that makes them is named.
     asked = ("--task", "orientation", "channels=3", "--posterior", 0.9)
     assert (
@@ -139,9 +139,9 @@ def taken(monkeypatch):
     monkeypatch.setattr("bgmodel.commands.touch_steps._taps", lambda *given: ([], {}))
 
     def asked(*options):
-        with pytest.raises(Taken) as found:
+        with pytest.raises(Taken) as captured:
             run("touch", "train", "taps.npz", "--save", "edge.safetensors", *options)
-        return found.value.args[0]
+        return captured.value.args[0]
 
     return asked
 
@@ -156,8 +156,8 @@ def test_a_training_option_is_used_for_edges_too_also_at_the_default_of_gratings
     more = ["--edge"] if edge else []
     default = EDGE if edge else Training()
     assert taken(*more) == default
-    found = taken(*more, "--training", f"{name}={CHOSEN[name]}")
-    assert found == replace(default, **{name: CHOSEN[name]})
+    training = taken(*more, "--training", f"{name}={CHOSEN[name]}")
+    assert training == replace(default, **{name: CHOSEN[name]})
 
 
 WATCHED = ("touch", "watch", ".", "--decoder", "d", "--taps", "t", "--mm-per-px", 0.3)

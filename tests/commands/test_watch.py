@@ -84,11 +84,11 @@ def test_images_are_decided_on_as_they_arrive(who, ending, sensor, tmp_path, cap
     asked += ["--task", "edge-direction", f"step_deg={STEP_DEG}", "--idle-s", 1.5]
     assert run("touch", "watch", camera, "--save", out, *asked) == 0
     thread.join()
-    found = read_table(out)
-    assert len(found) >= 4
-    assert str(found["choice"].iloc[0]) == "0"
-    assert str(found["choice"].iloc[-1]) == f"{STEP_DEG:g}"
-    assert found["readings"].sum() <= 20
+    decisions = read_table(out)
+    assert len(decisions) >= 4
+    assert str(decisions["choice"].iloc[0]) == "0"
+    assert str(decisions["choice"].iloc[-1]) == f"{STEP_DEG:g}"
+    assert decisions["readings"].sum() <= 20
     told = capsys.readouterr()
     assert "decisions on 20 readings" in told.out
     assert "not a readable image: this image is skipped" in told.err
@@ -132,8 +132,8 @@ def test_images_that_are_there_already_are_listed_twice_and_not_once_for_each(
     monkeypatch.setattr(os, "listdir", lambda path: listed.append(path) or real(path))
     for number in range(200):
         (tmp_path / f"{number:03d}.png").write_bytes(b"x")
-    found = images(tmp_path, 0.2)
-    assert [next(found).name for _ in range(200)] == [f"{n:03d}.png" for n in range(200)]
+    paths = images(tmp_path, 0.2)
+    assert [next(paths).name for _ in range(200)] == [f"{n:03d}.png" for n in range(200)]
     assert len(listed) == 2
 
 

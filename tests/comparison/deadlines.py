@@ -1,4 +1,4 @@
-"""The law of a deadline: what a comparison reports does not change if trials may last longer."""
+"""The law of a deadline: a comparison gives the same values if trials may last longer."""
 
 import warnings
 from dataclasses import dataclass, replace
@@ -44,8 +44,8 @@ class Task:
     def evidence(self):
         """Return the evidence until the longer deadline."""
         if self.kind == "gaussian":
-            given = {"d_prime": self.d_prime, "channels": self.channels, "seed": self.seed}
-            return gaussian_evidence(TRIALS, t_max=self.readings[1], **given)
+            options = {"d_prime": self.d_prime, "channels": self.channels, "seed": self.seed}
+            return gaussian_evidence(TRIALS, t_max=self.readings[1], **options)
         return cues(TRIALS, self.readings[1], self.d_prime, self.seed)
 
 
@@ -54,11 +54,11 @@ def compared(task):
 
     Rows are those at whose accuracy the shorter deadline decides next to nothing for any model.
     """
-    whole = task.evidence()
+    evidence = task.evidence()
     model = BasalGanglia(load_circuit("macaque", task.channels), task.engine, seed=task.seed)
     tables = []
     for readings in task.readings:
-        part = replace(whole, log_likelihood=whole.log_likelihood[:, :readings])
+        part = replace(evidence, log_likelihood=evidence.log_likelihood[:, :readings])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", BgmodelWarning)
             table = compare(model, part, baselines=["max vs average"], resamples=200).table

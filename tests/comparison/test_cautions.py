@@ -29,8 +29,8 @@ def drawn(trials, steps, seed=1, hypotheses=2):
 
 def at_criterion(evidence, posterior):
     """Return what is stated of choices at a posterior, and whether they are right."""
-    found = tradeoff(Msprt().run(evidence), evidence, [-np.log(posterior)])
-    return found.posterior[0], found.choice[0] == evidence.truth
+    decisions = tradeoff(Msprt().run(evidence), evidence, [-np.log(posterior)])
+    return decisions.posterior[0], decisions.choice[0] == evidence.truth
 
 
 def scaled(evidence, factor):
@@ -51,8 +51,8 @@ def test_the_ceiling_is_the_accuracy_of_all_readings():
 def test_an_accuracy_beyond_the_readings_is_said_with_what_they_allow():
     evidence = drawn(400, 5)
     top = f"{accuracy_after(evidence):.3f}"
-    said = rf"no threshold reaches .* of 0.9, 0.99: all readings .*, 5 at most, allow {top};"
-    with pytest.warns(DeadlineWarning, match=said):
+    warning = rf"no threshold reaches .* of 0.9, 0.99: all readings .*, 5 at most, allow {top};"
+    with pytest.warns(DeadlineWarning, match=warning):
         assert warn_of_readings(evidence, (0.7, 0.9, 0.99)) == [0.7]
     assert silent(warn_of_readings, drawn(400, 120), (0.7, 0.9, 0.99)) == [0.7, 0.9, 0.99]
 
@@ -79,10 +79,10 @@ def test_posteriors_of_the_right_likelihoods_are_not_warned_of(hypotheses, seed)
 @pytest.mark.parametrize(("factor", "sure"), [(1.6, "sure"), (0.6, "unsure")])
 def test_wrong_likelihoods_are_warned_of_with_both_numbers(factor, sure):
     stated, right = at_criterion(scaled(drawn(1000, 60), factor), 0.9)
-    said = rf"too {sure}: .* is {stated.mean():.3f}, and {right.mean():.3f} of 1000 decisions"
-    with pytest.warns(CalibrationWarning, match=said) as found:
+    warning = rf"too {sure}: .* is {stated.mean():.3f}, and {right.mean():.3f} of 1000 decisions"
+    with pytest.warns(CalibrationWarning, match=warning) as caught:
         warn_of_calibration(stated, right)
-    low, high = map(float, re.findall(r"interval (\S+) to ([^)]+)\)", str(found[0].message))[0])
+    low, high = map(float, re.findall(r"interval (\S+) to ([^)]+)\)", str(caught[0].message))[0])
     assert low < (right - stated).mean() < high
     # 99.9 %; the variance of a calibrated choice is P (1 - P).
     variance = max((right - stated).var(), (stated * (1 - stated)).mean())
@@ -92,10 +92,10 @@ def test_wrong_likelihoods_are_warned_of_with_both_numbers(factor, sure):
 
 @given(st.floats(0, 1), st.floats(0, 1), st.integers(1, 10**6))
 def test_the_sentence_is_said_where_zero_lies_outside_its_interval(posterior, accuracy, decisions):
-    said = calibration(posterior, accuracy, decisions)
+    sentence = calibration(posterior, accuracy, decisions)
     variance = max(posterior * (1 - posterior), accuracy * (1 - accuracy))
     apart = abs(accuracy - posterior) > 3.29 * np.sqrt(variance / decisions)
-    assert bool(said) == apart
+    assert bool(sentence) == apart
     which = miscalibrated(posterior, accuracy, decisions)
     assert which == ("" if not apart else "sure" if posterior > accuracy else "unsure")
 
@@ -123,9 +123,9 @@ def test_few_trials_show_no_miscalibration():
 def test_a_comparison_says_what_is_out_of_reach_before_it_runs():
     evidence = scaled(drawn(400, 8), 2.0)
     model = BasalGanglia("spiking_msprt", "algebra", 0.5)
-    with pytest.warns(DeadlineWarning, match="no threshold reaches an accuracy of 0.999") as found:
+    with pytest.warns(DeadlineWarning, match="no threshold reaches an accuracy of 0.999") as caught:
         compare(model, evidence, accuracies=(0.8, 0.999))
-    assert any("the evidence is too sure" in str(one.message) for one in found)
+    assert any("the evidence is too sure" in str(one.message) for one in caught)
 
 
 def own_table(path, factor):

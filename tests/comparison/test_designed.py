@@ -87,16 +87,16 @@ def test_a_single_competitor_is_refused():
 @pytest.mark.parametrize("name", OF_COMPETITORS)
 def test_a_theory_decides_later_by_what_it_hears_of_the_competitors(name):
     """In closed form, from what the readings are alone; and 0 against itself."""
-    found = designed(theories()[name], OWN[name])
+    table = designed(theories()[name], OWN[name])
     for design in designs():
         want_ms = OF_COMPETITORS[name](np.array(design.competitors)) - OF_COMPETITORS[name](
             np.zeros(3)
         )
-        rows = changes(found)
+        rows = changes(table)
         rows = rows[(rows["design"] == design.name) & (rows["held"] == design.held)]
         np.testing.assert_allclose(rows["change"], 1000 * want_ms / RISE_NATS_S, atol=1.0)
-    assert np.abs(found[found["theory"] == name]["value"]).max() < 1e-9
-    assert outcomes(found) == {
+    assert np.abs(table[table["theory"] == name]["value"]).max() < 1e-9
+    assert outcomes(table) == {
         other: FOLLOWS if other == name else APART for other in OF_COMPETITORS
     }
 
@@ -121,26 +121,26 @@ def test_what_a_competitor_cannot_tell_apart_and_the_sign_where_designs_are_swap
 
 @pytest.mark.parametrize("name", ["bogacz_gurney", "appendix_b"])
 def test_an_exact_circuit_is_the_msprt_to_far_less_than_a_reading(name):
-    found = designed_circuit(exact(name), THRESHOLDS)
-    assert np.abs(found[found["theory"] == MSPRT]["value"]).max() < 1.0
-    assert (found["latency_ms"] == 0).all()
-    assert outcomes(found) == {MSPRT: FOLLOWS, **dict.fromkeys(UNABLE, APART)}
-    own = found[found["theory"] == MSPRT]
-    np.testing.assert_allclose(own["theory_threshold"], own["threshold"], atol=1e-3)
+    table = designed_circuit(exact(name), THRESHOLDS)
+    assert np.abs(table[table["theory"] == MSPRT]["value"]).max() < 1.0
+    assert (table["latency_ms"] == 0).all()
+    assert outcomes(table) == {MSPRT: FOLLOWS, **dict.fromkeys(UNABLE, APART)}
+    msprt = table[table["theory"] == MSPRT]
+    np.testing.assert_allclose(msprt["theory_threshold"], msprt["threshold"], atol=1e-3)
 
 
 def test_without_the_exponential_of_stn_a_circuit_follows_max_vs_average():
     """The sum of lines is a mean, which distinguishes the MSPRT from max-vs-next."""
     table = linear_stn(anatomy.spiking_msprt(4))
-    found = designed_circuit(BasalGanglia(table, "algebra", 0.5), THRESHOLDS)
-    assert outcomes(found) == {MSPRT: APART, "max vs next": APART, "max vs average": FOLLOWS}
+    differences = designed_circuit(BasalGanglia(table, "algebra", 0.5), THRESHOLDS)
+    assert outcomes(differences) == {MSPRT: APART, "max vs next": APART, "max vs average": FOLLOWS}
 
 
 def test_a_gpr_circuit_works_in_its_own_unit_and_follows_max_vs_average():
-    found = designed_circuit(BasalGanglia(anatomy.gpr(4), "rate", 0.1), [0.05])
-    assert outcomes(found)["max vs average"] == FOLLOWS
-    assert (found["latency_ms"] > 0).all()
-    assert "OUT: the circuit's threshold, salience" in text(found, "salience")
+    table = designed_circuit(BasalGanglia(anatomy.gpr(4), "rate", 0.1), [0.05])
+    assert outcomes(table)["max vs average"] == FOLLOWS
+    assert (table["latency_ms"] > 0).all()
+    assert "OUT: the circuit's threshold, salience" in text(table, "salience")
 
 
 @pytest.mark.parametrize("leader", [1, 3])
@@ -166,12 +166,12 @@ def test_the_gain_of_a_circuit_in_nats_changes_nothing():
 @pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
 def test_the_circuits_follow_the_msprt_by_populations(name):
     model = BasalGanglia(anatomy.CIRCUITS[name](4), Population(rates=False), 0.5, 7)
-    found = designed_circuit(model, THRESHOLDS, trials=100)
-    assert outcomes(found) == {MSPRT: FOLLOWS, **dict.fromkeys(UNABLE, APART)}
-    assert (found["right"] > 0.95).all()
-    equal = found["held"] == ""
-    np.testing.assert_allclose(found[equal]["value"], 0, atol=1e-9)
-    assert (found[~equal]["low"] < found[~equal]["high"]).all()
+    table = designed_circuit(model, THRESHOLDS, trials=100)
+    assert outcomes(table) == {MSPRT: FOLLOWS, **dict.fromkeys(UNABLE, APART)}
+    assert (table["right"] > 0.95).all()
+    equal = table["held"] == ""
+    np.testing.assert_allclose(table[equal]["value"], 0, atol=1e-9)
+    assert (table[~equal]["low"] < table[~equal]["high"]).all()
 
 
 def test_noise_is_the_same_in_all_designs_and_its_interval_shrinks_with_trials():
@@ -206,23 +206,23 @@ def test_a_threshold_that_is_never_reached_is_refused():
 
 def test_a_leader_that_is_not_chosen_leaves_the_difference_unknown():
     """By max-vs-next the close competitor meets a low threshold before the leader rises."""
-    found = designed(MaxVsNext(), [-0.5])
-    wrong = (found["held"] == AVERAGE) & found["design"].str.startswith("1 close")
-    assert found[wrong]["value"].isna().all()
-    assert (found[wrong]["right"] == 0).all()
-    shown = text(found)
+    table = designed(MaxVsNext(), [-0.5])
+    wrong = (table["held"] == AVERAGE) & table["design"].str.startswith("1 close")
+    assert table[wrong]["value"].isna().all()
+    assert (table[wrong]["right"] == 0).all()
+    shown = text(table)
     assert "unknown: the leader is chosen in fewer than 90% of trials" in shown
-    assert outcomes(found)["max vs next"] != FOLLOWS
+    assert outcomes(table)["max vs next"] != FOLLOWS
 
 
 def test_means_over_trials_have_the_intervals_of_students_t():
     moved = np.random.default_rng(8).normal(20, 5, (3, 40))
     moved[1, 4] = np.nan
     value, low, high = _intervals(moved)
-    for row, *found in zip(moved, value, low, high, strict=True):
+    for row, *estimates in zip(moved, value, low, high, strict=True):
         known = row[np.isfinite(row)]
         interval = ttest_1samp(known, 0).confidence_interval(0.95)
-        np.testing.assert_allclose(found, [known.mean(), interval.low, interval.high])
+        np.testing.assert_allclose(estimates, [known.mean(), interval.low, interval.high])
 
 
 def told(*differences):
@@ -282,9 +282,9 @@ def test_without_nats_a_design_is_given_as_it_is():
 
 
 def test_designed_trials_have_four_channels_and_three_thresholds_by_default():
-    found = designed(Msprt())
-    assert found["threshold"].drop_duplicates().tolist() == [0.35, 0.25, 0.15]
-    assert "3 equal" in set(found["design"])
+    table = designed(Msprt())
+    assert table["threshold"].drop_duplicates().tolist() == [0.35, 0.25, 0.15]
+    assert "3 equal" in set(table["design"])
     # Readings of 50 ms, in which the leader rises by 2 nats per second.
     evidence = designs()[0].evidence(3)
     assert evidence.step_ms == 50

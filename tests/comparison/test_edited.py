@@ -52,8 +52,8 @@ def of(table, measure, model=CIRCUIT, reference=MSPRT_AT_GAIN, column="value", *
 @pytest.fixture(scope="module")
 def table():
     every = tuple(BASELINES)
-    given = {"seed": SEED, "accuracies": (0.9, 0.95), "resamples": 200}
-    return compare(MODEL, EVIDENCE, baselines=every, **given).table
+    options = {"seed": SEED, "accuracies": (0.9, 0.95), "resamples": 200}
+    return compare(MODEL, EVIDENCE, baselines=every, **options).table
 
 
 def test_the_spiking_circuit_decides_as_the_msprt(table):
@@ -85,13 +85,13 @@ def test_the_circuit_on_wrong_evidence_does_not_decide_as_the_msprt(kind):
     values = EVIDENCE.log_likelihood
     wrong = replace(EVIDENCE, log_likelihood=-values if kind == "sign" else values[::-1].copy())
     test = msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT_AT_GAIN]
-    given = thresholds_about(test)
-    found = decide_at_thresholds(POPULATIONS, wrong, given, decoder_tau_ms=None)[CIRCUIT]
+    levels = thresholds_about(test)
+    swept = decide_at_thresholds(POPULATIONS, wrong, levels, decoder_tau_ms=None)[CIRCUIT]
     # The posterior is that of the right evidence.
     known = np.exp(-Msprt().run(EVIDENCE).out_nats)[:, -1]
-    chosen = known[np.arange(EVIDENCE.trials), found.choice]
+    chosen = known[np.arange(EVIDENCE.trials), swept.choice]
     assert chosen.mean(axis=1).max() < 0.6
-    measured = matched_measures(test, found, rng=stream(1, "b"), accuracies=(0.95,), resamples=50)
+    measured = matched_measures(test, swept, rng=stream(1, "b"), accuracies=(0.95,), resamples=50)
     agreement = measured.set_index("measure")["value"]["agreement"]
     assert np.isnan(agreement) or agreement < 0.5
 
@@ -102,12 +102,12 @@ def test_without_gpe_or_the_right_sum_the_circuit_agrees_less():
         "GPe": TABLE.clamp("GPe"),
         "shuffled": shuffled_stn(TABLE),
     }
-    given = {"seed": SEED, "accuracies": (0.95,), "resamples": 100}
-    found = compare_edits(POPULATIONS, edited, EVIDENCE, **given)
-    rows = found[found["kind"] == "value"].set_index(["variant", "measure"])["value"]
+    options = {"seed": SEED, "accuracies": (0.95,), "resamples": 100}
+    comparison = compare_edits(POPULATIONS, edited, EVIDENCE, **options)
+    rows = comparison[comparison["kind"] == "value"].set_index(["variant", "measure"])["value"]
     assert rows["GPe", "within_50_ms"] < rows["intact", "within_50_ms"] - 0.2
     assert np.isnan(rows["shuffled", "agreement"])  # it never is right that often
-    assert "intact" in behaviour(found)
+    assert "intact" in behaviour(comparison)
 
 
 @pytest.mark.parametrize(
@@ -119,33 +119,33 @@ def test_without_gpe_or_the_right_sum_the_circuit_agrees_less():
 def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms, share):
     """A trial is over where it is dropped, unless the decoder has not got there."""
     monkeypatch.setattr("bgmodel.integrators.deciding.DROPPED", share)
-    given = thresholds_about(msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT_AT_GAIN])
+    levels = thresholds_about(msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT_AT_GAIN])
     model = replace(MODEL, circuit=edited)
     # Batches of 6: a trial that is run again has the noise of its place among all.
     monkeypatch.setattr(basal_ganglia, "BATCH", 6)
-    dropped = decide_at_thresholds(model, EVIDENCE[:12], given, decoder_tau_ms=tau_ms)
+    dropped = decide_at_thresholds(model, EVIDENCE[:12], levels, decoder_tau_ms=tau_ms)
     monkeypatch.setattr(Ensemble, "until", lambda engine, level_nats, rates: engine)
-    whole = decide_at_thresholds(model, EVIDENCE[:12], given, decoder_tau_ms=tau_ms)
-    assert set(whole) == {CIRCUIT} | ({DECODER} if tau_ms else set())
-    for name, one in whole.items():
+    undropped = decide_at_thresholds(model, EVIDENCE[:12], levels, decoder_tau_ms=tau_ms)
+    assert set(undropped) == {CIRCUIT} | ({DECODER} if tau_ms else set())
+    for name, one in undropped.items():
         for field in ("choice", "time_ms", "forced", "posterior"):
             assert np.array_equal(getattr(one, field), getattr(dropped[name], field)), (name, field)
 
 
 def test_trials_do_not_depend_on_their_batch(monkeypatch):
-    given = thresholds_about(msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT_AT_GAIN])
-    whole = decide_at_thresholds(MODEL, EVIDENCE[:30], given)
+    levels = thresholds_about(msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT_AT_GAIN])
+    in_one = decide_at_thresholds(MODEL, EVIDENCE[:30], levels)
     monkeypatch.setattr("bgmodel.integrators.basal_ganglia.BATCH", 7)
-    parts = decide_at_thresholds(MODEL, EVIDENCE[:30], given)
+    parts = decide_at_thresholds(MODEL, EVIDENCE[:30], levels)
     for name in (CIRCUIT, DECODER):
-        assert np.array_equal(whole[name].time_ms, parts[name].time_ms)
-        assert np.array_equal(whole[name].choice, parts[name].choice)
+        assert np.array_equal(in_one[name].time_ms, parts[name].time_ms)
+        assert np.array_equal(in_one[name].choice, parts[name].choice)
 
 
 def test_at_rest_rates_are_the_animals_and_cells_fire_irregularly():
     """MSN at most 5 Hz, STN 8-25, GPe 25-75, SNr 20-80 (the ranges of rat and macaque)."""
     for channels in (2, 4):
-        found = resting_activity(load_circuit("spiking_msprt", channels), seed=SEED).set_index(
+        activity = resting_activity(load_circuit("spiking_msprt", channels), seed=SEED).set_index(
             "nucleus"
         )
         for name, low, high in (
@@ -155,7 +155,7 @@ def test_at_rest_rates_are_the_animals_and_cells_fire_irregularly():
             ("GPe", 25, 75),
             ("SNr", 20, 80),
         ):
-            assert low <= found.loc[name, "rate_hz"] <= high, name
+            assert low <= activity.loc[name, "rate_hz"] <= high, name
         # And those of the fixed point, where cells are not silent on average and swing into firing.
         silence = np.zeros((1, 1, channels))
         fixed = (
@@ -165,10 +165,10 @@ def test_at_rest_rates_are_the_animals_and_cells_fire_irregularly():
         )
         for name in ("ctx", "STN", "GPe"):
             rate_hz = fixed[name].mean()
-            assert found.loc[name, "rate_hz"] == pytest.approx(rate_hz, rel=0.05), name
+            assert activity.loc[name, "rate_hz"] == pytest.approx(rate_hz, rel=0.05), name
         # The table's own description of its cells.
-        assert abs(found.loc["ctx", "interval_cv"] - 0.5) < 0.1
-        assert abs(found.loc["STN", "interval_cv"] - 0.3) < 0.1
+        assert abs(activity.loc["ctx", "interval_cv"] - 0.5) < 0.1
+        assert abs(activity.loc["STN", "interval_cv"] - 0.3) < 0.1
 
 
 def test_a_page_has_the_main_measures_and_explains_what_is_unknown(table):
@@ -215,14 +215,14 @@ LONG = separated_evidence(
 
 def test_accuracies_that_out_cannot_stand_for_are_refused_and_the_others_given():
     """At 0.8 the MSPRT decides where OUT rests, at 0.999 where no OUT is read."""
-    given = {"seed": SEED, "baselines": (), "accuracies": (0.8, 0.95, 0.999), "resamples": 20}
-    with pytest.warns(RangeWarning) as said:
-        found = compare(QUICK, LONG, **given).table
+    options = {"seed": SEED, "baselines": (), "accuracies": (0.8, 0.95, 0.999), "resamples": 20}
+    with pytest.warns(RangeWarning) as caught:
+        comparison = compare(QUICK, LONG, **options).table
     # Each with its own reason.
-    texts = " ".join(str(one.message) for one in said)
+    texts = " ".join(str(one.message) for one in caught)
     assert re.search("possible at accuracy 0.8: spiking_msprt .* OUT rests at", texts)
     assert re.search("possible at accuracy 0.999: spiking_msprt .* its read-out resolves", texts)
-    known = found[(found["model"] == CIRCUIT) & (found["measure"] == "agreement")]
+    known = comparison[(comparison["model"] == CIRCUIT) & (comparison["measure"] == "agreement")]
     known = known[known["reference"] == MSPRT_AT_GAIN].set_index("accuracy")["value"]
     assert known.notna().to_dict() == {0.8: False, 0.95: True, 0.999: False}
 
@@ -230,28 +230,28 @@ def test_accuracies_that_out_cannot_stand_for_are_refused_and_the_others_given()
 def test_a_lesion_gives_no_value_and_no_change_where_evidence_does_not_decide():
     edited = {"blind": TABLE.scale("ctx", "STN", 0.5)}
     options = {"seed": SEED, "accuracies": (0.8, 0.95), "resamples": 20}
-    with pytest.warns(RangeWarning, match="no comparison is possible at") as said:
-        found = compare_edits(QUICK, edited, LONG, **options)
-    text = " ".join(str(one.message) for one in said)
+    with pytest.warns(RangeWarning, match="no comparison is possible at") as caught:
+        edits = compare_edits(QUICK, edited, LONG, **options)
+    text = " ".join(str(one.message) for one in caught)
     assert "no comparison is possible at accuracy 0.8: spiking_msprt would have to" in text
     assert "no comparison is possible at accuracy 0.8, 0.95: blind decides without evidence" in text
-    rows = found[found["measure"].eq("agreement")].set_index(["variant", "kind", "accuracy"])
+    rows = edits[edits["measure"].eq("agreement")].set_index(["variant", "kind", "accuracy"])
     known = rows["value"].notna()
     assert known[known].index.tolist() == [("intact", "value", 0.95), ("intact", "change", 0.95)]
-    fixed = found[found["kind"].eq("fixed")].set_index(["variant", "accuracy", "measure"])["value"]
+    fixed = edits[edits["kind"].eq("fixed")].set_index(["variant", "accuracy", "measure"])["value"]
     assert fixed["blind", 0.95, "without_evidence"] == 1
     assert np.isnan(fixed["blind", 0.8, "without_evidence"])
 
 
 def test_the_ceiling_is_the_circuit_beside_itself_and_1_without_noise():
-    given = {
+    options = {
         "seed": SEED,
         "baselines": (),
         "accuracies": (0.95,),
         "resamples": 20,
         "noise_ceiling": True,
     }
-    noisy = compare(QUICK, LONG, **given).table
+    noisy = compare(QUICK, LONG, **options).table
     r = of(noisy, "pearson_r", reference=OTHER_NOISE)
     assert 0.8 < r < 1
     exact = of(noisy, "pearson_r") / np.sqrt(r)
@@ -267,7 +267,7 @@ def test_the_ceiling_is_the_circuit_beside_itself_and_1_without_noise():
     }
     text = page(noisy)
     assert "circuit with other noise: the circuit compared with itself" in text
-    without = compare(replace(QUICK, engine="algebra"), LONG, **given).table
+    without = compare(replace(QUICK, engine="algebra"), LONG, **options).table
     for measure in ("agreement", "agreement_corrected", "pearson_r", "within_50_ms"):
         assert of(without, measure, reference=OTHER_NOISE) == pytest.approx(1)
     assert of(without, "r_noise_corrected") == pytest.approx(of(without, "pearson_r"))
@@ -289,11 +289,11 @@ class Steep:
 
 def test_thresholds_of_a_circuit_lie_about_those_of_the_test_from_80_to_98_per_cent():
     """By 30 % on either side; from where the test's are 0, from 2 to 1 thousandths of a nat."""
-    found = thresholds_about(Steep())
-    assert (len(found), *found[[0, -1]]) == pytest.approx((120, 1.3 * 2.0, 0.7 * 0.2))
-    assert np.diff(np.log(found)) == pytest.approx(np.log(found[1] / found[0]))
-    found = thresholds_about(Steep(), highest=0.99, lowest=0.5)
-    assert found[[0, -1]] == pytest.approx((1.3 * 5.0, 0.7 * 0.1))
+    levels = thresholds_about(Steep())
+    assert (len(levels), *levels[[0, -1]]) == pytest.approx((120, 1.3 * 2.0, 0.7 * 0.2))
+    assert np.diff(np.log(levels)) == pytest.approx(np.log(levels[1] / levels[0]))
+    levels = thresholds_about(Steep(), highest=0.99, lowest=0.5)
+    assert levels[[0, -1]] == pytest.approx((1.3 * 5.0, 0.7 * 0.1))
     assert thresholds_about(Steep(0.0))[[0, -1]] == pytest.approx((0.002, 0.001))
 
 
@@ -349,10 +349,10 @@ def test_the_decoder_beside_a_circuit_counts_for_20_ms_by_default(monkeypatch):
 
 
 def test_an_edit_that_changes_nothing_is_warned_of():
-    given = {"seed": SEED, "accuracies": (0.95,), "resamples": 100}
+    options = {"seed": SEED, "accuracies": (0.95,), "resamples": 100}
     edited = {"D1->SNr=1": TABLE.scale("D1", "SNr", 1.0)}
     with pytest.warns(EditWarning):
-        compare_edits(replace(QUICK, engine="rate"), edited, LONG, **given)
+        compare_edits(replace(QUICK, engine="rate"), edited, LONG, **options)
 
 
 @pytest.mark.parametrize(
@@ -364,10 +364,10 @@ def test_an_edit_that_changes_nothing_is_warned_of():
     ],
 )
 def test_what_a_circuit_is_no_edit_of_is_no_reference_of_it(other):
-    given = {"seed": SEED, "accuracies": (0.95,), "resamples": 20}
+    options = {"seed": SEED, "accuracies": (0.95,), "resamples": 20}
     for call in (
-        lambda: compare(QUICK, LONG, intact=other, **given).table,
-        lambda: compare_edits(replace(QUICK, circuit=other), {"mine": TABLE}, LONG, **given),
+        lambda: compare(QUICK, LONG, intact=other, **options).table,
+        lambda: compare_edits(replace(QUICK, circuit=other), {"mine": TABLE}, LONG, **options),
     ):
         with pytest.raises(ValueError, match="is no edit of"):
             call()

@@ -29,8 +29,8 @@ TEST = tradeoff(TRACE, EVIDENCE)
 
 
 def measured(other, **options):
-    given = {"rng": stream(2, "bootstrap"), "truth": EVIDENCE.truth, "resamples": 200} | options
-    return matched_measures(TEST, other, **given)
+    settings = {"rng": stream(2, "bootstrap"), "truth": EVIDENCE.truth, "resamples": 200} | options
+    return matched_measures(TEST, other, **settings)
 
 
 def value(table, measure, accuracy=None, column="value"):
@@ -46,8 +46,8 @@ def test_a_test_agrees_with_itself():
         "residual_sd_ms": 0, "extra_ms": 0, "offset_ms": 0, "slope": 0, "accuracy_gap": 0,
     }.items():  # fmt: skip
         for column in ("value", "low", "high"):
-            found = table.loc[table["measure"] == measure, column]
-            np.testing.assert_allclose(found, wanted, atol=1e-7, err_msg=measure)
+            values = table.loc[table["measure"] == measure, column]
+            np.testing.assert_allclose(values, wanted, atol=1e-7, err_msg=measure)
     assert equivalent(table).all()
 
 
@@ -180,9 +180,9 @@ def test_an_accuracy_is_reached_within_a_share_of_the_errors_that_it_leaves():
     reached = curve(TEST, np.ones((1, 800)))[0][0]
     # None of its thresholds gives more than 0.974: 0.98 is 0.006 away, and leaves 0.02 of errors.
     some = TEST.at(reached < 0.974)
-    found = measured(some, accuracies=(0.9, 0.98)).set_index(["accuracy", "measure"])["value"]
-    assert found[0.9, "agreement"] == 1
-    assert np.isnan(found[0.98, "agreement"])
+    values = measured(some, accuracies=(0.9, 0.98)).set_index(["accuracy", "measure"])["value"]
+    assert values[0.9, "agreement"] == 1
+    assert np.isnan(values[0.98, "agreement"])
 
 
 def staircase(reached, name):
@@ -199,12 +199,12 @@ def test_all_are_matched_at_the_accuracy_asked_for_between_their_settings():
     """Asked for 0.9, each divides its trials between the two settings about it."""
     test = staircase([0.80, 0.87, 0.892, 0.96], "test")
     other = staircase([0.85, 0.893, 0.9001, 0.95], "other")
-    found = matched_measures(test, other, rng=stream(1, "b"), accuracies=(0.9,), resamples=20)
-    found = found.set_index("measure")["value"]
+    measures = matched_measures(test, other, rng=stream(1, "b"), accuracies=(0.9,), resamples=20)
+    measures = measures.set_index("measure")["value"]
     share = (0.9 - 0.892) / (0.96 - 0.892), (0.9 - 0.893) / (0.9001 - 0.893)
-    assert found["test_ms"] == pytest.approx(100 * (2 + share[0]), abs=3)
-    assert found["extra_ms"] == pytest.approx(100 * (1 + share[1] - 2 - share[0]), abs=3)
-    assert found["threshold"] == pytest.approx(
+    assert measures["test_ms"] == pytest.approx(100 * (2 + share[0]), abs=3)
+    assert measures["extra_ms"] == pytest.approx(100 * (1 + share[1] - 2 - share[0]), abs=3)
+    assert measures["threshold"] == pytest.approx(
         other.settings[1] + share[1] * (other.settings[2] - other.settings[1])
     )
 
@@ -221,13 +221,13 @@ def test_at_the_end_of_the_range_of_the_test_others_are_matched_to_it():
 def test_decisions_at_an_accuracy_have_it(reached, accuracy, data):
     """Or that of the nearest end; a setting between neighbours shares their trials."""
     swept = staircase(np.sort(reached), "any")
-    found = swept.at_accuracy(accuracy)
+    decisions = swept.at_accuracy(accuracy)
     wanted = np.clip(accuracy, reached.min(), reached.max())
     # The division of 100 trials is even to within a few of them.
-    assert found.posterior.mean() == pytest.approx(wanted, abs=0.04 * np.ptp(reached) + 1e-6)
+    assert decisions.posterior.mean() == pytest.approx(wanted, abs=0.04 * np.ptp(reached) + 1e-6)
     above = np.searchsorted(np.sort(reached), wanted - 1e-6)
     near = swept.settings[max(above - 1, 0) :]
-    assert near.min() - 1e-9 <= found.settings[0] <= near.max() + 1e-9
+    assert near.min() - 1e-9 <= decisions.settings[0] <= near.max() + 1e-9
 
 
 def test_trials_that_are_alike_in_a_group_make_the_interval_wider():

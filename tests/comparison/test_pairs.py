@@ -41,7 +41,7 @@ def test_chance_is_the_mean_over_all_pairs_of_different_trials_of_one_truth(seed
         (NearInTime(test_ms, other_ms, 30.0), near),
         (Product(test_ms, other_ms), test_ms[:, None] * other_ms[None, :]),
     ):
-        found = by_chance(of_pair, truth, first, second)
+        chance = by_chance(of_pair, truth, first, second)
         for b in range(2):
             total = counted = 0.0
             for s in (0, 1):
@@ -53,7 +53,7 @@ def test_chance_is_the_mean_over_all_pairs_of_different_trials_of_one_truth(seed
                     total += weight * (pairs * written[np.ix_(here, here)]).sum() / pairs.sum()
                     counted += weight
             wanted = total / counted if counted else np.nan
-            np.testing.assert_allclose(found[b], wanted, rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(chance[b], wanted, rtol=1e-9, atol=1e-9)
 
 
 def test_a_copy_agrees_beyond_chance_in_all():
@@ -75,13 +75,13 @@ def test_a_shuffled_copy_agrees_beyond_chance_in_nothing():
             here = np.flatnonzero(truth == value)
             order[here] = stream(3, "shuffled", value, k).permutation(here)
         shuffled = ChoicesAndTimes(test.choice[order], test.time_ms[order])
-        found = side_by_side(test, shuffled, truth, weights)
-        found["pearson_r_corrected"] = found["pearson_r"] - found["pearson_r_chance"]
+        measures = side_by_side(test, shuffled, truth, weights)
+        measures["pearson_r_corrected"] = measures["pearson_r"] - measures["pearson_r_chance"]
         for name in inside:
-            _, low, high = interval(found[f"{name}_corrected"])
+            _, low, high = interval(measures[f"{name}_corrected"])
             inside[name] += low < 0 < high
         # Between truths times differ: the correlation of shuffled trials is not 0.
-        assert found["pearson_r_chance"][0] > 0.2
+        assert measures["pearson_r_chance"][0] > 0.2
     assert min(inside.values()) >= 17, inside
 
 
@@ -90,14 +90,14 @@ def test_names_of_hypotheses_mean_nothing():
     other, _ = drawn(400, seed=5)
     weights = resampled(400, 20, stream(2, "b"))
     named = np.array([2, 0, 1])
-    found = side_by_side(test, other, truth, weights)
+    measures = side_by_side(test, other, truth, weights)
     renamed = side_by_side(
         ChoicesAndTimes(named[test.choice], test.time_ms),
         ChoicesAndTimes(named[other.choice], other.time_ms),
         named[truth],
         weights,
     )
-    for name, values in found.items():
+    for name, values in measures.items():
         np.testing.assert_allclose(renamed[name], values, err_msg=name)
 
 
@@ -119,9 +119,9 @@ def test_r_by_its_ceiling_is_that_without_noise():
     noisy, again = exact + rng.normal(0, 0.7, (2, 20_000))
     choice = np.zeros(20_000, dtype=int)
     one, two, three = (ChoicesAndTimes(choice, values) for values in (exact, noisy, again))
-    found = side_by_side(one, two, None, np.ones((1, 20_000)), again=three)
-    assert found["pearson_r"][0] == pytest.approx(np.sqrt(1 / 1.49), abs=0.01)
-    assert found["r_noise_corrected"][0] == pytest.approx(1, abs=0.01)
+    measures = side_by_side(one, two, None, np.ones((1, 20_000)), again=three)
+    assert measures["pearson_r"][0] == pytest.approx(np.sqrt(1 / 1.49), abs=0.01)
+    assert measures["r_noise_corrected"][0] == pytest.approx(1, abs=0.01)
 
 
 def test_accuracies_and_times_are_counted_with_the_weights_of_trials():
@@ -129,11 +129,11 @@ def test_accuracies_and_times_are_counted_with_the_weights_of_trials():
     test = ChoicesAndTimes(np.array([0, 1, 0, 1]), np.array([10.0, 20, 30, 60]))
     other = ChoicesAndTimes(np.array([0, 1, 1, 1]), np.array([15.0, 25, 35, 75]))
     weights = np.array([[1.0, 1, 1, 1], [3, 0, 0, 1]])
-    found = side_by_side(test, other, truth, weights)
-    assert found["test_accuracy"].tolist() == [0.5, 0.75]
-    assert found["accuracy"].tolist() == [0.75, 0.75]
-    assert found["agreement"].tolist() == [0.75, 1]
-    assert found["error_agreement"].tolist() == [0.5, 1]
-    assert found["test_ms"].tolist() == [30, 22.5]
+    measures = side_by_side(test, other, truth, weights)
+    assert measures["test_accuracy"].tolist() == [0.5, 0.75]
+    assert measures["accuracy"].tolist() == [0.75, 0.75]
+    assert measures["agreement"].tolist() == [0.75, 1]
+    assert measures["error_agreement"].tolist() == [0.5, 1]
+    assert measures["test_ms"].tolist() == [30, 22.5]
     # Lags of 5, 5, 5 and 15: about the median one is 10 late.
-    assert found["residual_sd_ms"] == pytest.approx([10 * np.sqrt(3 / 16)] * 2)
+    assert measures["residual_sd_ms"] == pytest.approx([10 * np.sqrt(3 / 16)] * 2)

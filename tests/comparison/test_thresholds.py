@@ -21,11 +21,11 @@ def test_a_later_deadline_changes_nothing(seed):
 
 
 def said_of(model, evidence, accuracies):
-    """Return a comparison and what was said, as (category, text)."""
+    """Return a comparison and its warnings, as (category, text)."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = compare(model, evidence, accuracies=accuracies, resamples=100)
-    return found, [(one.category, str(one.message)) for one in caught]
+        comparison = compare(model, evidence, accuracies=accuracies, resamples=100)
+    return comparison, [(one.category, str(one.message)) for one in caught]
 
 
 RATES = BasalGanglia(load_circuit("macaque"), "rate", seed=1)
@@ -35,28 +35,28 @@ REASONS = {
     "deadline": ((0.5, 10), (0.79, 0.65), DeadlineWarning, "the deadline decides .* readings"),
     "read-out": ((0.5, 200), (0.998, 0.9), RangeWarning, "its read-out resolves no OUT below"),
 }
-"""d' and readings; an accuracy that can't be compared, and one that can; what is said."""
+"""d' and readings; an accuracy that can't be compared, and one that can; the warning."""
 
 
 @pytest.mark.parametrize("reason", REASONS)
 def test_what_cannot_be_compared_has_its_reason_also_where_others_can(reason):
     (d_prime, readings), accuracies, category, text = REASONS[reason]
     evidence = gaussian_evidence(200, d_prime=d_prime, t_max=readings, seed=1)
-    found, said = said_of(RATES, evidence, accuracies)
-    rows = found.table.query("model == 'circuit' and measure == 'agreement'")
+    comparison, warned = said_of(RATES, evidence, accuracies)
+    rows = comparison.table.query("model == 'circuit' and measure == 'agreement'")
     known = rows.groupby("accuracy")["value"].agg(lambda values: values.notna().all())
     assert known.to_dict() == dict(zip(accuracies, (False, True), strict=True))
     # Once, at the accuracy that it is about.
-    (named,) = [one for one in said if re.search(rf"accuracy (of )?{accuracies[0]}:", one[1])]
+    (named,) = [one for one in warned if re.search(rf"accuracy (of )?{accuracies[0]}:", one[1])]
     assert issubclass(named[0], category)
     assert re.search(text, named[1])
-    lines = verdicts(found.table, [named[1]]).splitlines()
+    lines = verdicts(comparison.table, [named[1]]).splitlines()
     at = lines.index(f"  at {accuracies[0]:g}: {NOT_REACHED}")
     assert "warning" in lines[at + 1]
 
 
 def test_without_reason_nothing_is_said():
     evidence = gaussian_evidence(200, d_prime=0.7, t_max=120, seed=1)
-    found, said = said_of(RATES, evidence, (0.8, 0.9, 0.95, 0.97))
-    assert not said
-    assert NOT_REACHED not in verdicts(found.table)
+    comparison, warned = said_of(RATES, evidence, (0.8, 0.9, 0.95, 0.97))
+    assert not warned
+    assert NOT_REACHED not in verdicts(comparison.table)

@@ -18,8 +18,8 @@ def test_a_circuit_in_nats_keeps_its_gain_and_another_gets_the_fastest():
     assert fastest_gain(load_circuit("bogacz_gurney"), "rate", EVIDENCE, 1)[0].gain == 1
     model, decided = fastest_gain(load_circuit("gpr"), "rate", EVIDENCE, 1)
     assert model.gain in GAINS
-    given, slower = fastest_gain(load_circuit("gpr"), "rate", EVIDENCE, 1, gain=0.05)
-    assert given.gain == 0.05
+    slow, slower = fastest_gain(load_circuit("gpr"), "rate", EVIDENCE, 1, gain=0.05)
+    assert slow.gain == 0.05
     at = [np.interp(0.9, np.sort(one.posterior.mean(axis=1)), np.sort(one.time_ms.mean(axis=1)))
           for one in (decided, slower)]  # fmt: skip
     assert at[0] <= at[1]
@@ -31,6 +31,6 @@ def test_a_circuit_that_rests_below_its_thresholds_is_refused():
 
 
 def test_thresholds_lie_about_those_of_the_test():
-    found = swept(BasalGanglia(load_circuit("spiking_msprt"), "rate", seed=1), EVIDENCE)
-    reached = found.posterior.mean(axis=1)
+    decisions = swept(BasalGanglia(load_circuit("spiking_msprt"), "rate", seed=1), EVIDENCE)
+    reached = decisions.posterior.mean(axis=1)
     assert reached.min() < 0.82 < 0.95 < reached.max()

@@ -13,8 +13,8 @@ def test_choices_at_random_are_not_against_the_evidence_and_those_of_the_least_l
 ):
     rng = stream(7, "choices")
     posterior = rng.dirichlet(np.ones(hypotheses), size=(2000, 200))
-    said = [bool(against_evidence(one[:, 0], hypotheses)) for one in posterior]
-    assert np.mean(said) <= 0.005
+    warned = [bool(against_evidence(one[:, 0], hypotheses)) for one in posterior]
+    assert np.mean(warned) <= 0.005
     assert against_evidence(posterior[0].min(axis=1), hypotheses)
     assert not against_evidence(posterior[0].max(axis=1), hypotheses)
     assert not against_evidence(np.full(100, 1 / hypotheses), hypotheses)

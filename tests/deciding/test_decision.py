@@ -68,8 +68,8 @@ def test_tally_and_each_agree_with_first_crossing():
     assert counts.correct.tolist() == (decision.choice == evidence.truth).sum(axis=1).tolist()
     assert counts.steps == pytest.approx(decision.steps.sum(axis=1))
     assert counts.forced.tolist() == decision.forced.sum(axis=1).tolist()
-    own = thresholds[np.arange(evidence.trials) % 9]
-    each = crossing_of_each(trace, own)
+    levels = thresholds[np.arange(evidence.trials) % 9]
+    each = crossing_of_each(trace, levels)
     rows = np.arange(evidence.trials) % 9, np.arange(evidence.trials)
     assert (each.choice == decision.choice[rows]).all()
     assert (each.time_ms == decision.time_ms[rows]).all()
@@ -135,8 +135,8 @@ def test_ties_are_drawn_by_the_published_hash_of_the_trials_number():
     numbers = np.array([*range(60), 10**9, 2**40 + 3])
     for hypotheses in (2, 5):
         flat = Trace(np.ones((len(numbers), 1, hypotheses)), np.zeros(1), numbers=numbers)
-        found = first_crossing(flat, 0.5).choice
-        for number, choice in zip(numbers.tolist(), found, strict=True):
+        choices = first_crossing(flat, 0.5).choice
+        for number, choice in zip(numbers.tolist(), choices, strict=True):
             want = 0
             for equal in range(2, hypotheses + 1):
                 drawn = splitmix(splitmix((number * GAMMA + equal) % 2**64))
@@ -147,23 +147,23 @@ def test_ties_are_drawn_by_the_published_hash_of_the_trials_number():
 
 def test_a_trial_ends_at_its_own_last_reading():
     """In a table of unequal lengths each trial is decided as if it were alone."""
-    whole = some_evidence(steps=12)
-    lengths = stream(3, "lengths").integers(1, 13, whole.trials)
-    values = whole.log_likelihood * (np.arange(12) < lengths[:, None])[..., None]
-    ragged = Evidence(values, whole.truth, lengths=lengths)
+    full = some_evidence(steps=12)
+    lengths = stream(3, "lengths").integers(1, 13, full.trials)
+    values = full.log_likelihood * (np.arange(12) < lengths[:, None])[..., None]
+    ragged = Evidence(values, full.truth, lengths=lengths)
     for forced in (True, False):
-        found = first_crossing(Msprt().run(ragged), 0.2, forced=forced)
-        for n in range(whole.trials):
+        decision = first_crossing(Msprt().run(ragged), 0.2, forced=forced)
+        for n in range(full.trials):
             alone = Evidence(values[n : n + 1, : lengths[n]], numbers=np.array([n]))
             one = first_crossing(Msprt().run(alone), 0.2, forced=forced)
-            assert one.choice[0] == found.choice[n]
-            assert one.forced[0] == found.forced[n]
-            assert np.array_equal(one.time_ms[0], found.time_ms[n], equal_nan=True)
-            assert one.deadline_ms[0] == found.deadline_ms[n] == lengths[n]
-    counts = tally(Msprt().run(ragged), whole.truth, np.array([0.2]))
-    found = first_crossing(Msprt().run(ragged), 0.2)
-    assert counts.steps[0] == pytest.approx(found.steps.sum())
-    assert counts.forced[0] == found.forced.sum() > 0
+            assert one.choice[0] == decision.choice[n]
+            assert one.forced[0] == decision.forced[n]
+            assert np.array_equal(one.time_ms[0], decision.time_ms[n], equal_nan=True)
+            assert one.deadline_ms[0] == decision.deadline_ms[n] == lengths[n]
+    counts = tally(Msprt().run(ragged), full.truth, np.array([0.2]))
+    decision = first_crossing(Msprt().run(ragged), 0.2)
+    assert counts.steps[0] == pytest.approx(decision.steps.sum())
+    assert counts.forced[0] == decision.forced.sum() > 0
 
 
 def test_a_prior_beyond_its_threshold_is_a_premature_response():

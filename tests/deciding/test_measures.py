@@ -35,8 +35,8 @@ def test_weights_stand_for_repeated_trials(seed, trials):
 
 def test_ez_is_that_of_its_paper():
     """Wagenmakers, van der Maas & Grasman 2007: P 0.802, VRT 0.112, MRT 0.723."""
-    found = ez_diffusion(0.802, 0.723, 0.112, 1000)
-    np.testing.assert_allclose(found, (0.0999, 0.1400, 0.3000), atol=5e-5)
+    parameters = ez_diffusion(0.802, 0.723, 0.112, 1000)
+    np.testing.assert_allclose(parameters, (0.0999, 0.1400, 0.3000), atol=5e-5)
 
 
 @given(st.floats(-0.4, 0.4), st.floats(0.05, 0.3), st.floats(0, 0.6))
@@ -49,8 +49,8 @@ def test_ez_inverts_the_exact_moments(drift, bound, other_s):
     mean_s = bound / (2 * drift) * (1 - np.exp(y)) / (1 + np.exp(y)) + other_s
     shape = 2 * y * np.exp(y) - np.exp(2 * y) + 1
     variance = bound * DIFFUSION_S**2 / (2 * drift**3) * shape / (np.exp(y) + 1) ** 2
-    found = ez_diffusion(accuracy, mean_s, variance, 1e12)
-    np.testing.assert_allclose(found, (drift, bound, other_s), rtol=1e-3, atol=1e-4)
+    parameters = ez_diffusion(accuracy, mean_s, variance, 1e12)
+    np.testing.assert_allclose(parameters, (drift, bound, other_s), rtol=1e-3, atol=1e-4)
 
 
 def test_ez_recovers_a_simulated_diffusion():
@@ -68,15 +68,15 @@ def test_ez_recovers_a_simulated_diffusion():
         alive &= ~out
     assert not alive.any()
     times = time_s[right] + other_s
-    found = ez_diffusion(right.mean(), times.mean(), times.var(), 5000)
-    np.testing.assert_allclose(found, (drift, bound, other_s), rtol=0.05)
+    parameters = ez_diffusion(right.mean(), times.mean(), times.var(), 5000)
+    np.testing.assert_allclose(parameters, (drift, bound, other_s), rtol=0.05)
 
 
 def test_ez_at_the_edges_is_moved_by_half_a_trial():
     for accuracy, moved in ((1, 1 - 1 / 200), (0, 1 / 200), (0.5, 0.5 + 1 / 200)):
-        found = ez_diffusion(accuracy, 0.7, 0.1, 100)
-        np.testing.assert_allclose(found, ez_diffusion(moved, 0.7, 0.1, 100))
-        assert np.isfinite(found).all()
+        parameters = ez_diffusion(accuracy, 0.7, 0.1, 100)
+        np.testing.assert_allclose(parameters, ez_diffusion(moved, 0.7, 0.1, 100))
+        assert np.isfinite(parameters).all()
     assert np.isnan(ez_diffusion(0.9, 0.7, 0.0, 100)).all()
 
 
@@ -86,10 +86,10 @@ def test_a_diffusion_is_withheld_where_the_deadline_cuts_off_more_than_a_few():
     choice = np.where(np.arange(1000) < 100, 1 - truth, truth)
     times = 300 + 10.0 * (np.arange(1000) % 37)
     for missed, few in ((1, True), (10, True), (11, False)):
-        found = behaving(choice, times, truth, missed).measures(np.ones((1, 1000)))
-        known = [np.isfinite(found[name]).all() for name in OF_DIFFUSION]
+        measures = behaving(choice, times, truth, missed).measures(np.ones((1, 1000)))
+        known = [np.isfinite(measures[name]).all() for name in OF_DIFFUSION]
         assert known == [few] * 3
-        assert np.isfinite(found["accuracy"]).all()
+        assert np.isfinite(measures["accuracy"]).all()
 
 
 def test_a_diffusion_is_that_of_the_times_of_right_decisions_in_seconds():
@@ -99,19 +99,19 @@ def test_a_diffusion_is_that_of_the_times_of_right_decisions_in_seconds():
     times = 900 + 200 * stream(3, "times").standard_gamma(2.0, 500)
     right = times[choice == truth] / 1000
     want = ez_diffusion(0.8, right.mean(), right.var(), 500)
-    found, later, slower, wrong_later = (
+    measures, later, slower, wrong_later = (
         behaving(choice, t, truth).measures(weights)
         for t in (times, times + 400, 2 * times, times + 400 * (choice != truth))
     )
-    assert (found["accuracy"], found["decided"]) == (pytest.approx([0.8]), [500])
-    assert (found["drift"][0], found["boundary_separation"][0]) == pytest.approx(want[:2])
-    assert found["non_decision_ms"][0] == pytest.approx(1000 * want[2])
-    assert later["non_decision_ms"][0] == pytest.approx(found["non_decision_ms"][0] + 400)
-    assert slower["non_decision_ms"][0] == pytest.approx(2 * found["non_decision_ms"][0])
+    assert (measures["accuracy"], measures["decided"]) == (pytest.approx([0.8]), [500])
+    assert (measures["drift"][0], measures["boundary_separation"][0]) == pytest.approx(want[:2])
+    assert measures["non_decision_ms"][0] == pytest.approx(1000 * want[2])
+    assert later["non_decision_ms"][0] == pytest.approx(measures["non_decision_ms"][0] + 400)
+    assert slower["non_decision_ms"][0] == pytest.approx(2 * measures["non_decision_ms"][0])
     for name, other in (("drift", 0.5**0.5), ("boundary_separation", 2**0.5)):
-        assert later[name] == pytest.approx(found[name])
-        assert wrong_later[name] == pytest.approx(found[name])
-        assert slower[name] == pytest.approx(other * found[name])
+        assert later[name] == pytest.approx(measures[name])
+        assert wrong_later[name] == pytest.approx(measures[name])
+        assert slower[name] == pytest.approx(other * measures[name])
 
 
 def test_a_diffusion_with_a_time_below_0_is_withheld_whatever_the_resample():
@@ -120,9 +120,9 @@ def test_a_diffusion_with_a_time_below_0_is_withheld_whatever_the_resample():
     choice = np.where(np.arange(200) % 5 == 0, 1 - truth, truth)
     scattered = np.where(np.arange(200) % 4 < 2, 50.0, 1500.0)
     weights = np.concatenate([np.ones((1, 200)), stream(2, "w").integers(0, 3, (50, 200))])
-    found = behaving(choice, scattered, truth).measures(weights)
-    assert all(np.isnan(found[name]).all() for name in OF_DIFFUSION)
-    assert np.isfinite(found["mean_ms"]).all()
+    measures = behaving(choice, scattered, truth).measures(weights)
+    assert all(np.isnan(measures[name]).all() for name in OF_DIFFUSION)
+    assert np.isfinite(measures["mean_ms"]).all()
     # Without the first row too: a sweep asks for its resamples in parts.
     assert np.isnan(behaving(choice, scattered, truth).measures(weights[1:])["drift"]).all()
     later = behaving(choice, scattered + 1000, truth).measures(weights)
@@ -133,10 +133,10 @@ def test_a_diffusion_with_a_time_below_0_is_withheld_whatever_the_resample():
 def test_the_share_of_the_first_alternative_is_of_those_decided():
     truth = np.arange(200) % 2
     choice = np.where(np.arange(200) < 150, 0, 1)
-    found = behaving(choice, 300 + 10.0 * np.arange(200), truth, missed=40)
-    assert found.measures(np.ones((1, 200)))["choice_0"][0] == 150 / 160
+    behaviour = behaving(choice, 300 + 10.0 * np.arange(200), truth, missed=40)
+    assert behaviour.measures(np.ones((1, 200)))["choice_0"][0] == 150 / 160
     weights = np.where(np.arange(200) < 10, 1.0, 0.0)[None]
-    assert found.measures(weights)["choice_0"][0] == 1
+    assert behaviour.measures(weights)["choice_0"][0] == 1
 
 
 @given(st.integers(0, 2**31), st.integers(0, 40))
@@ -147,10 +147,10 @@ def test_all_trials_count_with_what_missed_ones_can_make_of_them(seed, missed):
     times = 300 + 10.0 * rng.integers(0, 90, 40)
     times[40 - missed :] = 1250.0
     weights = rng.integers(0, 3, (3, 40)).astype(float) + (np.arange(40) == 0)
-    found = behaving(choice, times, truth, missed).measures(weights)
+    values = behaving(choice, times, truth, missed).measures(weights)
     decided = np.arange(40) < 40 - missed
     right, total = decided & (choice == truth), weights.sum(axis=1)
-    np.testing.assert_allclose(found["accuracy_all"], weights @ right / total)
-    np.testing.assert_allclose(found["accuracy_best"], weights @ (right | ~decided) / total)
-    np.testing.assert_allclose(found["mean_all_ms"], weights @ times / total)
-    np.testing.assert_allclose(found["accuracy_best"] - found["accuracy_all"], found["missed"])
+    np.testing.assert_allclose(values["accuracy_all"], weights @ right / total)
+    np.testing.assert_allclose(values["accuracy_best"], weights @ (right | ~decided) / total)
+    np.testing.assert_allclose(values["mean_all_ms"], weights @ times / total)
+    np.testing.assert_allclose(values["accuracy_best"] - values["accuracy_all"], values["missed"])

@@ -76,10 +76,10 @@ def test_a_threshold_that_means_nothing_is_refused_by_all_that_decide(decide):
 def test_a_trace_refuses_the_thresholds_that_the_terminal_refuses(name, level):
     model = BasalGanglia(name, "algebra", 0.5)
     trace = model.run(EVIDENCE[:2])
-    said = refusal(lambda: check_threshold(model.circuit, level))
-    assert refusal(lambda: first_crossing(trace, level)) == said
-    assert refusal(lambda: model.decide(EVIDENCE[:2], level)) == said
-    assert bool(said) == (
+    sentence = refusal(lambda: check_threshold(model.circuit, level))
+    assert refusal(lambda: first_crossing(trace, level)) == sentence
+    assert refusal(lambda: model.decide(EVIDENCE[:2], level)) == sentence
+    assert bool(sentence) == (
         level < model.circuit.readable_nats[0] or level >= rest_out(model.circuit)
     )
 
@@ -93,8 +93,8 @@ def test_a_posterior_in_place_of_a_threshold_is_asked_after():
         Stream(Msprt(), 0.85)
     with pytest.raises(ValueError, match=r"did you mean a posterior"):
         tally_sprt(EVIDENCE, [0.85])
-    (said,) = told(lambda: first_crossing(Msprt().run(FOUR), 0.85))
-    assert "a posterior of 0.427; did you mean" in said
+    (warning,) = told(lambda: first_crossing(Msprt().run(FOUR), 0.85))
+    assert "a posterior of 0.427; did you mean" in warning
     for level in (-np.log(0.85), threshold_from_posterior(0.85, 4), 1.1):
         assert not told(lambda level=level: first_crossing(Msprt().run(FOUR), level))
 
@@ -141,19 +141,19 @@ def test_a_majority_that_met_no_threshold_is_warned_of_with_its_number(forced):
         lambda: MODEL.decide(short, level, forced=forced),
         lambda: crossing_of_each(Msprt(0.5).run(short), np.full(20, level), forced=forced),
     ):
-        (said,) = told(call)
-        assert said.startswith("20 of 20 trials never meet the threshold")
-        assert ("the deadline decides them" in said) == forced
-        assert ("they stay undecided" in said) != forced
-    (said,) = told(lambda: tally(Msprt(0.5).run(short), short.truth, [level]))
-    assert said.startswith("20 of 20 trials never meet")
+        (warning,) = told(call)
+        assert warning.startswith("20 of 20 trials never meet the threshold")
+        assert ("the deadline decides them" in warning) == forced
+        assert ("they stay undecided" in warning) != forced
+    (warning,) = told(lambda: tally(Msprt(0.5).run(short), short.truth, [level]))
+    assert warning.startswith("20 of 20 trials never meet")
 
 
 def test_a_lesion_that_decides_nothing_is_warned_of_and_one_that_needs_no_evidence_refused():
     table = MODEL.circuit
     silent = replace(MODEL, circuit=table.lesion("GPe", 0.25))
-    (said,) = told(lambda: first_crossing(silent.run(EVIDENCE), posterior=0.9))
-    assert said.startswith("60 of 60 trials never meet the threshold")
+    (warning,) = told(lambda: first_crossing(silent.run(EVIDENCE), posterior=0.9))
+    assert warning.startswith("60 of 60 trials never meet the threshold")
     eager = replace(MODEL, circuit=table.scale("ctx", "STN", 0.5))
     with refused("thresholds would decide without evidence"):
         first_crossing(eager.run(EVIDENCE), posterior=0.9)
@@ -162,8 +162,8 @@ def test_a_lesion_that_decides_nothing_is_warned_of_and_one_that_needs_no_eviden
 @pytest.mark.parametrize(("late", "early"), [(2, 0), (3, 0), (0, 2), (0, 3)])
 def test_more_than_half_of_the_trials_are_a_majority(late, early):
     counts = np.array([late]), np.array([early])
-    said = told(lambda: check_early_and_late(*counts, 4, 0.3, forced=True, of_test=True))
-    assert [one[:13] for one in said] == ["3 of 4 trials"] * (max(late, early) > 2)
+    warned = told(lambda: check_early_and_late(*counts, 4, 0.3, forced=True, of_test=True))
+    assert [one[:13] for one in warned] == ["3 of 4 trials"] * (max(late, early) > 2)
 
 
 def test_all_trials_before_their_first_reading_are_refused_of_a_test_alone():
@@ -171,8 +171,8 @@ def test_all_trials_before_their_first_reading_are_refused_of_a_test_alone():
     counts = np.array([0]), np.array([1])
     with refused("thresholds every trial decides before its first reading"):
         check_early_and_late(*counts, 1, 0.3, forced=True, of_test=True)
-    (said,) = told(lambda: check_early_and_late(*counts, 1, 0.3, forced=True, of_test=False))
-    assert said.startswith("1 of 1 trials decide before their first reading")
+    (warning,) = told(lambda: check_early_and_late(*counts, 1, 0.3, forced=True, of_test=False))
+    assert warning.startswith("1 of 1 trials decide before their first reading")
     biased = some_evidence(hypotheses=2, prior=[0.2, 0.8])
     for decide in (
         lambda: first_crossing(Msprt().run(biased), posterior=0.7),
@@ -202,20 +202,20 @@ def test_of_many_thresholds_each_kind_is_warned_of_once_and_all_are_refused(leve
         with refused("thresholds (rests at|resolves no) OUT"):
             known.check(levels)
         return
-    said = told(lambda: known.check(levels))
+    warned = told(lambda: known.check(levels))
     counts = [f"{sum(kind)} of {len(levels)} thresholds" for kind in wrong if any(kind)]
-    assert [one.partition(" are unusable")[0] for one in said] == counts
+    assert [one.partition(" are unusable")[0] for one in warned] == counts
 
 
 def test_a_grid_is_warned_of_once_with_the_number_of_its_thresholds():
     trace = Msprt(0.5).run(EVIDENCE)
     grid = np.linspace(0, 1, 21)[:-1]
-    said = told(lambda: first_crossing(trace, grid))
-    assert len(said) == 2
+    warned = told(lambda: first_crossing(trace, grid))
+    assert len(warned) == 2
     decided = first_crossing(trace, grid, checked=False)
-    for one, each in zip(said, (decided.premature, decided.forced), strict=True):
+    for one, each in zip(warned, (decided.premature, decided.forced), strict=True):
         assert one.startswith(f"at {(each.mean(axis=1) > 0.5).sum()} of 20 thresholds most trials")
-    assert told(lambda: tally(trace, EVIDENCE.truth, grid)) == said
+    assert told(lambda: tally(trace, EVIDENCE.truth, grid)) == warned
     assert not told(lambda: first_crossing(trace, grid, checked=False))
 
 
@@ -232,8 +232,8 @@ def test_a_circuit_decides_in_python_what_it_decides_at_the_terminal(tmp_path):
     from bgmodel.task import Gaussian
 
     out = tmp_path / "out.csv"
-    given = ("--task", "trials=30", "--engine", "population", "--seed", 5, "--posterior", 0.85)
-    assert run("circuit", "run", "--save", out, *given) == 0
+    options = ("--task", "trials=30", "--engine", "population", "--seed", 5, "--posterior", 0.85)
+    assert run("circuit", "run", "--save", out, *options) == 0
     evidence = Gaussian(trials=30).evidence(seed=bg.stream(5, "circuit run"))
     model = BasalGanglia("macaque", "population", 0.55, 5)
     means = RateMeans()

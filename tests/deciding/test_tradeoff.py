@@ -45,11 +45,11 @@ def test_each_accuracy_has_a_threshold_however_long_a_trial_may_last(d_prime, fa
     readings = factor * int(40 / d_prime**2 + 10)
     evidence = gaussian_evidence(400, d_prime=d_prime, t_max=readings, seed=3)
     for made in (Msprt(), Msprt(0.55), MaxVsNext()):
-        found = tradeoff(made.run(evidence), evidence, accuracies=(0.9123,))
-        low, high = found.reached[[0, -1]]
+        decisions = tradeoff(made.run(evidence), evidence, accuracies=(0.9123,))
+        low, high = decisions.reached[[0, -1]]
         for accuracy in [0.9123, *PLACED]:
             if low < accuracy < min(high, 0.99):
-                assert np.abs(found.reached - accuracy).min() < 0.1 * margin(accuracy) + 5e-4
+                assert np.abs(decisions.reached - accuracy).min() < 0.1 * margin(accuracy) + 5e-4
 
 
 def test_times_at_an_accuracy_are_those_of_a_randomised_test_on_a_lattice():
@@ -60,16 +60,16 @@ def test_times_at_an_accuracy_are_those_of_a_randomised_test_on_a_lattice():
     """
     c, readings, trials = 1.3, 80, 4000
     evidence = cues(trials, readings, c)
-    found = tradeoff(Msprt().run(evidence), evidence).at_accuracy(0.9)
+    decisions = tradeoff(Msprt().run(evidence), evidence).at_accuracy(0.9)
     posterior = 1 / (1 + np.exp(-c * np.array([1, 2])))
     steps = np.array([1, 2]) * np.tanh(np.array([1, 2]) * c / 2) / np.tanh(c / 2)
     share = (0.9 - posterior[0]) / np.diff(posterior)[0]
-    assert found.posterior.mean() == pytest.approx(0.9, abs=2e-3)
-    assert set(np.round(found.posterior[0], 6)) == set(np.round(posterior, 6))
+    assert decisions.posterior.mean() == pytest.approx(0.9, abs=2e-3)
+    assert set(np.round(decisions.posterior[0], 6)) == set(np.round(posterior, 6))
     due = 1 + share * (steps[1] - steps[0])
-    error = found.time_ms.std() / np.sqrt(trials) / evidence.step_ms
-    assert found.time_ms.mean() / evidence.step_ms == pytest.approx(due, abs=4 * error)
-    right = (found.choice[0] == evidence.truth).mean()
+    error = decisions.time_ms.std() / np.sqrt(trials) / evidence.step_ms
+    assert decisions.time_ms.mean() / evidence.step_ms == pytest.approx(due, abs=4 * error)
+    right = (decisions.choice[0] == evidence.truth).mean()
     assert right == pytest.approx(0.9, abs=4 * np.sqrt(0.09 / trials))
     # Integrators divide the same trials: the test agrees with a monotone function of itself.
     other = tradeoff(MaxVsNext().run(evidence), evidence)
@@ -84,21 +84,21 @@ def test_a_model_whose_accuracy_falls_with_time_has_thresholds_up_to_its_best():
     trace = Lca(leak_hz=20.0, inhibition_hz=0.0).run(evidence)
     at = levels(trace, evidence)
     every = tradeoff(trace, evidence, _steps(trace, evidence)[0]).posterior.mean(axis=1)
-    found = tradeoff(trace, evidence, at).posterior.mean(axis=1)
-    assert found.max() == pytest.approx(every.max(), abs=0.005)
+    reached = tradeoff(trace, evidence, at).posterior.mean(axis=1)
+    assert reached.max() == pytest.approx(every.max(), abs=0.005)
 
 
 def test_evidence_that_says_nothing_has_one_threshold():
     silent = Evidence(np.zeros((10, 5, 2)), np.arange(10) % 2)
-    found = tradeoff(Msprt().run(silent), silent)
-    assert found.posterior.mean() == 0.5
-    assert len(found.settings) == 1
+    decisions = tradeoff(Msprt().run(silent), silent)
+    assert decisions.posterior.mean() == 0.5
+    assert len(decisions.settings) == 1
 
 
 def test_settings_are_added_in_order():
     evidence = gaussian_evidence(50, d_prime=1.0, t_max=20, seed=2)
     trace = Msprt().run(evidence)
-    whole = tradeoff(trace, evidence, [0.5, 0.3, 0.2, 0.1])
+    in_one = tradeoff(trace, evidence, [0.5, 0.3, 0.2, 0.1])
     parts = tradeoff(trace, evidence, [0.3, 0.1]) | tradeoff(trace, evidence, [0.2, 0.5])
     for name in ("settings", "choice", "time_ms", "forced", "posterior"):
-        assert np.array_equal(getattr(whole, name), getattr(parts, name)), name
+        assert np.array_equal(getattr(in_one, name), getattr(parts, name)), name

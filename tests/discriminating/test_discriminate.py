@@ -36,13 +36,13 @@ def lesioned():
 
 def test_two_alternatives_cannot_tell_the_msprt_from_max_vs_average():
     """Bogacz & Gurney 2007: with two alternatives they are one test."""
-    found = bg.discriminate("msprt", "max vs average", space=TWO, **FEW)
-    assert found.verdict == INSEPARABLE
-    assert found.same == (2,)
-    assert found.most_nats == 0
+    verdict = bg.discriminate("msprt", "max vs average", space=TWO, **FEW)
+    assert verdict.verdict == INSEPARABLE
+    assert verdict.same == (2,)
+    assert verdict.most_nats == 0
     # Their thresholds are matched to about a ten-thousandth.
-    assert found.table["nats"].abs().max() < 1e-3
-    assert found.sequential["median"].tolist() == [np.inf, np.inf]
+    assert verdict.table["nats"].abs().max() < 1e-3
+    assert verdict.sequential["median"].tolist() == [np.inf, np.inf]
 
 
 def test_four_alternatives_can(tests):
@@ -162,9 +162,9 @@ def test_a_manipulation_that_a_circuit_does_not_have_is_left_out_with_a_warning(
     space = replace(QUICK, edits=("", "lesion GPe_ctx 5%"))
     without = replace(QUICK, edits=("", "lesion TRN 5%"))
     with pytest.warns(bg.BgmodelWarning):
-        found = bg.discriminate("macaque", second_edits=["lesion STN 10%"], space=without, **FEW)
-    assert found.settings["left_out"] == ["lesion TRN 5%"]
-    assert space != found.space
+        result = bg.discriminate("macaque", second_edits=["lesion STN 10%"], space=without, **FEW)
+    assert result.settings["left_out"] == ["lesion TRN 5%"]
+    assert space != result.space
 
 
 def test_an_accuracy_that_no_model_reaches_is_refused():
@@ -180,8 +180,8 @@ def test_both_models_have_the_accuracy_of_the_task_in_plain_trials():
     probe = Probe(2, 1.0)
     for k in (0, 1):
         [level] = trials.levels(k, probe).values()
-        found = trials.simulated(k, probe).at(level, 1e9)
-        assert (found.choice == 0).mean() == pytest.approx(0.85, abs=0.025)
+        decisions = trials.simulated(k, probe).at(level, 1e9)
+        assert (decisions.choice == 0).mean() == pytest.approx(0.85, abs=0.025)
 
 
 def test_the_map_the_figure_and_the_report_name_the_best_task(tests):

@@ -32,20 +32,20 @@ def chosen(share, trials, seed):
 
 def test_two_gaussians_have_the_divergence_of_their_bins():
     true, other = timed(MEAN_MS, 40_000, 1), timed(MEAN_MS + APART_MS, 40_000, 2)
-    found, [bins] = information([true], [other], [1.0])
+    estimate, [bins] = information([true], [other], [1.0])
     cuts = np.concatenate([[-np.inf], bins.edges[CORRECT], [np.inf]])
     p, q = (np.diff(norm.cdf(cuts, mean, SD_MS)) for mean in (MEAN_MS, MEAN_MS + APART_MS))
     exact = float(p @ np.log(p / q))
     assert len(p) == BINS
-    assert abs(found.nats - exact) < 4 * found.error < 0.02
+    assert abs(estimate.nats - exact) < 4 * estimate.error < 0.02
     # Bins lose some of what times tell: (apart / sd)^2 / 2 nats.
-    assert 0.8 * APART_MS**2 / (2 * SD_MS**2) < found.nats < APART_MS**2 / (2 * SD_MS**2)
+    assert 0.8 * APART_MS**2 / (2 * SD_MS**2) < estimate.nats < APART_MS**2 / (2 * SD_MS**2)
 
 
 def test_choices_have_the_divergence_of_two_proportions():
-    found, _ = information([chosen(0.9, 40_000, 1)], [chosen(0.8, 40_000, 2)], [1.0])
+    estimate, _ = information([chosen(0.9, 40_000, 1)], [chosen(0.8, 40_000, 2)], [1.0])
     exact = 0.9 * np.log(0.9 / 0.8) + 0.1 * np.log(0.1 / 0.2)
-    assert abs(found.nats - exact) < 4 * found.error < 0.02
+    assert abs(estimate.nats - exact) < 4 * estimate.error < 0.02
 
 
 def test_a_model_against_itself_tells_nothing_within_the_error():
@@ -53,10 +53,10 @@ def test_a_model_against_itself_tells_nothing_within_the_error():
     corrected, plain, errors = [], [], []
     for seed in range(30):
         both = [timed(MEAN_MS, 600, 10 * seed + k) for k in (1, 2)]
-        found, _ = information([both[0]], [both[1]], [1.0])
-        corrected.append(found.nats)
-        plain.append(found.plain_nats)
-        errors.append(found.error)
+        estimate, _ = information([both[0]], [both[1]], [1.0])
+        corrected.append(estimate.nats)
+        plain.append(estimate.plain_nats)
+        errors.append(estimate.error)
     spread = np.std(corrected) / np.sqrt(len(corrected))
     assert abs(np.mean(corrected)) < 3 * spread
     assert np.mean(plain) > 6 * spread
@@ -69,8 +69,8 @@ def test_a_model_against_itself_tells_nothing_within_the_error():
 
 def test_the_same_trials_tell_exactly_nothing():
     one = timed(MEAN_MS, 500, 1)
-    found, _ = information([one], [one], [1.0])
-    assert (found.nats, found.error) == (0.0, 0.0)
+    estimate, _ = information([one], [one], [1.0])
+    assert (estimate.nats, estimate.error) == (0.0, 0.0)
 
 
 def test_common_random_numbers_reduce_the_error():

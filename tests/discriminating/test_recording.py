@@ -38,11 +38,11 @@ def test_the_ratio_of_counts_is_the_square_of_the_cv_of_renewal_cells(table, nuc
 def test_counts_have_the_mean_of_the_rate_and_the_variance_of_renewal_cells(table, nucleus, cells):
     recording, hz = Recording(nucleus, (0.0, 250.0), cells), 60.0
     trials = 100_000
-    found = recording.counts(np.full(trials, hz), table, bg.stream(1, "counts"))
+    counts = recording.counts(np.full(trials, hz), table, bg.stream(1, "counts"))
     mean = 0.25 * hz
     variance = cells * (count_ratio(table, nucleus) * mean + 1 / 6)
-    assert found.mean() == pytest.approx(cells * mean, abs=4 * np.sqrt(variance / trials))
-    assert found.var() == pytest.approx(variance, rel=4 * np.sqrt(2 / trials))
+    assert counts.mean() == pytest.approx(cells * mean, abs=4 * np.sqrt(variance / trials))
+    assert counts.var() == pytest.approx(variance, rel=4 * np.sqrt(2 / trials))
 
 
 def test_rates_are_those_of_the_window_and_of_the_true_alternative():
@@ -66,12 +66,12 @@ def shown(mean, seed, trials=40_000):
 
 def test_counts_that_depend_on_nothing_else_tell_the_divergence_of_their_bins():
     true, other = shown(20.0, 1), shown(21.0, 2)
-    found, [bins] = information([true], [other], [1.0])
+    estimate, [bins] = information([true], [other], [1.0])
     cuts = np.concatenate([[-np.inf], bins.counts, [np.inf]])
     p, q = (np.diff(norm.cdf(cuts, mean, 2.0)) for mean in (20.0, 21.0))
     exact = float(p @ np.log(p / q))
-    assert abs(found.nats - exact) < 4 * found.error < 0.02
-    assert 0.75 * 0.125 < found.nats < 0.125  # (apart / sd)^2 / 2, of which bins lose some
+    assert abs(estimate.nats - exact) < 4 * estimate.error < 0.02
+    assert 0.75 * 0.125 < estimate.nats < 0.125  # (apart / sd)^2 / 2, of which bins lose some
 
 
 def test_every_bin_of_choice_time_and_count_is_one_place():

@@ -22,8 +22,8 @@ def exact_median(d):
 
 @pytest.mark.parametrize("d", [0.1, 0.2, 0.5])
 def test_the_diffusion_has_the_median_of_the_exact_chain(d):
-    found = exit_median(d**2 / 2, d**2)
-    assert found == pytest.approx(exact_median(d), rel=0.03, abs=0.6)
+    median = exit_median(d**2 / 2, d**2)
+    assert median == pytest.approx(exact_median(d), rel=0.03, abs=0.6)
 
 
 def test_a_steep_walk_goes_straight_to_its_bound():

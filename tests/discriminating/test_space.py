@@ -66,18 +66,18 @@ def peak(place):
 
 
 def test_a_small_grid_is_searched_completely():
-    found = search((2, 3), lambda place: float(sum(place)), evaluations=6, seed=1)
-    assert len(found) == 6
-    assert max(found, key=found.get) == (1, 2)
+    values = search((2, 3), lambda place: float(sum(place)), evaluations=6, seed=1)
+    assert len(values) == 6
+    assert max(values, key=values.get) == (1, 2)
 
 
 def test_a_large_grid_is_searched_within_the_budget_and_better_than_at_random():
     ranks = []
     every = sorted((peak(place) for place in np.ndindex(*SIZES)), reverse=True)
     for seed in range(8):
-        found = search(SIZES, peak, evaluations=80, seed=seed)
-        assert len(found) <= 80
-        ranks.append(every.index(max(found.values())))
+        values = search(SIZES, peak, evaluations=80, seed=seed)
+        assert len(values) <= 80
+        ranks.append(every.index(max(values.values())))
     # The best of 80 random places has rank 720 / 81 on average.
     assert np.mean(ranks) < 0.5 * np.prod(SIZES) / 81
 
@@ -93,5 +93,5 @@ def test_a_search_repeats_itself_and_survives_places_without_a_score():
 
 
 def test_places_are_within_the_grid():
-    found = search(SIZES, peak, evaluations=60, seed=1)
-    assert all(0 <= k < n for place in found for k, n in zip(place, SIZES, strict=True))
+    values = search(SIZES, peak, evaluations=60, seed=1)
+    assert all(0 <= k < n for place in values for k, n in zip(place, SIZES, strict=True))

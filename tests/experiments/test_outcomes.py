@@ -455,3 +455,14 @@ def test_a_circuit_that_chooses_against_the_evidence_gets_no_verdict():
     control = replace(experiment, control=WITHOUT_DOPAMINE, manipulation=Changes())
     with pytest.raises(ValueError, match="the control's choices go against the evidence"):
         control.run()
+
+
+@pytest.mark.parametrize(("edit", "shift"), [("lesion STN 20%", 0.223), ("lesion GPe 5%", None)])
+def test_a_page_gives_the_criterion_to_which_a_loss_amounts(by_threshold, edit, shift):
+    experiment, table = by_threshold
+    lesioned = replace(experiment, manipulation=Changes(edits=Edits([edit])))
+    text = page(lesioned, table)
+    assert (f"the manipulation acts as a criterion lower by {shift} nats" in text) == bool(shift)
+    # With the same loss in the control there is no change.
+    both = replace(lesioned, control=Changes(edits=Edits([edit])), name="both")
+    assert "acts as a criterion" not in page(both, table)

@@ -9,10 +9,8 @@ from hypothesis import strategies as st
 
 from bgmodel.cli import main
 from bgmodel.explorer import drawing
-from bgmodel.explorer.history import History
-from bgmodel.explorer.html import TITLES
-from bgmodel.explorer.panels import Memory, panels
-from bgmodel.explorer.state import MOST_TRIALS, State
+from bgmodel.explorer.panels import TITLES, Memory, panels
+from bgmodel.explorer.state import MOST_TRIALS, History, State
 from circuits.anatomy import load_circuit
 from circuits.declaration.table_files import digest
 from tests.explorer.helpers import STEPS, small
@@ -97,7 +95,7 @@ def follow(steps, tmp_path, capsys, monkeypatch, *, drawn):
         assert panel.key == state.key
         assert panel.digest == expected
         assert panel.text
-        assert panel.refused != bool(panel.svg or panel.html)
+        assert panel.refused != bool(panel.svg or panel.tables)
     assert State.from_link(state.link()) == state
 
 

@@ -42,8 +42,7 @@ def test_a_notebook_gets_a_layout_with_its_state():
     pytest.importorskip("panel", reason="the explorer needs Panel: pip install '.[explore]'")
     found = bg.explore("bogacz_gurney")
     assert found.explorer.state.experiment.circuit == "bogacz_gurney"
-    found.explorer.stop()
-    found.explorer.runs._thread.join(60)
+    found.explorer.runs.stop(wait=True)
 
 
 def test_without_panel_one_sentence_says_what_to_install():

@@ -6,13 +6,24 @@ import pytest
 
 pytest.importorskip("panel", reason="the explorer needs Panel: pip install '.[explore]'")
 
-from bgmodel.explorer.html import TITLES
-from bgmodel.explorer.page import Explorer
+from bgmodel.explorer.controls import CHOOSE, NUMBERS
+from bgmodel.explorer.page import FILES, Explorer
+from bgmodel.explorer.panels import CIRCUIT, TITLES
+from bgmodel.explorer.ranking import RANKING
 from bgmodel.explorer.state import State
 from tests.explorer.helpers import FEW, small
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 WAIT_S = 120
+VALUES = {
+    "d_prime": 0.7, "channels": 3, "conflict": 0.4, "t_max": 30, "step_ms": 40.0, "trials": 130,
+    "seed": 5, "posterior": 0.8, "threshold": 0.4, "gain": 0.5, "trial": 3, "stop": True,
+    "stop.share": 0.3, "stop.delay_ms": 20.0, "dopamine": 0.9, "lesion": 10.0, "cut": 20.0,
+    "scale": 0.5, "value": "-1.5",
+}  # fmt: skip
+"""Another value of each widget that shows a part of the state."""
+ROWS = {"cut": "STN->GPe", "scale": "STN->GPe"}
+"""Rows of the widgets that belong to pathways."""
 
 
 @pytest.fixture(scope="module")
@@ -31,160 +42,134 @@ def reset(explorer):
     explorer.controls.choose("STN")
 
 
-def shown(explorer):
-    """Wait until all panels show the state."""
+@pytest.fixture
+def widgets(explorer):
+    return explorer.controls.widgets
+
+
+def until(condition):
     ends = time.monotonic() + WAIT_S
-    while {panel.key for panel in explorer.shown.values()} != {explorer.state.key} or set(
-        explorer.shown
-    ) != set(TITLES):
+    while not condition():
         assert time.monotonic() < ends
         time.sleep(0.01)
-    return explorer.shown
 
 
-def test_every_widget_changes_the_state_and_shows_it(explorer):
-    controls = explorer.controls
-    controls.line.value = "lesion STN 10%"
+def test_every_widget_changes_the_state_and_follows_it(explorer, widgets, monkeypatch):
+    """A new value gives another state that shows it; undo restores the value."""
+    monkeypatch.setattr(explorer.runs, "show", lambda state: None)
+    assert set(widgets) == {*VALUES, "evidence", "preset", "file", "line"}
+    assert set(NUMBERS) < set(VALUES)
+    for name, value in VALUES.items():
+        explorer.controls.choose(ROWS.get(name, "STN"))
+        before, old = explorer.state, widgets[name].value
+        widgets[name].value = value
+        assert explorer.state != before, name
+        explorer.controls.show(explorer.state)
+        assert widgets[name].value == value, name
+        assert State.from_link(explorer.texts["Link"].value) == explorer.state
+        explorer.buttons["Undo"].clicks += 1
+        assert (explorer.state, widgets[name].value) == (before, old), name
+    explorer.buttons["Redo"].clicks += 1
+    assert widgets["value"].value == value
+    explorer.buttons["Reset"].clicks += 1
+    assert explorer.state == explorer.history.first
+
+
+def test_an_edit_is_typed_and_removed_by_a_button(explorer, widgets):
+    widgets["line"].value = "lesion STN 10%"
     assert explorer.state.edits == ("lesion STN 10%",)
-    assert controls.line.value == ""
-    assert controls.quick["lesion"].value == 10
-    controls.quick["lesion"].value = 20
-    controls.row.value = "STN->GPe"
-    controls.quick["scale"].value = 0.5
-    controls.row.value = "GPe->STN"
-    controls.field.value = "weight"
-    controls.value.value = "-0.9"
-    edits = ("lesion STN 20%", "scale STN->GPe 0.5", "set GPe->STN.weight -0.9")
-    assert explorer.state.edits == edits
-    controls.numbers["d_prime"].value = 0.7
-    controls.numbers["trial"].value = 3
-    assert explorer.state.experiment.task.d_prime == 0.7
-    assert explorer.state.trial == 3
-    explorer.undo.clicks += 1
-    explorer.undo.clicks += 1
-    assert controls.numbers["d_prime"].value == FEW.d_prime
-    explorer.redo.clicks += 1
-    assert controls.numbers["d_prime"].value == 0.7
-    assert State.from_link(explorer.export.link.value) == explorer.state
-    explorer.reset.clicks += 1
+    assert (widgets["line"].value, widgets["lesion"].value) == ("", 10)
+    explorer.controls.edits[0].clicks += 1
     assert explorer.state.edits == ()
 
 
-def test_a_change_that_changes_nothing_leaves_the_run_alone(explorer, monkeypatch):
+def test_circuits_and_experiments_are_opened(explorer, widgets):
+    widgets["preset"].value = "gpe_lesion"
+    assert explorer.state.experiment.name != "Explored"
+    assert widgets["preset"].value == CHOOSE
+    widgets["file"].value = explorer.history.first.link()
+    assert explorer.state == explorer.history.first
+
+
+def test_a_change_that_changes_nothing_leaves_the_run_alone(explorer, widgets, monkeypatch):
     """A browser reports an Enter twice: as a new text, and as a key."""
     asked = []
     monkeypatch.setattr(explorer.runs, "show", asked.append)
-    explorer.controls.line.value = "lesion STN 10%"
-    explorer.controls.line.value = "lesion STN 10%"
+    for _ in range(2):
+        widgets["line"].value = "lesion STN 10%"
     assert asked == [explorer.state]
-    assert explorer.controls.line.value == ""
-
-
-def test_a_pathway_is_added_and_an_edit_removed_by_a_button(explorer):
-    controls = explorer.controls
-    controls.source.value, controls.target.value = "D1", "GPe"
-    controls.add.clicks += 1
-    assert explorer.state.edits == ("add D1->GPe weight=-0.1 delay_ms=4",)
-    explorer.list[0].clicks += 1
-    assert explorer.state.edits == ()
+    assert widgets["line"].value == ""
 
 
 def test_a_click_in_the_drawing_chooses_its_row(explorer):
-    explorer.drawing.chosen = "GPe->STN"
-    explorer.drawing.clicks += 1
-    assert explorer.controls.row.value == "GPe->STN"
-    explorer.drawing.chosen = "figure_1"
-    explorer.drawing.clicks += 1
-    assert explorer.controls.row.value == "GPe->STN"
+    drawing, row = explorer.views[CIRCUIT].figure, explorer.controls.row
+    for name in ("GPe->STN", "figure_1"):
+        drawing.chosen = name
+        drawing.clicks += 1
+        assert row.value == "GPe->STN"
 
 
-def test_a_refusal_is_text_below_its_field_and_leaves_state_and_what_was_typed(explorer):
-    before, said, controls = explorer.state, explorer.refusal.pane, explorer.controls
-    controls.line.value = "lesion <b>STM</b>"
-    assert explorer.state is before
-    assert "Refused" in said.object
-    assert "<b>" not in said.object
-    assert controls.line.value == "lesion <b>STM</b>"
-    assert below(explorer, "edits", controls.line) is said
-    controls.numbers["d_prime"].value = -1
-    assert controls.numbers["d_prime"].value == -1
-    assert below(explorer, "task", controls.numbers["d_prime"]) is said
-    assert said not in explorer.parts["edits"]
-    controls.file.value = "no.toml"
-    assert "can" in said.object
-    assert explorer.state is before
-    controls.line.value = "lesion STN 10%"
-    assert said.object == ""
-    assert all(said not in column for column in explorer.columns)
-    assert controls.numbers["d_prime"].value == before.experiment.task.d_prime
+def test_a_refusal_is_text_below_its_field_which_keeps_what_was_typed(explorer, widgets):
+    before = explorer.state
 
+    def below(widget):
+        (card,) = (card for card in explorer.controls.cards if widget in card.objects)
+        return card[1 + card.objects.index(widget)]
 
-def below(explorer, part, widget):
-    """Return what is below a widget."""
-    column = explorer.parts[part]
-    return column[1 + column.index(widget)]
+    for name, value in (("line", "lesion <b>STM</b>"), ("d_prime", -1), ("file", "no.toml")):
+        widgets[name].value = value
+        assert explorer.state is before
+        assert widgets[name].value == value
+        assert below(widgets[name]) is explorer.refusal
+        assert "<b>" not in explorer.refusal.object
+    widgets["line"].value = "lesion STN 10%"
+    assert below(widgets["preset"]) is not explorer.refusal
+    assert all(explorer.refusal not in card.objects for card in explorer.controls.cards)
+    assert widgets["d_prime"].value == FEW.d_prime
 
 
 @pytest.mark.parametrize("name", ["lesion", "dopamine", "d_prime"])
-def test_an_emptied_number_is_no_traceback(explorer, name):
-    controls = explorer.controls
-    controls.line.value = "lesion STN 10%"
-    controls.row.value = "STN"
-    found = {**controls.quick, **controls.numbers, "dopamine": controls.dopamine}[name]
-    found.value = None
+def test_an_emptied_number_is_no_traceback(explorer, widgets, name):
+    widgets["line"].value = "lesion STN 10%"
+    widgets[name].value = None
     assert explorer.state.edits == (() if name == "lesion" else ("lesion STN 10%",))
 
 
-def test_losses_are_ranked_and_the_ranking_of_an_earlier_state_is_dimmed(explorer):
-    shown(explorer)
-    explorer.ranking.begin.clicks += 1
-    assert explorer.ranking.begin.disabled
-    ends = time.monotonic() + WAIT_S
-    while explorer.ranking.begin.disabled:
-        assert time.monotonic() < ends
-        time.sleep(0.01)
-    while "lesion STN 10%" not in explorer.ranking.table.object:  # a moment after the button
-        assert time.monotonic() < ends
-        time.sleep(0.01)
-    assert explorer.state.digest in explorer.ranking.table.object
-    before = explorer.state.digest
-    explorer.controls.line.value = "lesion STN 5%"
-    assert explorer.ranking.table.css_classes == ["busy"]
-    assert before in explorer.ranking.table.object
-    explorer.undo.clicks += 1
-    assert explorer.ranking.table.css_classes == []
-
-
-def test_a_file_that_is_shown_as_text_can_be_edited_there(explorer):
-    explorer.export.toml.value = explorer.export.toml.value.replace(
-        "trials = 120", "trials = 120\nd_prime = 0.9"
-    ).replace("d_prime = 1.0\n", "")
-    explorer.export.apply.clicks += 1
-    assert explorer.state.experiment.task.d_prime == 0.9
-    explorer.export.toml.value = "name = 3\n= x"
-    explorer.export.apply.clicks += 1
-    assert "is not valid TOML" in explorer.refusal.pane.object
-
-
-def test_panels_are_dimmed_until_they_show_the_new_state(explorer):
-    shown(explorer)
-    explorer.controls.line.value = "lesion STN 5%"
-    late = [pane for pane in explorer.panes.values() if pane.css_classes == ["busy"]]
-    assert late or {p.key for p in explorer.shown.values()} == {explorer.state.key}
-    panels = shown(explorer)
-    for name, panel in panels.items():
+def test_panels_are_dimmed_until_they_show_the_new_state(explorer, widgets):
+    until(lambda: len(explorer.panels) == len(TITLES))
+    before = {panel.name: panel.svg or panel.tables[0].to_csv() for panel in explorer.panels}
+    widgets["line"].value = "lesion STN 50%"
+    for view in map(explorer.views.get, TITLES):
+        assert view.body.loading != (view.panel.key == explorer.state.key)
+    until(lambda: len(explorer.panels) == len(TITLES))
+    for panel in explorer.panels:
         assert panel.digest == explorer.state.digest
-        assert f'data-circuit="{panel.digest}"' in explorer.panes[name].object
+        assert panel.digest[:8] in explorer.views[panel.name].card.title
+        assert (panel.svg or panel.tables[0].to_csv()) != before[panel.name]
 
 
-def test_trials_are_saved_with_both_conditions(explorer):
-    explorer.controls.line.value = "lesion STN 5%"
-    table = explorer.export.csv("trials").read().decode().splitlines()
-    assert len(table) == 1 + 2 * explorer.state.experiment.trials
-    assert "condition" in table[0]
+def test_losses_are_ranked_and_the_ranking_of_another_state_says_so(explorer, widgets):
+    until(lambda: len(explorer.panels) == len(TITLES))
+    view = explorer.views[RANKING]
+    explorer.begin.clicks += 1
+    assert explorer.begin.disabled
+    until(lambda: view.panel and not explorer.begin.disabled)
+    assert "lesion STN 10%" in [*view.panel.tables[0]["Additional loss"]]
+    widgets["line"].value = "lesion STN 5%"
+    assert "another state" in view.card.title
+    explorer.buttons["Undo"].clicks += 1
+    assert "another state" not in view.card.title
 
 
-def test_the_layouts_of_page_and_notebook_have_every_panel(explorer):
-    assert set(TITLES) <= set(explorer.parts)
-    assert explorer.layout() is not None
-    assert explorer.template() is not None
+def test_files_are_those_of_the_state(explorer, widgets):
+    widgets["line"].value = "lesion STN 5%"
+    texts = {name: explorer.file(name).read().decode() for name in FILES}
+    rows = texts["trials.csv"].splitlines()
+    assert len(rows) == 1 + 2 * explorer.state.experiment.trials
+    assert "condition" in rows[0]
+    assert "intact" in texts["circuit.toml"]
+
+
+def test_template_and_notebook_show_the_same_parts(explorer):
+    page, layout = explorer.template(), explorer.layout()
+    assert [*page.header, *page.main] == [explorer.tools, explorer.body] == [*layout]

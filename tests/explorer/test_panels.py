@@ -3,18 +3,15 @@
 import re
 from xml.etree import ElementTree
 
-import numpy as np
-import pandas as pd
 import pytest
 
 from bgmodel.deciding.measures import MEASURES as MEASURED
 from bgmodel.deciding.measures import OF_ALL, OF_DIFFUSION
 from bgmodel.experiments.experiment import Experiment
-from bgmodel.explorer import drawing
-from bgmodel.explorer.html import CIRCUIT, MEASURES, TITLES, TRADEOFF, TRIAL
-from bgmodel.explorer.panels import Memory, panels
+from bgmodel.explorer.panels import CIRCUIT, KEPT, MEASURES, TITLES, TRADEOFF, TRIAL, Memory, panels
 from bgmodel.explorer.state import State, opened
 from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
+from bgmodel.plots import labelled
 from circuits.laws.stability import is_stable
 from tests.explorer.helpers import small
 from tests.helpers import run
@@ -57,17 +54,15 @@ def test_the_numbers_are_those_that_the_command_prints(shown, tmp_path, capsys):
     file.write_text(state.experiment.to_toml())
     assert run("experiment", file, "--workers", 1) == 0
     printed = capsys.readouterr().out
-    rows = re.findall(r'title="(\w+)">[^<]+</th>(.+?)</tr>', by[MEASURES].html)
-    assert [measure for measure, _ in rows] == [*MEASURED]
-    for measure, cells in rows:
-        texts = re.findall(r"<strong>(.+?)</strong>(?:<small> (.+?)</small>)?", cells)
+    (table,) = by[MEASURES].tables
+    assert [*table["Measure"]] == [*map(labelled, MEASURED)]
+    for measure, (_, *cells) in zip(MEASURED, table.to_numpy(), strict=True):
         line = re.search(rf"^{measure} .*$", printed, re.MULTILINE)
         if line is None:
             # The command leaves out what is unknown, or repeats another measure.
             assert measure in (*OF_ALL, *OF_DIFFUSION)
             continue
-        shown_ = " ".join(f"{value} {interval}" for value, interval in texts)
-        assert line[0].split(maxsplit=1)[1].split() == shown_.split()
+        assert line[0].split()[1:] == " ".join(cells).split()
 
 
 def test_an_experiment_shows_its_source_and_the_verdicts_of_the_command(tmp_path, capsys):
@@ -77,14 +72,14 @@ def test_an_experiment_shows_its_source_and_the_verdicts_of_the_command(tmp_path
     assert run("experiment", file, "--workers", 1) == 0
     printed = capsys.readouterr().out
     by = {panel.name: panel for panel in panels(state, Memory(), workers=1)}
-    verdicts = re.findall(r"<td>the model ([a-z ]+)</td>", by[MEASURES].html)
+    verdicts = [text.removeprefix("the model ") for text in by[MEASURES].tables[0]["Verdict"]]
     assert len(verdicts) == len(state.experiment.predictions) > 0
     assert verdicts == re.findall(r"the model (agrees|disagrees|leaves it open)$", printed, re.M)
-    assert state.experiment.source in by[MEASURES].html
+    assert state.experiment.source in by[MEASURES].text
 
 
 def test_without_predictions_there_are_no_verdicts(shown):
-    assert "the model" not in shown[1][MEASURES].html
+    assert len(shown[1][MEASURES].tables) == 1
 
 
 def test_the_python_that_is_copied_computes_the_same(shown, memory):
@@ -98,7 +93,7 @@ def test_the_python_that_is_copied_computes_the_same(shown, memory):
 
 @pytest.mark.usefixtures("shown")
 def test_the_curve_of_the_msprt_passes_through_its_decisions(memory):
-    (curve,) = memory.tests.values()
+    (curve,) = memory._kept["test"].values()
     outcome = memory.outcome[1]
     evidence, gain = outcome.given.evidence, outcome.models[0].gain
     assert curve["mean_ms"].is_monotonic_increasing
@@ -111,7 +106,7 @@ def test_the_curve_of_the_msprt_passes_through_its_decisions(memory):
 def test_without_edits_the_control_is_shown_alone():
     state = small()
     by = {panel.name: panel for panel in panels(state, Memory(), workers=1)}
-    assert "Manipulation" not in by[MEASURES].html
+    assert [*by[MEASURES].tables[0]] == ["Measure", "Control"]
     assert by[MEASURES].warnings == ()
     assert "Manipulation" not in by[TRADEOFF].text
 
@@ -134,13 +129,12 @@ def test_the_rows_stay_and_a_diffusion_that_is_unknown_has_its_reason():
     """A short deadline cuts off many trials, so that a diffusion would be wrong."""
     short = small("macaque", "algebra", "lesion D1 20%").with_setting("t_max", 4)
     by = {p.name: p for p in panels(short, Memory(), workers=1)}
-    rows = re.findall(r'title="(\w+)">', by[MEASURES].html)
-    assert rows == [*MEASURED]
-    assert "drift" in re.findall(r'class="why">(\w+),', by[MEASURES].html)
+    assert [*by[MEASURES].tables[0]["Measure"]] == [*map(labelled, MEASURED)]
+    assert re.search("^drift,", by[MEASURES].text, re.MULTILINE)
     three = small("macaque", "algebra").with_setting("channels", 3)
     by = {p.name: p for p in panels(three, Memory(), workers=1)}
-    rows = re.findall(r'title="(\w+)">', by[MEASURES].html)
-    assert rows == [name for name in MEASURED if name not in OF_DIFFUSION]
+    rows = [labelled(name) for name in MEASURED if name not in OF_DIFFUSION]
+    assert [*by[MEASURES].tables[0]["Measure"]] == rows
 
 
 @pytest.mark.parametrize(("level", "oscillates"), [(0.3, "no"), (0.1, "yes")])
@@ -149,21 +143,8 @@ def test_the_circuit_says_whether_it_oscillates(level, oscillates):
     state = small("macaque", "algebra", f"dopamine {level}")
     assert is_stable(state.circuit.steady) == (oscillates == "no")
     (panel,) = (p for p in panels(state, Memory(), workers=1) if p.name == CIRCUIT)
-    cells = re.findall(r"<td>(\w+)", panel.html)
-    assert cells[:2] == ["no", oscillates]
-
-
-def test_bins_of_the_control_stay_while_the_manipulation_is_edited():
-    control = pd.DataFrame({"condition": "control", "rt": np.linspace(0.2, 1.0, 200)})
-    edges = []
-    for factor in (0.5, 1.0, 3.0):
-        other = control.assign(condition="manipulation", rt=factor * control["rt"])
-        edges.append(drawing._edges(pd.concat([control, other])))
-        assert edges[-1][0] <= 1000 * other["rt"].min() + 1e-6
-        assert edges[-1][-1] >= 1000 * other["rt"].quantile(0.995) - 1e-6
-    for one in edges:
-        assert np.diff(one) == pytest.approx(np.diff(edges[1])[0])
-        assert np.abs(one[:, None] - edges[1]).min(axis=0)[:-1] == pytest.approx(0, abs=1e-6)
+    _, *cells = panel.tables[0].iloc[0]
+    assert [cell.split(",")[0] for cell in cells] == ["no", oscillates]
 
 
 def test_warnings_are_part_of_the_panels_and_not_printed(recwarn):
@@ -183,7 +164,7 @@ def test_names_are_text_and_not_mathematics_or_markup(tmp_path):
     state = small(str(file))
     for panel in panels(state, Memory(), workers=1):
         assert not panel.refused
-        assert "<script>" not in panel.svg + panel.html
+        assert "<script>" not in panel.svg + panel.folded
 
 
 def test_a_trial_of_a_circuit_without_spikes_has_rates():
@@ -197,7 +178,6 @@ def test_what_is_remembered_does_not_grow():
     memory = Memory()
     for k in range(20):
         state = small("bogacz_gurney").with_setting("seed", k)
-        memory.given(state)
-        memory.tests[k] = None
-    assert max(map(len, (memory.evidence, memory.tests))) <= 4
-    assert memory.given(state) is memory.given(state)
+        memory.evidence(state)
+    assert len(memory._kept["evidence"]) == KEPT
+    assert memory.evidence(state) is memory.evidence(state)

@@ -6,7 +6,7 @@ from tests.explorer.helpers import small
 
 
 def test_every_kind_of_edit_has_an_example_that_is_one():
-    assert {parsed(line).verb for line in rows.EXAMPLES.values()} == set(VERBS)
+    assert {parsed(line).verb for line in rows.EXAMPLES} == set(VERBS)
 
 
 def test_an_amount_writes_replaces_and_removes_its_line():
@@ -35,12 +35,11 @@ def test_values_can_be_set_again_as_they_are_shown():
                 state.circuit.edited(f"set {name}.{field} {value}")
 
 
-def test_a_table_marks_what_differs_and_takes_names_as_text():
-    state = small("macaque", "algebra", "set STN.cite <b>mine</b>")
-    found = rows.table(state, "STN")
-    assert "<b>" not in found
-    assert "control:" in found
-    assert "control:" not in rows.table(small(), "STN")
-    assert "control: none" in rows.table(
-        small().edited(rows.new_pathway("D1", "GPe", -0.1, 4)), "D1->GPe"
-    )
+def test_a_table_has_the_values_of_the_control_where_they_differ():
+    def control(state, name):
+        return rows.table(state, name).set_index("Field")["Control"]
+
+    state = small("macaque", "algebra", "set STN.cite mine", "add D1->GPe weight=-0.1 delay_ms=4")
+    assert control(state, "STN")["cite"] == small().circuit.row("STN").cite
+    assert (control(small(), "STN") == "").all()
+    assert (control(state, "D1->GPe") == "none").all()

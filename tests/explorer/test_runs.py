@@ -6,7 +6,7 @@ import time
 import pytest
 
 from bgmodel.explorer import runs as module
-from bgmodel.explorer.html import TITLES
+from bgmodel.explorer.panels import TITLES
 from bgmodel.explorer.runs import Runs
 from bgmodel.support import progress
 from tests.explorer.helpers import small
@@ -25,9 +25,7 @@ def started():
 
     yield start
     for one in found:
-        one.stop()
-        one._thread.join(20)
-        assert not one._thread.is_alive()
+        one.stop(wait=True)
 
 
 def test_a_newer_state_cancels_the_run_of_an_older_one(started, monkeypatch):
@@ -68,9 +66,7 @@ def test_a_closed_page_ends_its_run(started, monkeypatch):
     runs = started(lambda panel: None, lambda state: None)
     runs.show(small())
     assert begun.wait(20)
-    runs.stop()
-    runs._thread.join(20)
-    assert not runs._thread.is_alive()
+    runs.stop(wait=True)
 
 
 def test_a_ranking_waits_for_the_panels_and_ends_when_it_is_cancelled(started, monkeypatch):

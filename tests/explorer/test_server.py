@@ -10,9 +10,7 @@ import pytest
 pytest.importorskip("panel", reason="the explorer needs Panel: pip install '.[explore]'")
 
 from bgmodel.cli import main
-from bgmodel.explorer.panels import Memory
-from bgmodel.explorer.server import Served
-from bgmodel.support.entry import HOST, Entry
+from bgmodel.explorer.server import HOST, Served, free_port
 from circuits.errors import InputError
 from tests.explorer.helpers import small
 
@@ -28,23 +26,25 @@ def served():
         import asyncio
 
         asyncio.set_event_loop(asyncio.new_event_loop())
-        found.append(Served(small("bogacz_gurney"), Entry.at(0)))
-        found[0].start()
+        found.append(Served(small("bogacz_gurney")))
+        found[0].server.start()
         ready.set()
-        found[0].loop.start()
+        found[0].server.io_loop.start()
 
     thread = threading.Thread(target=serve, daemon=True)
     thread.start()
     assert ready.wait(60)
     yield found[0]
-    found[0].loop.add_callback(found[0].end)
+    loop = found[0].server.io_loop
+    loop.add_callback(found[0].server.stop)
+    loop.add_callback(loop.stop)
     thread.join(20)
     assert not thread.is_alive()
 
 
 def answer(served, path, **headers):
     """Return the status, the headers and the text of an answer."""
-    connection = http.client.HTTPConnection(HOST, served.entry.port, timeout=60)
+    connection = http.client.HTTPConnection(HOST, served.port, timeout=60)
     connection.request("GET", path, headers=headers)
     found = connection.getresponse()
     return found.status, found.headers, found.read().decode(errors="replace")
@@ -64,14 +64,14 @@ SOCKET = {
     "path", ["/?", "/ws?", "/metadata?", "/autoload.js?bokeh-autoload-element=a&"]
 )
 def test_without_the_token_there_is_403(served, path, query):
-    headers = SOCKET | {"Origin": served.entry.root.rstrip("/")} if path == "/ws?" else {}
+    headers = SOCKET | {"Origin": served.root.rstrip("/")} if path == "/ws?" else {}
     status, _, text = answer(served, path + query, **headers)
     assert status == 403
-    assert served.entry.token not in text
+    assert served.token not in text
 
 
 def test_with_the_token_there_is_a_page_and_a_cookie_for_the_rest(served):
-    at = urlsplit(served.entry.address)
+    at = urlsplit(served.address)
     status, headers, text = answer(served, f"/?{at.query}")
     assert status == 200
     assert "<title>bgmodel explorer</title>" in text
@@ -84,13 +84,13 @@ def test_with_the_token_there_is_a_page_and_a_cookie_for_the_rest(served):
 
 
 def test_everything_that_the_page_loads_is_from_this_machine(served):
-    _, _, text = answer(served, f"/?{urlsplit(served.entry.address).query}")
+    _, _, text = answer(served, f"/?{urlsplit(served.address).query}")
     for marker in ('src="http', "src='http", 'href="http', "//cdn", "//unpkg"):
         assert marker not in text
 
 
 def test_a_socket_from_another_page_is_refused_even_with_the_token(served):
-    query = urlsplit(served.entry.address).query
+    query = urlsplit(served.address).query
     assert answer(served, f"/ws?{query}", **SOCKET, Origin="http://evil.example")[0] == 403
 
 
@@ -103,16 +103,16 @@ def test_a_socket_from_another_page_is_refused_even_with_the_token(served):
     ],
 )  # fmt: skip
 def test_other_files_are_not_served(served, path):
-    status, _, text = answer(served, f"{path}?{urlsplit(served.entry.address).query}")
+    status, _, text = answer(served, f"{path}?{urlsplit(served.address).query}")
     assert status in (400, 403, 404)
     assert "root:" not in text
 
 
 def test_a_link_that_is_refused_leaves_the_first_state(served):
-    status, _, _ = answer(served, f"/?{urlsplit(served.entry.address).query}&state=abc")
+    status, _, _ = answer(served, f"/?{urlsplit(served.address).query}&state=abc")
     assert status == 200
     explorer = served.explorers[-1]
-    assert "the link has no whole state" in explorer.refusal.pane.object
+    assert "the link is incomplete" in explorer.refusal.object
     assert explorer.state == explorer.history.first
 
 
@@ -121,16 +121,16 @@ def test_it_listens_to_this_machine_alone(served):
         other = socket.gethostbyname(socket.gethostname())
         if other.startswith("127."):
             pytest.skip("this machine has no other address")
-        assert probe.connect_ex((other, served.entry.port)) != 0
+        assert probe.connect_ex((other, served.port)) != 0
 
 
 def test_a_port_in_use_is_refused_in_one_sentence(served, refusal):
     with pytest.raises(InputError) as refused:
-        Entry.at(served.entry.port)
+        free_port(served.port)
     assert refused.value.field == "port"
-    said = refusal("explore", "--port", served.entry.port, "--no-browser")
+    said = refusal("explore", "--port", served.port, "--no-browser")
     assert len(said.splitlines()) == 1
-    assert f"port {served.entry.port} is in use" in said
+    assert f"port {served.port} is in use" in said
 
 
 @pytest.mark.parametrize("given", ["nobody", "no.toml", "gpr"])
@@ -141,11 +141,3 @@ def test_what_cannot_be_opened_is_refused_before_anything_is_served(refusal, giv
 def test_a_port_is_a_number_of_one(refusal):
     assert "port must be within 0..65535" in refusal("explore", "--port", 70000)
     assert main(["explore", "--port", "-1"]) == 2
-
-
-def test_the_first_state_is_computed_before_a_page_is_open(served):
-    memory = Memory()
-    served.compute(memory)
-    (kept,) = {*map(id, memory.conditions.behaviour.values())}
-    served.compute(memory)
-    assert {*map(id, memory.conditions.behaviour.values())} == {kept}

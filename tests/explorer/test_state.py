@@ -3,7 +3,7 @@
 import pytest
 
 from bgmodel.experiments.experiment import Experiment, shipped
-from bgmodel.explorer.state import MOST_TRIALS, State, opened
+from bgmodel.explorer.state import MOST_TRIALS, History, State, opened
 from bgmodel.task import Gaussian
 from circuits.errors import InputError
 from tests.explorer.helpers import small
@@ -122,3 +122,40 @@ def test_no_trials_at_all_are_refused_in_the_words_of_the_task():
     with pytest.raises(InputError) as there:
         Gaussian(trials=0)
     assert str(here.value) == str(there.value)
+
+
+def test_undo_and_redo_lead_to_the_states_before_and_after():
+    history = History(small())
+    first = history.state
+    history.go(first.edited("lesion STN 10%"))
+    second = history.state
+    history.undo()
+    assert history.state is first
+    assert not history.past
+    history.redo()
+    assert history.state is second
+    history.undo()
+    history.go(first.edited("dopamine 0.9"))
+    assert not history.undone
+    history.reset()
+    assert history.state == first
+    history.undo()
+    assert history.state.edits == ("dopamine 0.9",)
+
+
+def test_a_refused_state_leaves_the_history_unchanged():
+    history = History(small())
+    with pytest.raises(InputError):
+        history.go(history.state.edited("lesion ctx"))
+    assert history.state is history.first
+    assert not history.past
+
+
+def test_only_the_last_states_are_kept(monkeypatch):
+    monkeypatch.setattr("bgmodel.explorer.state.LONGEST", 3)
+    history = History(small())
+    for k in range(9):
+        history.go(history.state.with_setting("trial", 1 + k))
+    while history.past:
+        history.undo()
+    assert history.state.trial == 6

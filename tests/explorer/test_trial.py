@@ -7,8 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from bgmodel.explorer import drawing
-from bgmodel.explorer.html import CONTROL, MANIPULATION
-from bgmodel.explorer.panels import Memory, _trials, _trials_said
+from bgmodel.explorer.panels import NAMES, Memory, _trial
 from bgmodel.explorer.trial import WITHOUT_EVIDENCE, Shown, one_trial
 from circuits.declaration.courses import Course
 from tests.explorer.helpers import small
@@ -23,7 +22,7 @@ SHOWN = Shown(
 def shown(*edits, name="bogacz_gurney"):
     """Return a trial of the control and of the manipulation of a small state."""
     state = small(name, "rate", *edits)
-    evidence = Memory().given(state).evidence
+    evidence = Memory().evidence(state).evidence
     return [one_trial(condition, evidence, 0) for condition in state.experiment.conditions]
 
 
@@ -64,8 +63,8 @@ def test_a_trial_that_is_decided_before_the_first_reading_is_decided_without_evi
 
 def panel(memory, *edits):
     """Return the panel's words and its figure."""
-    trials = _trials(small("bogacz_gurney", "algebra", *edits), memory)
-    return _trials_said(trials), drawing.trial(trials)
+    (shown,) = _trial(small("bogacz_gurney", "algebra", *edits), memory)
+    return shown.text, shown.svg
 
 
 def test_the_control_is_below_the_manipulation_and_is_run_once(monkeypatch):
@@ -77,11 +76,11 @@ def test_the_control_is_below_the_manipulation_and_is_run_once(monkeypatch):
 
     monkeypatch.setattr("bgmodel.explorer.panels.one_trial", counted)
     said, svg = panel(memory)
-    assert f"{CONTROL}:" not in svg + said
+    assert f"{NAMES[0]}:" not in svg + said
     for edit in ("lesion STN 10%", "lesion STN"):
         said, svg = panel(memory, edit)
-        assert svg.index(f"{MANIPULATION}: spikes") < svg.index(f"{CONTROL}: spikes")
-        assert f"{CONTROL}: Chose" in said
+        assert svg.index(f"{NAMES[1]}: spikes") < svg.index(f"{NAMES[0]}: spikes")
+        assert f"{NAMES[0]}: Chose" in said
     assert len(runs) == 3
 
 

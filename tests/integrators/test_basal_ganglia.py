@@ -40,19 +40,19 @@ MODEL = BasalGanglia(TABLE, Ensemble(workers=2), GAIN, SEED)
 def test_without_integrate_and_fire_cells_own_laws_are_the_lines():
     table = load_circuit("appendix_b", 3)
     drive = np.array([[[1.0, 0.0, -1.0]]])
-    line, own = (
+    line, of_cells = (
         BasalGanglia(table, Algebra(laws=laws)).run_drive(drive, 1.0) for laws in ("table", "cells")
     )
-    np.testing.assert_allclose(own.output_nats, line.output_nats, atol=1e-9)
+    np.testing.assert_allclose(of_cells.output_nats, line.output_nats, atol=1e-9)
 
 
 def test_one_trial_is_what_it_is_among_all_with_its_own_noise():
     evidence = EVIDENCE[:6]
     model = BasalGanglia(TABLE, "population", GAIN, SEED)
-    ((_, whole, _),) = model.batches(evidence)
+    ((_, activity, _),) = model.batches(evidence)
     for first, trial in ((0, 3), (2, 1), (2, 3)):
         alone, _ = model.one_trial(evidence[first:], first, trial)
-        np.testing.assert_array_equal(alone.output_nats[0], whole.output_nats[first + trial])
+        np.testing.assert_array_equal(alone.output_nats[0], activity.output_nats[first + trial])
 
 
 def test_a_threshold_that_noise_crosses_is_warned_of():
@@ -105,10 +105,10 @@ def test_ties_of_a_circuit_are_those_of_the_test_in_any_batch(monkeypatch):
     monkeypatch.setattr(basal_ganglia, "BATCH", 7)
     flat = Evidence(np.zeros((40, 2, 3)), np.arange(40) % 3, step_ms=50.0)
     model = BasalGanglia(load_circuit("bogacz_gurney", 3), "algebra")
-    found = decide_at_thresholds(model, flat, [0.5])["circuit"]
+    decision = decide_at_thresholds(model, flat, [0.5])["circuit"]
     expected = first_crossing(Msprt().run(flat), 0.5)
-    assert found.forced.all()
-    assert (found.choice[0] == expected.choice).all()
+    assert decision.forced.all()
+    assert (decision.choice[0] == expected.choice).all()
     # And a trial of one reading of two ends a step after it.
     short = replace(flat, lengths=np.where(np.arange(40) % 2, 1, 2))
     trace = BasalGanglia(load_circuit("bogacz_gurney", 3), "rate").run(short)
@@ -129,15 +129,15 @@ def test_a_circuit_decides_a_short_trial_as_if_it_were_alone(engine):
     for threshold in (0.55, 0.1):
         together = first_crossing(model.run(ragged), threshold)
         for n, length in enumerate(lengths):
-            own = Evidence(values[n : n + 1, :length], step_ms=50.0, numbers=np.array([n]))
-            activity = model.activity(own, first_trial=n)
-            alone = first_crossing(model.trace(activity, own), threshold)
+            trial = Evidence(values[n : n + 1, :length], step_ms=50.0, numbers=np.array([n]))
+            activity = model.activity(trial, first_trial=n)
+            alone = first_crossing(model.trace(activity, trial), threshold)
             assert alone.choice[0] == together.choice[n]
             assert alone.forced[0] == together.forced[n]
             assert alone.time_ms[0] == together.time_ms[n]
             assert alone.deadline_ms[0] == together.deadline_ms[n]
-            found = trial_table(alone, NamedEvidence(own, ["a", "b"]), model="m")
-            assert found["steps"][0] <= length
+            row = trial_table(alone, NamedEvidence(trial, ["a", "b"]), model="m")
+            assert row["steps"][0] <= length
     assert together.forced.any()
 
 
@@ -187,8 +187,8 @@ def test_decisions_that_are_not_right_as_often_as_their_posteriors_say_are_warne
 def test_the_memory_of_a_run_is_told_in_gigabytes(engine):
     """As much as what it gives, and not many times that."""
     model = BasalGanglia(load_circuit("spiking_msprt"), engine, 0.5, 1)
-    found = model.run_drive(np.zeros((10, 4, 2)), 50.0)
-    held = found.output_nats.nbytes + sum(rates.nbytes for rates in found.rates_hz.values())
+    activity = model.run_drive(np.zeros((10, 4, 2)), 50.0)
+    held = activity.output_nats.nbytes + sum(rates.nbytes for rates in activity.rates_hz.values())
     assert 0.5 * held < 1e9 * model.memory_gb(10, 4, 50.0) < 20 * held
     # The documented memory for 200 samples, one per ms, in units of 1e9 bytes.
     kept = engine_of(engine).memory_bytes(model.circuit, 10, 200)
@@ -209,8 +209,8 @@ def test_what_is_expected_reaches_all_channels_before_the_onset():
     trace = model.run(ahead)
     assert trace.time_ms[[0, -1]].tolist() == [1, 350]
     assert trace.onset_ms == 100
-    whole, part = replace(ahead, lengths=np.array([4, 4, 4])), ahead[1:2]
-    np.testing.assert_array_equal(model.run(whole).of_trials()[0], [350] * 3)
+    ragged, part = replace(ahead, lengths=np.array([4, 4, 4])), ahead[1:2]
+    np.testing.assert_array_equal(model.run(ragged).of_trials()[0], [350] * 3)
     np.testing.assert_array_equal(
         model.trace(model.activity(part, 1), part).out_nats, trace.out_nats[1:2]
     )

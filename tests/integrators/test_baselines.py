@@ -116,12 +116,12 @@ def test_lca_solves_its_differential_equation():
     leak, inhibition = 30.0, 20.0
     matrix = (leak - inhibition) * np.eye(3) + inhibition
     x = np.zeros(3)
-    found = Lca(leak, inhibition).run(evidence).out_nats[0]
+    out = Lca(leak, inhibition).run(evidence).out_nats[0]
     for step in range(6):
         x = solve_ivp(
             lambda t, x, k=step: rates[k] - matrix @ x, (0, 0.01), x, rtol=1e-10, atol=1e-12
         ).y[:, -1]
-        np.testing.assert_allclose(-found[step + 1], x, rtol=1e-6)
+        np.testing.assert_allclose(-out[step + 1], x, rtol=1e-6)
 
 
 @pytest.mark.parametrize(("gain", "slope"), [(1.0, 1.0), (0.4, 0.84), (3.0, 2.5)])
@@ -162,13 +162,13 @@ def test_decision_times_are_those_that_bogacz_and_gurney_print():
     rng = stream(10, "bogacz gurney")
     evidence = separated_evidence(1500, 1600, separation, rng=rng, hypotheses=10)
     one = np.ones((1, 1500))
-    found = {}
+    times = {}
     for name, kind in {"MSPRT": Msprt, "LCA": Lca, "race": Race}.items():
         accuracy, time = curve(tradeoff(kind().run(evidence), evidence), one)
-        found[name] = np.interp(0.99, accuracy[0], time[0])
-    assert found["MSPRT"] == pytest.approx(515, abs=25)
-    assert found["LCA"] == pytest.approx(628, abs=30)
-    assert found["race"] == pytest.approx(676, abs=30)
+        times[name] = np.interp(0.99, accuracy[0], time[0])
+    assert times["MSPRT"] == pytest.approx(515, abs=25)
+    assert times["LCA"] == pytest.approx(628, abs=30)
+    assert times["race"] == pytest.approx(676, abs=30)
 
 
 def test_first_crossing_takes_any_baseline():

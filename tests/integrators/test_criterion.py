@@ -11,7 +11,7 @@ import bgmodel as bg
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.integrators import basal_ganglia
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.criterion import fitting_gain, gain_of, lead_of
+from bgmodel.integrators.criterion import acts_as, fitting_gain, gain_of, lead_of
 from bgmodel.support.files import read_provenance
 from bgmodel.sweeps.sweep import Sweep
 from circuits.anatomy import load_circuit, macaque
@@ -58,8 +58,8 @@ def test_evidence_ten_times_as_strong_is_decided_alike(engine):
     stronger = replace(STRONG, log_likelihood=10 * STRONG.log_likelihood)
     with unwarned():
         one, other = (
-            BasalGanglia(TABLE, engine, seed=3).decide(given, posterior=0.8)
-            for given in (STRONG, stronger)
+            BasalGanglia(TABLE, engine, seed=3).decide(evidence, posterior=0.8)
+            for evidence in (STRONG, stronger)
         )
     np.testing.assert_array_equal(one.choice, other.choice)
     np.testing.assert_allclose(one.time_ms, other.time_ms, atol=1e-6)
@@ -70,22 +70,22 @@ def test_stronger_evidence_is_decided_sooner_at_any_strength():
     """At the default gain, evidence of d' = 3 takes 1 s at a posterior of 0.9."""
     every = [bg.gaussian_evidence(400, d_prime=d, t_max=30, seed=2) for d in (1, 1.5, 2, 3, 5)]
     with unwarned():
-        found = [BasalGanglia(TABLE, seed=1).decide(each, posterior=0.9) for each in every]
-    assert (np.diff([each.time_ms.mean() for each in found]) < 5).all()
-    assert max(np.quantile(each.time_ms, 0.99) for each in found[2:]) < 700
-    assert min(each.accuracy for each in found) > 0.95
+        decisions = [BasalGanglia(TABLE, seed=1).decide(each, posterior=0.9) for each in every]
+    assert (np.diff([each.time_ms.mean() for each in decisions]) < 5).all()
+    assert max(np.quantile(each.time_ms, 0.99) for each in decisions[2:]) < 700
+    assert min(each.accuracy for each in decisions) > 0.95
 
 
 def test_the_gain_is_that_of_all_trials_however_they_are_batched(monkeypatch):
     model = BasalGanglia(TABLE, seed=3)
-    whole = model.decide(STRONG, posterior=0.8)
+    in_one = model.decide(STRONG, posterior=0.8)
     monkeypatch.setattr(basal_ganglia, "BATCH", 7)
     monkeypatch.setattr(basal_ganglia, "WIDE_BATCH", 7)
-    np.testing.assert_array_equal(model.decide(STRONG, posterior=0.8).time_ms, whole.time_ms)
+    np.testing.assert_array_equal(model.decide(STRONG, posterior=0.8).time_ms, in_one.time_ms)
     part = model.adapted_to(STRONG).decided(STRONG[:9], -np.log(0.8))
-    np.testing.assert_array_equal(part.time_ms, whole.time_ms[:9])
+    np.testing.assert_array_equal(part.time_ms, in_one.time_ms[:9])
     # The nine alone are other evidence.
-    assert model.adapted_to(STRONG[:9]).gain != whole.gain
+    assert model.adapted_to(STRONG[:9]).gain != in_one.gain
 
 
 @pytest.mark.parametrize(
@@ -97,10 +97,10 @@ def test_an_edited_circuit_has_the_gain_of_the_intact_one(edit):
 
 
 def test_a_gain_that_is_given_is_used_and_warned_of():
-    given = BasalGanglia(TABLE, "rate", gain_of(TABLE))
-    assert given.adapted_to(STRONG) is given
+    model = BasalGanglia(TABLE, "rate", gain_of(TABLE))
+    assert model.adapted_to(STRONG) is model
     with pytest.warns(RangeWarning, match="too strong"):
-        given.run(STRONG)
+        model.run(STRONG)
     with unwarned():
         BasalGanglia(TABLE, "rate").run(STRONG)
 
@@ -158,3 +158,31 @@ def test_a_sweep_gives_each_task_its_gain_and_all_edits_of_it_one(tmp_path):
     assert (gains["min"] == gains["max"]).all()
     assert gains.loc[0.5, "min"] == TABLE.default_gain
     assert gains.loc[2.0, "min"] < TABLE.default_gain
+
+
+@pytest.mark.parametrize(
+    ("edits", "shift"),
+    [
+        (["lesion STN 10%"], np.log(0.9)),
+        (["lesion STN 30%"], np.log(0.7)),
+        (["lesion STN 30%", "rebound SNr 0.2"], 0.2),
+        (["lesion STN 30%", "compensate"], None),
+        (["lesion GPe 10%"], None),
+        (["dopamine 0.9"], None),
+        ([], None),
+    ],
+)
+def test_an_edit_that_shifts_out_acts_as_a_criterion(edits, shift):
+    text = acts_as(TABLE.edited(*edits))
+    if shift is None:
+        assert text == ""
+        return
+    assert ("lower" if shift < 0 else "higher") in text
+    assert f" {abs(shift):.3g} nats" in text
+    assert f" {np.exp(shift):.3g} times the posterior" in text
+
+
+def test_a_shift_is_relative_to_the_control():
+    lesioned = TABLE.lesion("STN", 0.1)
+    assert f"{-np.log(0.5):.3g} nats" in acts_as(lesioned.lesion("STN", 0.5), lesioned)
+    assert acts_as(lesioned, lesioned) == ""

@@ -24,15 +24,15 @@ def evidence_of(trials, t_max=20, d_prime=0.9, channels=2, seed=3, step_ms=20.0)
 
 def decided(session, evidence):
     """Return what a session decides, one array per field, and how many readings it took."""
-    found, taken = [], []
+    decisions, taken = [], []
     for readings in evidence.log_likelihood:
         for reading in readings:
             if session.add(reading) is not None:
                 break
-        found.append(session.decision)
+        decisions.append(session.decision)
         taken.append(len(session.readings))
         session.next()
-    return [np.array([getattr(d, name)[0] for d in found]) for name in FIELDS], np.array(taken)
+    return [np.array([getattr(d, name)[0] for d in decisions]) for name in FIELDS], np.array(taken)
 
 
 def same(session, decision, evidence):
@@ -48,10 +48,10 @@ def test_a_test_decides_as_it_does_with_all_readings(model):
     session = model.session(2, posterior=0.9, step_ms=20.0, t_max=20)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        whole = model.decide(evidence, posterior=0.9)
-    taken = same(session, whole, evidence)
+        at_once = model.decide(evidence, posterior=0.9)
+    taken = same(session, at_once, evidence)
     # It stops at the reading that decides.
-    np.testing.assert_array_equal(taken * 20.0, whole.time_ms)
+    np.testing.assert_array_equal(taken * 20.0, at_once.time_ms)
 
 
 @pytest.mark.parametrize(
@@ -63,13 +63,13 @@ def test_a_circuit_decides_as_it_does_with_all_readings(circuit, engine, trials)
     evidence = evidence_of(trials)
     model = bg.BasalGanglia(circuit, engine, seed=5).adapted_to(evidence)
     session = model.session(posterior=0.82, step_ms=20.0, t_max=20, baseline=evidence.baseline)
-    whole = model.decided(evidence, model.threshold(None, 0.82))
-    taken = same(session, whole, evidence)
+    at_once = model.decided(evidence, model.threshold(None, 0.82))
+    taken = same(session, at_once, evidence)
     # It decides between readings, and takes no more of them than had come.
-    early = ~whole.forced
-    assert (whole.time_ms[early] % 20 > 0).any()
+    early = ~at_once.forced
+    assert (at_once.time_ms[early] % 20 > 0).any()
     np.testing.assert_array_equal(
-        taken[early], np.maximum(np.ceil(whole.time_ms / 20) - 1, 1)[early]
+        taken[early], np.maximum(np.ceil(at_once.time_ms / 20) - 1, 1)[early]
     )
 
 
@@ -110,9 +110,9 @@ def test_the_deadline_forces_what_the_readings_favour_or_leaves_it_undecided():
         session = bg.Msprt().session(3, posterior=0.99, t_max=3, forced=forced)
         for _ in range(2):
             assert session.add([0.0, 0.1, 0.0]) is None
-        found = session.add([0.0, 0.1, 0.0])
-        assert found.choice[0] == (1 if forced else -1)
-        assert found.forced[0] == forced
+        decision = session.add([0.0, 0.1, 0.0])
+        assert decision.choice[0] == (1 if forced else -1)
+        assert decision.forced[0] == forced
         with refused("reading is decided"):
             session.add([0.0, 0.1, 0.0])
         session.next()
@@ -161,8 +161,8 @@ def test_a_session_says_once_that_readings_leave_the_range_of_the_circuit():
 def test_a_session_without_a_step_counts_time_as_evidence_does(test, stop):
     """By default a reading takes as long as in ``Evidence``: both decide at the same time."""
     drawn = evidence_of(5, step_ms=bg.Evidence.step_ms)
-    found, _ = decided(test.session(**stop), drawn)
-    np.testing.assert_array_equal(found[1], test.decide(drawn, **stop).time_ms)
+    columns, _ = decided(test.session(**stop), drawn)
+    np.testing.assert_array_equal(columns[1], test.decide(drawn, **stop).time_ms)
 
 
 @pytest.mark.filterwarnings("ignore::circuits.errors.DeadlineWarning")

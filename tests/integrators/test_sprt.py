@@ -81,10 +81,10 @@ def test_mean_posterior_at_stopping_is_the_accuracy(hypotheses):
 
 def test_a_batch_does_not_change_a_trial():
     evidence = some_evidence()
-    whole = first_crossing(Msprt().run(evidence), 0.3)
+    in_one = first_crossing(Msprt().run(evidence), 0.3)
     part = first_crossing(Msprt().run(evidence[100:150]), 0.3)
-    assert (whole.choice[100:150] == part.choice).all()
-    assert (whole.time_ms[100:150] == part.time_ms).all()
+    assert (in_one.choice[100:150] == part.choice).all()
+    assert (in_one.time_ms[100:150] == part.time_ms).all()
 
 
 def test_sums_equal_up_to_rounding_are_equal():
@@ -153,9 +153,9 @@ def test_a_tally_without_the_trace_counts_the_same(seed, whole, prior, gaps):
     )
     thresholds = Sprt.threshold(gaps)
     want = tally(Sprt().run(evidence), evidence.truth, thresholds, checked=False)
-    found = tally_sprt(evidence, thresholds)
+    counts = tally_sprt(evidence, thresholds)
     for name in ("trials", "correct", "steps", "forced"):
-        assert np.array_equal(getattr(found, name), getattr(want, name))
+        assert np.array_equal(getattr(counts, name), getattr(want, name))
 
 
 def test_a_deadline_may_be_one_reading():

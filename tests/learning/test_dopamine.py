@@ -55,13 +55,13 @@ def test_the_fixed_point_spans_posteriors_from_75_to_99(name, channels, threshol
     table = load_circuit(name, channels)
     gain = GAIN if name == "spiking_msprt" else gain_of(table)
     low, high = working_range(table, threshold)
-    found = [
+    posteriors = [
         stopping_posterior(table, level, threshold, gain)
         for level in levels_between(1.01 * low, 0.99 * high, 5)
     ]
-    assert np.all(np.diff(found) < 0)
-    assert found[-1] < 0.75
-    assert found[0] > 0.99
+    assert np.all(np.diff(posteriors) < 0)
+    assert posteriors[-1] < 0.75
+    assert posteriors[0] > 0.99
     # The edges are where they are documented to be.
     most = table.max_deficit_nats if table.centred else table.reference_nats
     lowest = decided_out(table, low, np.linspace(0, most, 500)).min()
@@ -148,5 +148,5 @@ def test_a_level_at_which_a_circuit_decides_against_the_evidence_is_warned_of():
     evidence = separated_evidence(100, 60, 0.7, rng=3, step_ms=50.0)
     model = BasalGanglia("macaque", Rate(rates=False))
     with pytest.warns(NoiseWarning):
-        found = decide_at_levels(model, evidence, [0.0, 1.0], 0.2)
-    assert (found.choice[1] == evidence.truth).mean() < 0.2
+        decisions = decide_at_levels(model, evidence, [0.0, 1.0], 0.2)
+    assert (decisions.choice[1] == evidence.truth).mean() < 0.2

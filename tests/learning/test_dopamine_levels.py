@@ -63,8 +63,8 @@ def test_dopamine_moves_the_default_circuit_along_the_curve_of_the_msprt(monkeyp
         assert exact.isna().tolist() == sorted(exact.isna(), reverse=True)
         assert 1 <= exact.isna().sum() <= 3
         gaps = part[part["measure"] == "accuracy_gap"]
-        own = gaps.loc[gaps["reference"] == "MSPRT at its gain", "value"]
-        assert own.abs().max() < 0.03, channels
+        at_gain = gaps.loc[gaps["reference"] == "MSPRT at its gain", "value"]
+        assert at_gain.abs().max() < 0.03, channels
     assert set(table["channels"]) == {2, 4}
 
 

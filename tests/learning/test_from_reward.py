@@ -25,23 +25,23 @@ FEW = {"runs": 2, "seed": 3}
 def test_the_gap_of_the_test_is_that_of_its_own_function():
     """The same streams: numbers stored before are found again."""
     task = SameDifferent(2.0)
-    found = learn(task, learner=SHORT, **FEW)
+    learned = learn(task, learner=SHORT, **FEW)
     table, summary = learn_gap(
         task.source(), name=(2.0, 0), xi=50.0, start_separation=0.5, t_max=40, learner=SHORT, **FEW
     )
-    assert found.what == THRESHOLD
-    np.testing.assert_array_equal(found.learned, summary["learned_separation"])
-    assert found.best == summary["optimal_separation"]
-    assert found.regret == pytest.approx(100 * np.mean(summary["regret"]))
-    np.testing.assert_array_equal(found.table["mean"], table["mean_separation"])
+    assert learned.what == THRESHOLD
+    np.testing.assert_array_equal(learned.learned, summary["learned_separation"])
+    assert learned.best == summary["optimal_separation"]
+    assert learned.regret == pytest.approx(100 * np.mean(summary["regret"]))
+    np.testing.assert_array_equal(learned.table["mean"], table["mean_separation"])
 
 
 def test_the_best_gap_for_gaussian_evidence_is_that_of_the_exact_theory():
     """The log-likelihood ratio of a reading is normal, with mean d'^2 / 2 and variance d'^2."""
-    found = learn(Gaussian(d_prime=1.0), learner=SHORT, **FEW)
+    learned = learn(Gaussian(d_prime=1.0), learner=SHORT, **FEW)
     exact = optimal_separation(GaussianSteps(-0.5, 1.0), GaussianSteps(0.5, 1.0), 50.0, t_max=40)
-    assert found.best == pytest.approx(exact.boundary_separation, rel=0.05)
-    assert found.regret < found.regrets.loc["start", "value"]
+    assert learned.best == pytest.approx(exact.boundary_separation, rel=0.05)
+    assert learned.regret < learned.regrets.loc["start", "value"]
 
 
 @pytest.mark.parametrize(
@@ -56,31 +56,31 @@ def test_the_best_gap_for_gaussian_evidence_is_that_of_the_exact_theory():
 )
 def test_all_that_reward_moves_has_one_kind_of_result(task, model, what):
     learner = WeightLearner(trials=300) if what == WEIGHTS else SHORT
-    found = learn(task, model, what=what, learner=learner, trials=200, **FEW)
+    learned = learn(task, model, what=what, learner=learner, trials=200, **FEW)
     again = learn(task, model, what=what, learner=learner, trials=200, **FEW)
-    np.testing.assert_array_equal(found.learned, again.learned)
-    assert found.what == what
-    assert found.learned.shape == (2,)
-    rows = found.summary().set_index("measure")
-    assert rows.loc["learned", "value"] == pytest.approx(found.learned.mean())
-    assert rows.loc["regret_percent, learned", "value"] == found.regret
-    assert found.to_dataframe().groupby("run").ngroups == 2
-    assert found.plot().axes[0].get_xlabel()
-    assert f"{found.learned.mean():.2f}" in repr(found)
+    np.testing.assert_array_equal(learned.learned, again.learned)
+    assert learned.what == what
+    assert learned.learned.shape == (2,)
+    rows = learned.summary().set_index("measure")
+    assert rows.loc["learned", "value"] == pytest.approx(learned.learned.mean())
+    assert rows.loc["regret_percent, learned", "value"] == learned.regret
+    assert learned.to_dataframe().groupby("run").ngroups == 2
+    assert learned.plot().axes[0].get_xlabel()
+    assert f"{learned.learned.mean():.2f}" in repr(learned)
 
 
 def test_by_default_the_test_learns_its_threshold_and_a_circuit_its_dopamine():
     assert learn(SameDifferent(), learner=SHORT, **FEW).what == THRESHOLD
-    found = learn(Gaussian(d_prime=1.0), RATE, learner=SHORT, trials=200, **FEW)
-    assert found.what == DOPAMINE
+    learned = learn(Gaussian(d_prime=1.0), RATE, learner=SHORT, trials=200, **FEW)
+    assert learned.what == DOPAMINE
 
 
 def test_taps_of_another_sensor_teach_another_threshold():
     rng = np.random.default_rng(4)
     yaw = rng.uniform(-180, 180, 1200)
     taps = bg.load_taps().iloc[:1200].assign(yaw_deg=yaw, edge_deg=yaw + rng.normal(0, 4, 1200))
-    found = learn(EdgeTurn(step_deg=5.0), taps=taps, learner=SHORT, **FEW)
-    assert found.best > 0
+    learned = learn(EdgeTurn(step_deg=5.0), taps=taps, learner=SHORT, **FEW)
+    assert learned.best > 0
     with refused("taps .*edge"):
         learn(EdgeTurn(), learner=SHORT)
 
@@ -94,22 +94,22 @@ def test_both_halves_of_a_table_have_the_same_truths(order, tmp_path):
     long_table(bg.Evidence(values, truth)).to_csv(tmp_path / "mine.csv", index=False)
     halves = _learned_and_scored(EvidenceTable(tmp_path / "mine.csv"), 7, {}, 0)
     assert [np.bincount(each.truth).tolist() for each in halves] == [[15, 15]] * 2
-    found = np.concatenate([each.log_likelihood for each in halves])
-    assert len({each.tobytes() for each in found}) == 60
+    trials = np.concatenate([each.log_likelihood for each in halves])
+    assert len({each.tobytes() for each in trials}) == 60
 
 
 def test_dopamine_without_a_circuit_is_that_of_the_default_one():
     options = {"what": DOPAMINE, "runs": 1, "trials": 120, "seed": 3}
-    found = learn(Gaussian(), learner=SHORT, **options)
-    own = learn(Gaussian(), bg.BasalGanglia("macaque", "rate", seed=3), learner=SHORT, **options)
-    assert np.array_equal(found.learned, own.learned)
+    learned = learn(Gaussian(), learner=SHORT, **options)
+    named = learn(Gaussian(), bg.BasalGanglia("macaque", "rate", seed=3), learner=SHORT, **options)
+    assert np.array_equal(learned.learned, named.learned)
 
 
 @pytest.mark.filterwarnings("ignore::circuits.errors.BgmodelWarning")
 def test_that_nothing_was_learned_is_said():
     still = Learner(600, rate=1e-9)
-    found = learn(SameDifferent(2.0), RATE, runs=2, trials=400, learner=still, start=0.8)
-    assert "learning had no effect" in found.verdict() + " ".join(found.cautions)
+    learned = learn(SameDifferent(2.0), RATE, runs=2, trials=400, learner=still, start=0.8)
+    assert "learning had no effect" in learned.verdict() + " ".join(learned.cautions)
 
 
 @pytest.mark.parametrize(

@@ -70,11 +70,11 @@ def test_every_run_of_every_fold_has_its_own_course_from_the_start_to_what_is_le
     monkeypatch.setattr(gap, "FRESH_TRIALS", 2000)
     monkeypatch.setattr(gap, "FOLDS", 2)
     learner = Learner(episodes=300, last=50)
-    given = {"xi": 50.0, "t_max": 10, "seed": 3, "learner": learner, "keep": 4, "window": 50}
-    table = learn_folds(TAPS, 2.0, starts=[1.5, 3.0], repeats=2, **given)
+    options = {"xi": 50.0, "t_max": 10, "seed": 3, "learner": learner, "keep": 4, "window": 50}
+    table = learn_folds(TAPS, 2.0, starts=[1.5, 3.0], repeats=2, **options)
     # A start does not change the runs of another.
     for start in (3.0, 1.5):
-        alone = learn_folds(TAPS, 2.0, starts=[start], repeats=2, **given)
+        alone = learn_folds(TAPS, 2.0, starts=[start], repeats=2, **options)
         some = table[table["start_separation"] == start].reset_index(drop=True)
         assert_frame_equal(some, alone, check_exact=True)
     table = some

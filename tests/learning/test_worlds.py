@@ -24,8 +24,8 @@ def test_outcomes_are_sorted_by_level_and_count_readings_from_the_onset():
     evidence = Evidence(np.zeros((3, 2, 2)), np.array([0, 1, 1]), step_ms=50.0)
     choice, time_ms = np.array([[0, 0, 1], [1, 1, 1]]), np.array([[50.0, 25, -9], [100, 75, 150]])
     late = np.array([[False] * 3, [False, False, True]])
-    found = Tradeoff(np.array([1.4, 0.9]), choice, time_ms, late, time_ms < 0, np.ones((2, 3)))
-    made = LevelOutcomes.of(found, evidence)
+    decisions = Tradeoff(np.array([1.4, 0.9]), choice, time_ms, late, time_ms < 0, np.ones((2, 3)))
+    made = LevelOutcomes.of(decisions, evidence)
     assert made.levels.tolist() == [0.9, 1.4]
     assert made.correct.tolist() == [[False, True, True], [True, False, True]]
     assert made.steps.tolist() == [[2, 1.5, 3], [1, 0.5, 0]]
@@ -33,7 +33,7 @@ def test_outcomes_are_sorted_by_level_and_count_readings_from_the_onset():
     assert made.rewards(10.0).tolist() == [[-12, -1.5, -3], [-1, -10.5, 0]]
     assert made.best(10.0) == (1.4, pytest.approx(-11.5 / 3))
     with refused("evidence"):
-        LevelOutcomes.of(found, evidence[:2])
+        LevelOutcomes.of(decisions, evidence[:2])
 
 
 TWO, LEVELS = np.ones((2, 3)), np.array([1.0, 1.1])

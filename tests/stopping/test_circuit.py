@@ -86,10 +86,10 @@ def test_a_pulse_postpones_and_a_held_signal_cancels(evidence):
 
 def test_go_trials_are_those_without_a_signal(evidence):
     mixed = drawn_delays(TRIALS, [200.0], 0.5, 3)
-    found = decide_with_stop(MODEL, evidence, mixed, StopSignal(), threshold=LEVEL)
+    trials = decide_with_stop(MODEL, evidence, mixed, StopSignal(), threshold=LEVEL)
     go = MODEL.decided(evidence, LEVEL, forced=False)
     without = np.isnan(mixed)
-    np.testing.assert_array_equal(found.rt_ms[without], np.maximum(go.time_ms, 0)[without])
+    np.testing.assert_array_equal(trials.rt_ms[without], np.maximum(go.time_ms, 0)[without])
 
 
 def test_an_onset_between_two_steps_counts_in_proportion():
@@ -147,10 +147,10 @@ def test_it_warns_as_a_decision_without_a_stop_does(evidence):
     fallen = replace(evidence[:20], baseline=0.1)
     noisy, beyond = (NoiseWarning, "noise takes OUT below"), (RangeWarning, "macaque works from")
     cases = ((few, evidence[:20], noisy), (MODEL, fallen, beyond))
-    for model, given, (kind, says) in cases:
+    for model, drawn, (kind, says) in cases:
         for decide in (
             lambda m, e: m.decide(e, LEVEL),
             lambda m, e: decide_with_stop(m, e, delays(200)[:20], StopSignal(), threshold=LEVEL),
         ):
             with pytest.warns(kind, match=says):
-                decide(model, given)
+                decide(model, drawn)

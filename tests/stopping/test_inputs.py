@@ -35,11 +35,11 @@ def test_every_mth_trial_is_confounded_if_its_truths_are_not_all_of_them(channel
         with unwarned():
             with_input(go, light)
         return
-    with pytest.warns(ConfoundWarning) as found:
+    with pytest.warns(ConfoundWarning) as caught:
         with_input(go, light)
     there = set(go.truth[~np.isnan(light)].tolist())
     missed = set(range(channels)) - there
-    (one,) = found
+    (one,) = caught
     assert one.filename == __file__
     assert one.message.input == 0
     assert missed <= set(one.message.truths)
@@ -69,8 +69,8 @@ def test_of_all_ways_to_choose_trials_no_more_than_that_share_warns(monkeypatch,
 @pytest.mark.parametrize(("trials", "warns"), [(8, False), (16, False), (24, True), (100, True)])
 def test_few_trials_may_be_aligned_by_chance(trials, warns):
     go = evidence(trials)
-    said = told(with_input, go, on_some(go.truth == 1))
-    assert bool(said) == warns
+    texts = told(with_input, go, on_some(go.truth == 1))
+    assert bool(texts) == warns
 
 
 @pytest.mark.parametrize("name", ["onset_ms", "amount_nats", "duration_ms"])
@@ -80,17 +80,17 @@ def test_a_time_or_a_size_that_follows_the_truth_is_warned_of(name):
     with unwarned():
         with_input(go, **same)
         with_input(go, **same | {name: np.where(np.arange(60) // 2 % 2, 10.0, 20.0)})
-    with pytest.warns(ConfoundWarning) as found:
+    with pytest.warns(ConfoundWarning) as caught:
         with_input(go, **same | {name: np.where(go.truth, 10.0, 20.0)})
-    assert set(found[0].message.truths) == {0, 1}
+    assert set(caught[0].message.truths) == {0, 1}
 
 
 def test_the_input_that_is_confounded_is_named():
     go = evidence(60)
     fair = with_input(go, on_some(np.arange(60) < 30))
-    with pytest.warns(ConfoundWarning) as found:
+    with pytest.warns(ConfoundWarning) as caught:
         with_input(fair, on_some(go.truth == 0))
-    assert [one.message.input for one in found] == [1]
+    assert [one.message.input for one in caught] == [1]
     values = np.zeros((60, 5, 1))
     values[go.truth == 1, 2:] = -1.0
     with pytest.warns(ConfoundWarning):
@@ -106,9 +106,9 @@ def test_without_a_truth_or_with_one_alone_nothing_is_confounded():
 
 def test_stop_signals_in_every_second_trial_are_warned_of_once():
     go = evidence(60)
-    with pytest.warns(ConfoundWarning) as found:
+    with pytest.warns(ConfoundWarning) as caught:
         with_stop(go, on_some(go.truth == 1), StopSignal(cancel_ms=10.0))
-    assert len(found) == 1
+    assert len(caught) == 1
 
 
 @pytest.mark.parametrize(

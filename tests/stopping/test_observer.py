@@ -74,8 +74,8 @@ def test_it_is_calibrated(late):
 def test_an_abrupt_signal_is_the_horse_race():
     """Strong stop evidence blocks responses from its first reading on (Logan & Cowan 1984)."""
     evidence = task(4000, 6, stop_d_prime=12.0, share=0.5)
-    found = StopMsprt().decide(evidence, 0.9, 0.999)
-    trials = stop_trials(found, evidence.ssd_ms, 2)
+    decision = StopMsprt().decide(evidence, 0.9, 0.999)
+    trials = stop_trials(decision, evidence.ssd_ms, 2)
     z = log_odds_of_stop(evidence)
     # Without stop evidence, the chance of a signal to come alone delays the responses.
     silent = np.where(np.isnan(evidence.ssd_ms)[:, None], z, np.nan)
@@ -91,11 +91,11 @@ def test_an_abrupt_signal_is_the_horse_race():
 
 def test_withholding_is_a_response_that_ends_the_trial():
     evidence = task(2000, 7)
-    found = StopMsprt().decide(evidence, 0.9, 0.9)
-    withheld = found.choice == 2
+    decision = StopMsprt().decide(evidence, 0.9, 0.9)
+    withheld = decision.choice == 2
     stop = ~np.isnan(evidence.ssd_ms)
     assert stop[withheld].mean() == pytest.approx(0.95, abs=0.05)
-    assert (found.accuracy > 0.5) & (withheld.mean() > 0.05)
+    assert (decision.accuracy > 0.5) & (withheld.mean() > 0.05)
 
 
 def test_an_extra_channel_stops_less_the_more_evidence_there_is_in_all():
@@ -148,10 +148,10 @@ def earned(evidence, thresholds, rewards):
     trace, gained = StopMsprt().run(evidence), {}
     for go, stop in thresholds:
         levels = -np.log([[go, go, stop]])
-        found = first_crossing(trace, levels, forced=False, checked=False)
-        ended = found.choice[0] >= 0
-        steps = np.where(ended, np.nan_to_num(found.time_ms[0]) / STEP_MS, STEPS)
-        gained[go, stop] = reward_of(found.choice[0], steps, evidence, rewards)
+        decision = first_crossing(trace, levels, forced=False, checked=False)
+        ended = decision.choice[0] >= 0
+        steps = np.where(ended, np.nan_to_num(decision.time_ms[0]) / STEP_MS, STEPS)
+        gained[go, stop] = reward_of(decision.choice[0], steps, evidence, rewards)
     return gained
 
 

@@ -132,10 +132,10 @@ def test_trials_of_a_circuit_are_read_back_as_those_of_a_person(tmp_path):
     model = bg.BasalGanglia("macaque", "rate")
     trials = bg.StopTask(share=0.3).decide(model, evidence, posterior=0.7, seed=2)
     for table in both(trials.to_dataframe(), tmp_path):
-        found = read_people(table)["all"]
-        np.testing.assert_allclose(found.rt_ms, trials.rt_ms)
-        np.testing.assert_allclose(found.ssd_ms, trials.ssd_ms)
-        np.testing.assert_array_equal(found.correct, trials.correct)
+        person = read_people(table)["all"]
+        np.testing.assert_allclose(person.rt_ms, trials.rt_ms)
+        np.testing.assert_allclose(person.ssd_ms, trials.ssd_ms)
+        np.testing.assert_array_equal(person.correct, trials.correct)
 
 
 def test_restoring_delays_hides_no_other_doubt_about_a_table():

@@ -57,19 +57,19 @@ def test_go_trials_are_those_of_the_task_without_signals(evidence):
 def test_drawn_delays_are_a_stop_signal_of_that_delay(evidence):
     """The record and the function of Python give the same trials."""
     task = StopTask(amount_nats=0.5, delay_ms=40.0)
-    found, ssd = decided(task, MODEL, evidence, LEVEL, rng())
+    decision, ssd = decided(task, MODEL, evidence, LEVEL, rng())
     same = decide_with_stop(
         MODEL, evidence, ssd, StopSignal(amount_nats=0.5, delay_ms=40.0), threshold=LEVEL
     )
-    np.testing.assert_array_equal(~found.forced, same.responded)
+    np.testing.assert_array_equal(~decision.forced, same.responded)
     assert set(ssd[~np.isnan(ssd)]) <= set(task.delays_ms)
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_trigger_failures_are_go_trials(evidence, share):
-    found, ssd = decided(StopTask(failures=share), MODEL, evidence, LEVEL, rng())
+    decision, ssd = decided(StopTask(failures=share), MODEL, evidence, LEVEL, rng())
     go = MODEL.decided(evidence, LEVEL)
-    same = found.time_ms == go.time_ms
+    same = decision.time_ms == go.time_ms
     assert same.all() == (share == 1.0)
     assert not np.isnan(ssd).all()
 
@@ -83,21 +83,21 @@ def test_the_spread_of_the_delay_leaves_its_mean(evidence):
 
 def test_staircases_settle_where_half_of_the_signals_fail(evidence):
     task = StopTask(share=0.5, staircases=2, delays_ms=tuple(range(50, 600, 50)))
-    found, ssd = decided(task, MODEL, evidence, LEVEL, rng())
+    decision, ssd = decided(task, MODEL, evidence, LEVEL, rng())
     stop = ~np.isnan(ssd)
-    assert found.forced[stop].mean() == pytest.approx(0.5, abs=0.08)
+    assert decision.forced[stop].mean() == pytest.approx(0.5, abs=0.08)
     again = decide_with_stop(MODEL, evidence, ssd, StopSignal(), threshold=LEVEL)
-    np.testing.assert_array_equal(~found.forced, again.responded)
+    np.testing.assert_array_equal(~decision.forced, again.responded)
     # Choices and times are those at the delay of each trial, too.
     drawn = with_stop(evidence, ssd, StopSignal())
     at_once = receiving(MODEL, StopSignal()).decided(drawn, LEVEL)
-    np.testing.assert_array_equal(found.choice, at_once.choice)
-    np.testing.assert_array_equal(found.time_ms, at_once.time_ms)
+    np.testing.assert_array_equal(decision.choice, at_once.choice)
+    np.testing.assert_array_equal(decision.time_ms, at_once.time_ms)
     # Each staircase goes one up after a successful stop, one down after a failed one.
-    own = np.flatnonzero(stop)[::2]
-    inside = (ssd[own[:-1]] > 50) & (ssd[own[:-1]] < 550)
-    moved = np.where(found.forced[own[:-1]], 50, -50)
-    np.testing.assert_array_equal(np.diff(ssd[own])[inside], moved[inside])
+    first = np.flatnonzero(stop)[::2]
+    inside = (ssd[first[:-1]] > 50) & (ssd[first[:-1]] < 550)
+    moved = np.where(decision.forced[first[:-1]], 50, -50)
+    np.testing.assert_array_equal(np.diff(ssd[first])[inside], moved[inside])
 
 
 def test_cancelling_makes_a_pulse_stop(evidence):
@@ -109,25 +109,25 @@ def test_cancelling_makes_a_pulse_stop(evidence):
     with unwarned():
         cancel = StopSignal(duration_ms=150.0, cancel_ms=100.0)
         late = StopSignal(duration_ms=150.0, cancel_ms=400.0)
-    found = {
+    p_respond = {
         name: decide_with_stop(MODEL, evidence, ssd, signal, threshold=LEVEL).p_respond
         for name, signal in {"pulse": pulse, "cancel": cancel, "late": late}.items()
     }
-    assert found["pulse"] > 0.9
-    assert found["cancel"] == pytest.approx(held.p_respond, abs=0.02)
-    assert found["cancel"] < found["late"] <= found["pulse"]
+    assert p_respond["pulse"] > 0.9
+    assert p_respond["cancel"] == pytest.approx(held.p_respond, abs=0.02)
+    assert p_respond["cancel"] < p_respond["late"] <= p_respond["pulse"]
 
 
 def test_a_cancelled_trial_is_back_at_its_prior():
     prior = np.array([0.7, 0.3])
     drawn = replace(bg.gaussian_evidence(6, d_prime=1.0, t_max=20, step_ms=10, seed=1), prior=prior)
-    given = with_stop(drawn, [50, np.nan, 0, 120, 150, 30], StopSignal(delay_ms=20, cancel_ms=60))
+    stops = with_stop(drawn, [50, np.nan, 0, 120, 150, 30], StopSignal(delay_ms=20, cancel_ms=60))
     at = np.array([11, 21, 6, 18, 21, 9])  # the first reading from SSD + 60 ms on
     for trial, first in enumerate(at):
-        after = given.posterior[trial, first:]
+        after = stops.posterior[trial, first:]
         assert after == pytest.approx(np.broadcast_to(prior, after.shape))
         np.testing.assert_array_equal(
-            given.log_likelihood[trial, : first - 1], drawn.log_likelihood[trial, : first - 1]
+            stops.log_likelihood[trial, : first - 1], drawn.log_likelihood[trial, : first - 1]
         )
 
 
@@ -142,9 +142,9 @@ def test_a_cancelled_trial_is_back_at_its_prior_in_each_channel():
     """Channels that get their own evidence, with a baseline, and trials of several lengths."""
     drawn = bg.gaussian_evidence(4, d_prime=1.0, t_max=20, step_ms=10, seed=1)
     shifted = replace(drawn, log_likelihood=drawn.log_likelihood - 0.4)
-    given = of_lengths(shifted, [20, 12, 7, 20], baseline=-0.4)
-    cancel = with_stop(given, [50, 50, 50, np.nan], StopSignal(cancel_ms=40))
-    before, after = given.own_totals, cancel.own_totals
+    ragged = of_lengths(shifted, [20, 12, 7, 20], baseline=-0.4)
+    cancel = with_stop(ragged, [50, 50, 50, np.nan], StopSignal(cancel_ms=40))
+    before, after = ragged.own_totals, cancel.own_totals
     np.testing.assert_allclose(after[:2, 9:], 0.0, atol=1e-12)
     np.testing.assert_array_equal(after[2:], before[2:])  # ended before, and a go trial
     np.testing.assert_array_equal(after[:, :9], before[:, :9])
@@ -164,11 +164,11 @@ def test_a_signal_after_the_end_of_its_own_trial_is_refused(evidence):
 def test_no_signal_reaches_the_nucleus_before_it_is_given(evidence):
     """The spread of the delay is cut off at a delay of 0."""
     task = StopTask(share=0.9, delays_ms=(300.0,), delay_sd_ms=200.0)
-    found, ssd = decided(task, MODEL, evidence, LEVEL, rng())
+    decision, ssd = decided(task, MODEL, evidence, LEVEL, rng())
     go = MODEL.decided(evidence, LEVEL)
     early = ~np.isnan(ssd) & (go.time_ms < 300)
     assert early.sum() > 50
-    np.testing.assert_array_equal(found.time_ms[early], go.time_ms[early])
+    np.testing.assert_array_equal(decision.time_ms[early], go.time_ms[early])
 
 
 def test_inputs_add_up_column_by_column(evidence):
@@ -191,8 +191,8 @@ def test_measures_of_known_trials():
         np.where(missed, 1, 0), np.where(missed, 200.0, time_ms), missed, np.zeros(trials, bool),
         1.0, np.full(trials, 200.0), np.zeros(trials, int),
     )  # fmt: skip
-    found = Behaviour(decision, np.full(trials, 0.9), np.zeros(trials, bool), 2, ssd)
-    values = found.measures(np.ones((1, trials)))
+    behaviour = Behaviour(decision, np.full(trials, 0.9), np.zeros(trials, bool), 2, ssd)
+    values = behaviour.measures(np.ones((1, trials)))
     assert {name: values[name][0] for name in OF_STOP} == {
         "p_respond": 0.75, "ssrt_ms": 30.0, "failed_minus_go_ms": 50 / 6 - 50.5,
     }  # fmt: skip
@@ -201,8 +201,8 @@ def test_measures_of_known_trials():
     assert values["decided"][0] == 100
     # Without the fast half of the go trials, the same share is reached later.
     weights = np.concatenate([np.repeat([0.0, 1.0], 50), np.ones(8)])[None]
-    assert found.measures(weights)["ssrt_ms"][0] == 75 - 20
-    assert found.in_time().choice.min() == UNDECIDED
+    assert behaviour.measures(weights)["ssrt_ms"][0] == 75 - 20
+    assert behaviour.in_time().choice.min() == UNDECIDED
 
 
 def test_missed_go_trials_count_as_the_slowest():
@@ -214,8 +214,8 @@ def test_missed_go_trials_count_as_the_slowest():
         np.zeros(110, int), np.where(missed, 200.0, time_ms), missed, np.zeros(110, bool),
         1.0, np.full(110, 200.0), np.zeros(110, int),
     )  # fmt: skip
-    found = Behaviour(decision, np.full(110, 0.9), np.zeros(110, bool), 2, ssd)
-    values = found.measures(np.ones((1, 110)))
+    behaviour = Behaviour(decision, np.full(110, 0.9), np.zeros(110, bool), 2, ssd)
+    values = behaviour.measures(np.ones((1, 110)))
     assert values["ssrt_ms"][0] == 60 - 20
     assert values["failed_minus_go_ms"][0] == 30 - 30.5
 
@@ -311,8 +311,8 @@ def test_workers_and_blocks_draw_their_own_signals(monkeypatch):
 )
 def test_a_bad_stop_task_gets_one_clear_sentence(tmp_path, text, says):
     path = tmp_path / "x.toml"
-    given = "name='x'\nnote=''\n[task]\nd_prime=0.35\nstep_ms=10.0\nt_max=100\ntrials=100\n"
-    path.write_text(f"{given}[stop]\n{text}\n[manipulation]\nedits=['lesion STN 5%']\n")
+    start = "name='x'\nnote=''\n[task]\nd_prime=0.35\nstep_ms=10.0\nt_max=100\ntrials=100\n"
+    path.write_text(f"{start}[stop]\n{text}\n[manipulation]\nedits=['lesion STN 5%']\n")
     assert tomllib.loads(path.read_text())
     with refused(says):
         Experiment.from_toml(path).run()
@@ -337,10 +337,10 @@ def test_measures_of_stopping_need_stop_signals(tmp_path):
 
 def test_a_condition_without_signals_is_as_before(evidence):
     assert Observed().stop is None
-    found = Observed(task=TASK).behaviour(MODEL, evidence)
-    assert found.ssd_ms is None
-    assert found.go.all()
-    assert "p_respond" not in found.measures(np.ones((1, 400)))
+    behaviour = Observed(task=TASK).behaviour(MODEL, evidence)
+    assert behaviour.ssd_ms is None
+    assert behaviour.go.all()
+    assert "p_respond" not in behaviour.measures(np.ones((1, 400)))
 
 
 def test_the_command_and_python_decide_alike(tmp_path, capsys):
@@ -349,18 +349,18 @@ def test_the_command_and_python_decide_alike(tmp_path, capsys):
     options = ["--task", "d_prime=0.35", "step_ms=10", "trials=300", "t_max=100"]
     options += ["--seed", "5", "--stop", "delay_ms=40"]
     assert main([*RUN, "--save", str(out), "--plot", str(drawing), *options]) == 0
-    said = capsys.readouterr().out
+    text = capsys.readouterr().out
     condition = bg.Condition(task=replace(STOPPED, trials=300, t_max=100), seed=5)
     evidence = condition.drawn(STREAM).evidence
     stop = bg.StopTask(share=0.5, delay_ms=40.0)
     mine = stop.decide(condition.model(2), evidence, posterior=0.82, seed=5)
     pd.testing.assert_frame_equal(pd.read_csv(out), mine.to_dataframe())
-    assert "40 ms of it are the given delay to STN" in said
+    assert "40 ms of it are the given delay to STN" in text
     assert drawing.stat().st_size > 10_000
     assert main([*RUN, "--json", *options]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["p_respond"] == mine.p_respond
-    assert len(found["records"]) == len(stop.delays_ms)
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["p_respond"] == mine.p_respond
+    assert len(printed["records"]) == len(stop.delays_ms)
 
 
 def test_the_command_records_the_gain_that_fits_strong_evidence(tmp_path):
@@ -381,13 +381,13 @@ def test_the_command_says_why_there_is_no_estimate(capsys):
     options = ["--task", "d_prime=0.35", "step_ms=10", "trials=120", "t_max=40", "--stop"]
     options += ["share=0.5", "delays_ms=20"]
     assert main([*RUN, *options]) == 0
-    said = capsys.readouterr().out
-    assert "no stop-signal reaction time: at no delay do 25% to 75% of the stop trials" in said
-    assert "% of go trials missed, no failed stops, responses in 0.0% of stop trials" in said
-    assert "nan" not in said.partition("mean go time")[2]
+    text = capsys.readouterr().out
+    assert "no stop-signal reaction time: at no delay do 25% to 75% of the stop trials" in text
+    assert "% of go trials missed, no failed stops, responses in 0.0% of stop trials" in text
+    assert "nan" not in text.partition("mean go time")[2]
     assert main([*RUN, "--json", *options]) == 0
-    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
-    assert found["ssrt_by_delay_ms"] is None
+    printed = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert printed["ssrt_by_delay_ms"] is None
 
 
 @pytest.mark.parametrize(
@@ -410,9 +410,9 @@ def test_the_command_refuses_in_one_sentence(options, says, capsys, tmp_path):
 
 
 def test_a_figure_says_when_no_estimate_is_accepted(evidence):
-    found = StopTask(delays_ms=(50.0,)).decide(MODEL, evidence, threshold=LEVEL)
-    text = draw(found).get_suptitle()
-    assert f"{int(found.stop.sum())} stop trials" in text
+    trials = StopTask(delays_ms=(50.0,)).decide(MODEL, evidence, threshold=LEVEL)
+    text = draw(trials).get_suptitle()
+    assert f"{int(trials.stop.sum())} stop trials" in text
     assert "accepts no SSRT" in text
 
 

@@ -56,18 +56,18 @@ def test_failed_stops_that_no_race_explains_are_counted():
 
 
 def test_means_up_to_a_limit():
-    found = truncated_means(np.array([3.0, 1.0, 2.0]), np.array([0.5, 1.0, 2.5, 9.0]))
-    assert found.tolist()[1:] == [1.0, 1.5, 2.0]
-    assert np.isnan(found[0])
+    means = truncated_means(np.array([3.0, 1.0, 2.0]), np.array([0.5, 1.0, 2.5, 9.0]))
+    assert means.tolist()[1:] == [1.0, 1.5, 2.0]
+    assert np.isnan(means[0])
 
 
 def test_slowing_compares_go_responses_by_the_trial_before():
     #        go   stop   go  stop   go    go   missed  go
     rt = [400.0, 350.0, 470, np.nan, 460, 410, np.nan, 600]
     ssd = [np.nan, 200.0, np.nan, 200.0, np.nan, np.nan, np.nan, np.nan]
-    found = slowing(StopTrials(rt, ssd))
+    slowed_ms = slowing(StopTrials(rt, ssd))
     # After a go response: only 410. After the omission, 600 counts nowhere.
-    assert found == {
+    assert slowed_ms == {
         "after_go_ms": 410.0,
         "after_failed_stop_ms": 60.0,
         "after_successful_stop_ms": 50.0,

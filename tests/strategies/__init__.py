@@ -20,8 +20,8 @@ def filled(draw, text):
         text = CHOICE.sub(lambda choice: draw(st.sampled_from(choice[1].split("|"))), text)
 
     def number(limits):
-        whole = "." not in limits[1] + limits[2]
-        low, high = map(int if whole else float, limits.groups())
-        return str(draw(st.integers(low, high) if whole else numbers(low, high)))
+        integral = "." not in limits[1] + limits[2]
+        low, high = map(int if integral else float, limits.groups())
+        return str(draw(st.integers(low, high) if integral else numbers(low, high)))
 
     return RANGE.sub(number, text)

@@ -40,9 +40,9 @@ def test_a_number_is_one_and_a_whole_number_is_a_number(value):
 @given(st.integers(-5, 5), st.integers(0, 3), st.sampled_from([int, float, np.int32, np.float32]))
 def test_a_whole_number_of_any_type_is_the_same_int(value, least, kind):
     if value >= least:
-        found = whole("n", kind(value), least)
-        assert type(found) is int
-        assert found == value
+        number = whole("n", kind(value), least)
+        assert type(number) is int
+        assert number == value
     else:
         with refused("n"):
             whole("n", kind(value), least)
@@ -51,10 +51,10 @@ def test_a_whole_number_of_any_type_is_the_same_int(value, least, kind):
 @pytest.mark.parametrize("kind", ["f2", ">f4", ">f8", "g", "i1", "u8", "?", "O"])
 def test_numbers_of_any_type_become_those_that_compiled_loops_take(kind):
     values = np.array([0, 1, 1]).astype(kind)
-    found = reals("x", values)
-    assert found.dtype == np.float64
-    assert found.tolist() == [0, 1, 1]
-    assert reals("x", found) is found
+    numbers = reals("x", values)
+    assert numbers.dtype == np.float64
+    assert numbers.tolist() == [0, 1, 1]
+    assert reals("x", numbers) is numbers
 
 
 @pytest.mark.parametrize("values", ["a", [1, [2]], 1j, ["1"], [None, "x"], np.array("2020", "M8")])
@@ -65,9 +65,9 @@ def test_what_holds_no_numbers_is_refused_by_name(values):
 
 @pytest.mark.parametrize("kind", [">i8", "u8", "i1"])
 def test_whole_numbers_per_trial_come_in_the_machines_order(kind):
-    found = one_per_trial("x", np.arange(3).astype(kind), 3)
-    assert found.dtype.isnative
-    assert found.tolist() == [0, 1, 2]
+    numbers = one_per_trial("x", np.arange(3).astype(kind), 3)
+    assert numbers.dtype.isnative
+    assert numbers.tolist() == [0, 1, 2]
 
 
 CALLS = {

@@ -8,10 +8,10 @@ from bgmodel.support.exponential import LOWEST, exponential
 
 
 def _of_each(x):
-    found = np.empty_like(x)
+    powers = np.empty_like(x)
     for i in range(len(x)):
-        found[i] = exponential(x[i])
-    return found
+        powers[i] = exponential(x[i])
+    return powers
 
 
 of_each = compiled(_of_each)

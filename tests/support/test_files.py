@@ -45,17 +45,17 @@ class Asked:
 
 def test_parameters_of_any_kind_are_kept_as_plain_values_and_files_by_name():
     asked = Asked(np.float64(0.5), Path("/somewhere/mine.csv"))
-    found = provenance(
+    kept = provenance(
         of=asked,
         more={1: (True, None), "kind": Asked},
         line=np.array([1, 2]),
         path=asked.place,
         whole=np.int64(3),
     )["parameters"]
-    assert found["of"] == {"kind": "Asked", "level": 0.5, "place": "mine.csv"}
-    assert found["more"] == {"1": [True, None], "kind": str(Asked)}
-    assert (found["line"], found["path"], found["whole"]) == ([1, 2], "mine.csv", 3)
-    assert json.loads(json.dumps(found)) == found
+    assert kept["of"] == {"kind": "Asked", "level": 0.5, "place": "mine.csv"}
+    assert kept["more"] == {"1": [True, None], "kind": str(Asked)}
+    assert (kept["line"], kept["path"], kept["whole"]) == ([1, 2], "mine.csv", 3)
+    assert json.loads(json.dumps(kept)) == kept
 
 
 def test_a_place_is_taken_by_a_file_or_a_link_to_nothing_unless_by_force(tmp_path):
@@ -105,14 +105,14 @@ def test_files_that_are_no_tables_get_one_clear_sentence(tmp_path):
 
 
 def test_provenance_never_goes_over_a_file_that_is_none(tmp_path, decided_trials):
-    own = tmp_path / "t.csv.json"
+    foreign = tmp_path / "t.csv.json"
     for text in ('{"mine": 1}', "no JSON", "[]"):
-        own.write_text(text)
+        foreign.write_text(text)
         with refused("path is not a file of parameters"):
             write_table(decided_trials, tmp_path / "t.csv")
-        assert own.read_text() == text
+        assert foreign.read_text() == text
         assert not (tmp_path / "t.csv").exists()
-    own.unlink()
+    foreign.unlink()
     (tmp_path / "t.json").write_text("mine too")
     write_table(decided_trials, tmp_path / "t.csv")
     write_table(decided_trials, tmp_path / "t.csv", other=1)

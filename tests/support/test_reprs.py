@@ -47,13 +47,13 @@ def records(outcome):
 
 def test_a_record_is_one_short_line_and_a_table_of_the_same_facts(records):
     for record in records:
-        said, page = repr(record), record._repr_html_()
-        assert len(said) < 260
-        assert "\n" not in said
-        assert "array(" not in said
+        line, page = repr(record), record._repr_html_()
+        assert len(line) < 260
+        assert "\n" not in line
+        assert "array(" not in line
         assert page.count("<tr>") == len(record.facts())
         for name, value in record.facts().items():
-            assert f"{name} {value}" in said
+            assert f"{name} {value}" in line
 
 
 def test_of_many_thresholds_trials_are_counted_at_each():
@@ -147,9 +147,9 @@ def test_speed_and_accuracy_are_those_of_decided_trials():
     line = decision.plot(Figure().subplots(), np.zeros(3, int)).axes[0].lines[0]
     assert line.get_xdata().tolist() == [10, 30]
     assert line.get_ydata().tolist() == [1, 0.5]
-    found = decision.facts()
-    assert (found["thresholds"], found["trials"]) == ("3", "3")
-    assert (found["mean_time_ms"], found["undecided"]) == ("10 to 30", "1 to 3")
+    facts = decision.facts()
+    assert (facts["thresholds"], facts["trials"]) == ("3", "3")
+    assert (facts["mean_time_ms"], facts["undecided"]) == ("10 to 30", "1 to 3")
 
 
 def test_an_outcome_is_a_forest_of_changes_with_their_verdicts(outcome):
@@ -161,8 +161,8 @@ def test_an_outcome_is_a_forest_of_changes_with_their_verdicts(outcome):
         shown -= set(OF_ALL)
     rows = [text.get_text() for ax in figure.axes for text in ax.get_yticklabels()]
     assert sorted(rows) == sorted(LABELS[name] for name in shown)
-    said = [text.get_text().lower() for ax in figure.axes for text in ax.texts]
-    assert all(verdict in said for verdict in outcome.verdicts()["outcome"])
+    texts = [text.get_text().lower() for ax in figure.axes for text in ax.texts]
+    assert all(verdict in texts for verdict in outcome.verdicts()["outcome"])
     plt.close(figure)
 
 

@@ -53,23 +53,23 @@ RESULTS = {
 @pytest.mark.parametrize("kind", RESULTS)
 def test_a_loaded_result_is_the_result(kind, tmp_path):
     """Saved again it has the same bytes, and what it derives is the same."""
-    found = RESULTS[kind]()
-    path = found.save(tmp_path / "a.npz")
+    result = RESULTS[kind]()
+    path = result.save(tmp_path / "a.npz")
     again = bg.load(path)
-    assert type(again) is type(found)
+    assert type(again) is type(result)
     assert again.save(tmp_path / "b.npz").read_bytes() == path.read_bytes()
-    assert repr(again) == repr(found)
+    assert repr(again) == repr(result)
     for name in ("summary", "to_dataframe", "text"):
-        if hasattr(found, name):
-            assert str(getattr(again, name)()) == str(getattr(found, name)())
-    if hasattr(found, "plot") and kind not in ("evidence", "trace"):
+        if hasattr(result, name):
+            assert str(getattr(again, name)()) == str(getattr(result, name)())
+    if hasattr(result, "plot") and kind not in ("evidence", "trace"):
         again.plot()
 
 
 def test_a_loaded_model_decides_as_before(tmp_path):
     again = bg.load(MODEL.save(tmp_path / "model.npz"))
-    found = again.decide(EVIDENCE, posterior=0.8)
-    assert np.array_equal(found.time_ms, MODEL.decide(EVIDENCE, posterior=0.8).time_ms)
+    decision = again.decide(EVIDENCE, posterior=0.8)
+    assert np.array_equal(decision.time_ms, MODEL.decide(EVIDENCE, posterior=0.8).time_ms)
 
 
 def test_a_file_is_replaced_only_if_asked_and_never_lost(tmp_path):

@@ -57,10 +57,10 @@ def returned(tree):
 
 
 def test_every_summary_is_a_table_to_read():
-    found = [
+    summaries = [
         (path.stem, name, last)
         for path in sorted((ROOT / "bgmodel").rglob("*.py"))
         for name, last in returned(ast.parse(path.read_text()))
     ]
-    assert len(found) > 10
-    assert [each for each in found if not each[2].startswith("return Readable(")] == []
+    assert len(summaries) > 10
+    assert [each for each in summaries if not each[2].startswith("return Readable(")] == []

@@ -1,4 +1,4 @@
-"""SLURM is asked before jobs are submitted: programs of its name stand in for it."""
+"""Checks of SLURM before jobs are submitted, with programs of the same names in its place."""
 
 import pytest
 

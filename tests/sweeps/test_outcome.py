@@ -33,18 +33,18 @@ def test_a_row_is_a_point_and_a_measure_with_its_interval(tmp_path):
     assert list(table) == columns
     assert set(table["gain"]) == {0.7}
     assert list(table["measure"]) == [*MEASURES, *MEASURES]
-    found, _ = shards.read(plan.all_points()[1], tmp_path)
+    behaviour, _ = shards.read(plan.all_points()[1], tmp_path)
     weights = resampled(80, RESAMPLES, stream(0, "bootstrap"))
-    want = interval(found.measures(weights)["accuracy"])
+    want = interval(behaviour.measures(weights)["accuracy"])
     row = table[(table["posterior"] == 0.9) & (table["measure"] == "accuracy")]
     assert tuple(row[["value", "low", "high"]].to_numpy()[0]) == want
 
 
 def test_a_bootstrap_in_parts_weighs_every_trial_as_often(tmp_path, monkeypatch):
-    whole = np.concatenate(list(outcome._weights(3, 40)))
+    weights = np.concatenate(list(outcome._weights(3, 40)))
     monkeypatch.setattr(outcome, "AT_ONCE", 40 * 300)
     parts = np.concatenate(list(outcome._weights(3, 40)))
-    assert np.array_equal(parts, whole)
+    assert np.array_equal(parts, weights)
 
 
 def test_a_circuit_that_decides_without_evidence_is_said_to(tmp_path):
@@ -143,8 +143,8 @@ def points_of(plan, values, remarks=None):
 
 def test_a_star_stands_at_every_number_that_has_a_remark():
     plan = Plan(grid={"posterior": (0.7, 0.8, 0.9)}, show=("accuracy",))
-    said = points_of(plan, [0.6, 0.7, np.nan], ["", "few decide", "rates run away"])
-    (panel,) = (figure := outcome.draw(plan, said)).axes
+    points = points_of(plan, [0.6, 0.7, np.nan], ["", "few decide", "rates run away"])
+    (panel,) = (figure := outcome.draw(plan, points)).axes
     assert [(star.get_text(), star.xy) for star in panel.texts] == [("*", (0.8, 0.7))]
     assert "*: see remark" in figure.get_suptitle()
     (panel,) = (figure := outcome.draw(plan, points_of(plan, [0.6, 0.7, 0.8]))).axes
@@ -160,8 +160,8 @@ def test_a_grid_with_a_short_key_is_a_line_per_value_of_it():
     lines = [bars.lines[0] for bars in figure.axes[0].containers]
     assert [list(line.get_ydata()) for line in lines] == [[0.6, 0.7, 0.8], [0.5, 0.6, 0.7]]
     (legend,) = figure.legends
-    said = [text.get_text() for text in legend.get_texts()]
-    assert said == ["engine = rate", "engine = algebra"]
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert labels == ["engine = rate", "engine = algebra"]
 
 
 def test_a_line_has_bars_from_the_lower_to_the_upper_end():
@@ -172,10 +172,10 @@ def test_a_line_has_bars_from_the_lower_to_the_upper_end():
     np.testing.assert_allclose(
         bars.get_segments(), [[[0.7, 0.5], [0.7, 0.65]], [[0.9, 0.75], [0.9, 0.9]]]
     )
-    said = "80 trials per point; bars: 95 % intervals"
-    assert figure.get_suptitle() == f"macaque\n{said}"
+    note = "80 trials per point; bars: 95 % intervals"
+    assert figure.get_suptitle() == f"macaque\n{note}"
     named = replace(plan, name="who decides")
-    assert outcome.draw(named, table).get_suptitle() == f"who decides\n{said}"
+    assert outcome.draw(named, table).get_suptitle() == f"who decides\n{note}"
     some = outcome.draw(plan, table.assign(trials=[60, 80])).get_suptitle()
     assert some.startswith("macaque\n60 to 80 trials per point;")
 
@@ -191,12 +191,12 @@ def test_a_map_of_few_points_says_each_number_in_white_on_dark(across, written, 
     remarks[[1, across]], values[2] = "few decide", np.nan
     figure = outcome.draw(plan, points_of(plan, values, list(remarks)))
     assert figure.get_suptitle() == "macaque\n80 trials per point; *: see remark in the table"
-    found = [text.get_text() for text in figure.axes[0].texts]
+    numbers = [text.get_text() for text in figure.axes[0].texts]
     if not written:
-        assert found == []
+        assert numbers == []
         return
-    assert found[:4] == ["9.50", "9.50*", "-", "9.50"]
-    assert found[across : across + 2] == ["300*", "300"]
+    assert numbers[:4] == ["9.50", "9.50*", "-", "9.50"]
+    assert numbers[across : across + 2] == ["300*", "300"]
     colours = [text.get_color() for text in figure.axes[0].texts]
     assert set(colours[:2]) == {"w"}
     assert set(colours[across:]) == {"k"}
@@ -219,8 +219,8 @@ def test_only_where_there_are_two_alternatives_a_diffusion_is_said_to_be_withhel
     ):
         plan = Plan(grid={"task.channels": (channels,)}, task=TASK)
         truth = np.arange(80) % channels
-        found = behaving(truth, np.full(80, 400.0), truth, channels=channels)
-        monkeypatch.setattr(outcome, "read", lambda *_, found=found: (found, ""))
+        behaviour = behaving(truth, np.full(80, 400.0), truth, channels=channels)
+        monkeypatch.setattr(outcome, "read", lambda *_, behaviour=behaviour: (behaviour, ""))
         (setting,) = plan.all_points()
         (remark,) = set(outcome.measured(setting, tmp_path)["remark"])
         assert remark.startswith(says)
@@ -243,8 +243,8 @@ def test_three_keys_have_a_table_and_no_figure():
     ],
 )
 def test_a_key_on_which_no_measure_depends_is_warned_of(tmp_path, grid, idle):
-    said = [text for text in told(swept, tmp_path, grid=grid) if "no measure depends" in text]
-    assert [text.split(":")[0].split()[-1] for text in said] == idle
+    texts = [text for text in told(swept, tmp_path, grid=grid) if "no measure depends" in text]
+    assert [text.split(":")[0].split()[-1] for text in texts] == idle
 
 
 def test_a_circuit_that_decides_against_the_evidence_is_said_to(tmp_path):

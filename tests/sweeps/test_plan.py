@@ -31,11 +31,11 @@ def points(tmp_path, text):
 
 
 def test_a_grid_is_every_combination_and_its_last_key_changes_fastest():
-    found = Plan(grid={"lesion STN": (0.0, 0.1), "dopamine": (0.9, 1.0, 1.1)})
-    assert [tuple(point.values()) for point in found.each] == [
+    read = Plan(grid={"lesion STN": (0.0, 0.1), "dopamine": (0.9, 1.0, 1.1)})
+    assert [tuple(point.values()) for point in read.each] == [
         (0.0, 0.9), (0.0, 1.0), (0.0, 1.1), (0.1, 0.9), (0.1, 1.0), (0.1, 1.1)
     ]  # fmt: skip
-    assert found.axes == {"lesion STN": [0.0, 0.1], "dopamine": [0.9, 1.0, 1.1]}
+    assert read.axes == {"lesion STN": [0.0, 0.1], "dopamine": [0.9, 1.0, 1.1]}
 
 
 def test_points_one_by_one_make_the_settings_of_their_grid():
@@ -182,8 +182,8 @@ def test_a_shard_is_named_by_what_it_computes():
 
 def test_more_trials_keep_the_blocks_that_are_there():
     def blocks(trials):
-        (found,) = Plan(grid={"task.trials": (trials,)}).all_points()
-        return found.shards()
+        (point,) = Plan(grid={"task.trials": (trials,)}).all_points()
+        return point.shards()
 
     few, many = blocks(2 * BLOCK), blocks(2 * BLOCK + 5)
     assert [shard.trials for shard in many] == [BLOCK, BLOCK, 5]
@@ -201,13 +201,13 @@ def test_blocks_of_a_setting_differ_in_evidence_and_noise_and_points_share_both(
 def test_evidence_of_a_table_is_read_beside_the_file_and_every_trial_once(tmp_path):
     shown = some_evidence(trials=30, steps=21, hypotheses=3)
     long_table(shown).to_csv(tmp_path / "own.csv", index=False)
-    (found,) = points(tmp_path, "task = {evidence = 'own.csv'}\n[grid]\n'lesion STN' = [0.1]")
-    assert (found.trials, found.steps, found.hypotheses) == (30, 21, 3)
-    assert found.edited.channels == 3
-    parts = [found.block(first, 12).evidence for first in (0, 12, 24)]
+    (point,) = points(tmp_path, "task = {evidence = 'own.csv'}\n[grid]\n'lesion STN' = [0.1]")
+    assert (point.trials, point.steps, point.hypotheses) == (30, 21, 3)
+    assert point.edited.channels == 3
+    parts = [point.block(first, 12).evidence for first in (0, 12, 24)]
     assert [part.trials for part in parts] == [12, 12, 6]
-    whole = np.concatenate([part.log_likelihood for part in parts])
-    assert np.allclose(whole, shown.log_likelihood, atol=1e-6)
+    nats = np.concatenate([part.log_likelihood for part in parts])
+    assert np.allclose(nats, shown.log_likelihood, atol=1e-6)
 
 
 def test_a_circuit_of_ones_own_is_read_beside_the_file_wherever_one_stands(tmp_path, monkeypatch):
@@ -217,8 +217,8 @@ def test_a_circuit_of_ones_own_is_read_beside_the_file_wherever_one_stands(tmp_p
         "circuit = 'mine.toml'\n[grid]\n'lesion STN' = [0.1]",
         "grid = {circuit = ['mine.toml']}",
     ):
-        (found,) = points(tmp_path, text)
-        assert found.circuit == str(tmp_path / "mine.toml")
+        (point,) = points(tmp_path, text)
+        assert point.circuit == str(tmp_path / "mine.toml")
     with refused("nucleus spiking_msprt has no nucleus 'TRN'"):
         points(tmp_path, "[grid]\n'lesion TRN' = [0.1]\ncircuit = ['mine.toml']")
 
@@ -265,15 +265,15 @@ def test_an_edit_is_of_the_circuit_of_its_own_point_whatever_comes_first():
         {"lesion common": 0.2, "circuit": other.name},
         {"circuit": other.name, "lesion common": 0.2},
     ):
-        (found,) = Plan(points=(values,)).all_points()
-        assert found.edited == other.lesion("common", 0.2)
+        (point,) = Plan(points=(values,)).all_points()
+        assert point.edited == other.lesion("common", 0.2)
     with refused("nucleus spiking_msprt has no nucleus 'ctx_inh'"):
         Plan(points=({"lesion ctx_inh": 0.2, "circuit": other.name},)).all_points()
 
 
 def test_a_tactile_task_depends_on_its_taps():
-    (found,) = Plan(grid={"task.name": ("same-different",)}).all_points()
-    (shard,) = found.shards()
+    (point,) = Plan(grid={"task.name": ("same-different",)}).all_points()
+    (shard,) = point.shards()
     assert len(shard.key["task"]["taps"]) == 64
 
 
@@ -318,6 +318,6 @@ def test_the_name_of_a_shard_follows_every_setting_of_its_point():
 
 def test_a_grid_lesions_a_nucleus_that_a_motif_adds():
     plan = Plan(edits=Edits(["add striatal_FSI"]), grid={"lesion FSI": (0.0, 0.5)})
-    whole, half = (setting.edited for setting in plan.all_points())
-    assert whole == load_circuit("macaque").add("striatal_FSI")
-    assert half == whole.lesion("FSI", 0.5)
+    intact, half = (setting.edited for setting in plan.all_points())
+    assert intact == load_circuit("macaque").add("striatal_FSI")
+    assert half == intact.lesion("FSI", 0.5)

@@ -18,8 +18,8 @@ TASK = Gaussian(trials=60, t_max=30)
 
 def one_setting(**changed):
     same = {"task": TASK, "engine": "algebra", "gain": 0.7, "grid": {"lesion STN": (0.0,)}}
-    (found,) = Plan(**(same | changed)).all_points()
-    return found
+    (point,) = Plan(**(same | changed)).all_points()
+    return point
 
 
 def test_the_algebra_decides_a_shard_as_the_test_does(tmp_path):
@@ -27,12 +27,12 @@ def test_the_algebra_decides_a_shard_as_the_test_does(tmp_path):
     setting = one_setting()
     (shard,) = setting.shards()
     stored.compute(shard, tmp_path)
-    found, said = stored.read(setting, tmp_path)
+    behaviour, remark = stored.read(setting, tmp_path)
     evidence = setting.block(0, 60).evidence
     test = first_crossing(Msprt(0.7).run(evidence), setting.threshold_nats)
-    assert said == ""
-    assert np.array_equal(found.decision.choice, test.choice)
-    assert np.array_equal(found.decision.truth, evidence.truth)
+    assert remark == ""
+    assert np.array_equal(behaviour.decision.choice, test.choice)
+    assert np.array_equal(behaviour.decision.truth, evidence.truth)
 
 
 def test_the_same_shard_is_the_same_bytes_and_is_done(tmp_path):
@@ -50,9 +50,9 @@ def test_a_shard_cut_short_or_made_from_other_parameters_is_damaged(tmp_path):
     (other,) = one_setting(seed=1).shards()
     stored.compute(shard, tmp_path)
     path = stored.path_of(shard, tmp_path)
-    whole = path.read_bytes()
-    for cut in (0, 10, len(whole) // 2, len(whole) - 1):
-        path.write_bytes(whole[:cut])
+    contents = path.read_bytes()
+    for cut in (0, 10, len(contents) // 2, len(contents) - 1):
+        path.write_bytes(contents[:cut])
         assert stored.state(shard, tmp_path) == "damaged"
     stored.compute(other, tmp_path)
     path.write_bytes(stored.path_of(other, tmp_path).read_bytes())
@@ -64,7 +64,7 @@ def test_a_shard_cut_short_or_made_from_other_parameters_is_damaged(tmp_path):
     for rows in (read, read.head(0)):
         files.write_table(rows, path, shard=shard.key, remark="")
         assert stored.state(shard, tmp_path) == "done"
-    path.write_bytes(whole)
+    path.write_bytes(contents)
     assert stored.state(shard, tmp_path) == "done"
 
 

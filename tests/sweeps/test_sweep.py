@@ -73,9 +73,9 @@ def test_remarks_on_points_are_warned_of_in_python_as_at_the_terminal(file, tmp_
     short.write_text(GRID.replace("t_max = 20", "t_max = 3").replace("d_prime = 1.0", ""))
     with pytest.warns(BgmodelWarning) as caught:
         outcome = Sweep.from_toml(short).run()
-    said = [str(each.message) for each in caught if "points (" in str(each.message)]
-    assert said
-    assert said == outcome.cautions()
+    remarks = [str(each.message) for each in caught if "points (" in str(each.message)]
+    assert remarks
+    assert remarks == outcome.cautions()
     assert main(["sweep", str(short), str(tmp_path / "out"), "--workers", "1"]) == 0
     printed = capsys.readouterr().err
-    assert all(sentence in printed for sentence in said)
+    assert all(sentence in printed for sentence in remarks)

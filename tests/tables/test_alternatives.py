@@ -17,24 +17,24 @@ NAMES = np.array(["up", "left", "down", "right"])
 def table(alternatives=3, trials=60, **columns):
     """Return trials of which two in three are correct, with all names as stimuli and responses."""
     shown = np.arange(trials) % alternatives
-    given = np.where(np.arange(trials) // alternatives % 3, shown, (shown + 1) % alternatives)
+    answer = np.where(np.arange(trials) // alternatives % 3, shown, (shown + 1) % alternatives)
     rt = np.random.default_rng(3).gamma(4, 0.1, trials) + 0.2
-    found = pd.DataFrame({"rt": rt, "response": NAMES[given], "shown": NAMES[shown]})
-    return found.assign(**columns)
+    choices = pd.DataFrame({"rt": rt, "response": NAMES[answer], "shown": NAMES[shown]})
+    return choices.assign(**columns)
 
 
 def coded(**columns):
-    found = table()
-    return found.assign(response=(found["response"] == found["shown"]).astype(int), **columns)
+    named = table()
+    return named.assign(response=(named["response"] == named["shown"]).astype(int), **columns)
 
 
 def test_responses_are_coded_by_the_column_of_correct_ones():
     some = table(4)
     with unwarned():
-        found = read_trials(some, columns=Columns(stimulus="shown"))
-    assert found.alternatives == 4
-    assert np.array_equal(found.response == 1, some["response"] == some["shown"])
-    assert np.nanmean(found.correct) == np.mean(found.response)
+        trials = read_trials(some, columns=Columns(stimulus="shown"))
+    assert trials.alternatives == 4
+    assert np.array_equal(trials.response == 1, some["response"] == some["shown"])
+    assert np.nanmean(trials.correct) == np.mean(trials.response)
 
 
 def test_the_number_is_given_held_by_a_column_or_two():
@@ -54,9 +54,9 @@ def test_the_number_is_part_of_the_checksum():
 def test_missing_responses_are_neither_correct_nor_a_name():
     some = table()
     some.loc[:2, ["rt", "response"]] = np.nan
-    found = read_trials(some, columns=Columns(stimulus="shown", deadline_s=3.0))
-    assert (found.response[:3] == -1).all()
-    assert found.alternatives == 3
+    trials = read_trials(some, columns=Columns(stimulus="shown", deadline_s=3.0))
+    assert (trials.response[:3] == -1).all()
+    assert trials.alternatives == 3
 
 
 @pytest.mark.parametrize(

@@ -258,8 +258,8 @@ def test_strengths_that_differ_by_rounding_only_are_one():
     at = GOOD.index % 7 == 0
     rounded = GOOD["coherence"] * np.where(at, 1 + 1e-7, 1.0)
     with pytest.warns(DataWarning, match="4 strengths are merged to 2"):
-        found = read(table(coherence=rounded), **NAMED)
-    assert found.strength.tolist() == GOOD["coherence"].tolist()
+        trials = read(table(coherence=rounded), **NAMED)
+    assert trials.strength.tolist() == GOOD["coherence"].tolist()
 
 
 @given(st.lists(st.floats(1e-3, 10), min_size=1, max_size=8), st.integers(0, 2**32))
@@ -268,10 +268,10 @@ def test_taking_strengths_for_one_changes_none_by_more_than_a_millionth(sizes, s
     given_ = rng.choice([-1, 1], 60) * rng.choice(sizes, 60) * (1 + 1e-8 * rng.normal(size=60))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        found = without_rounding(given_)
-        assert np.array_equal(without_rounding(found), found)
-    assert found == pytest.approx(given_, rel=1e-5)
-    assert len(np.unique(np.abs(found))) <= len(sizes)
+        merged = without_rounding(given_)
+        assert np.array_equal(without_rounding(merged), merged)
+    assert merged == pytest.approx(given_, rel=1e-5)
+    assert len(np.unique(np.abs(merged))) <= len(sizes)
 
 
 def answered(right, wrong, missed=0):
@@ -294,7 +294,7 @@ def test_strengths_without_a_sign_are_refused_by_20_or_more_responses_to_the_lar
 @pytest.mark.parametrize(("right", "doubted"), [(240, False), (239, True)])
 def test_response_1_is_doubted_where_it_is_less_than_three_fifths_of_responses(right, doubted):
     without = table(response=np.repeat([1, 0], [right, TRIALS - right])).drop(columns="coherence")
-    found = said(without)
-    assert len(found) == doubted
+    doubts = said(without)
+    assert len(doubts) == doubted
     if doubted:
-        assert "it is 60% of responses" in found[0]
+        assert "it is 60% of responses" in doubts[0]

@@ -55,9 +55,9 @@ def test_trial_ids_of_any_kind_come_back_in_the_order_of_the_table(kind):
     back = trials_from_table(table)
     assert list(back.columns["trial"]) == list(ids)
     assert np.array_equal(back.evidence.log_likelihood, evidence.log_likelihood)
-    found = trial_table(first_crossing(Msprt().run(back.evidence), 0.2), back, model="m")
-    assert list(found["trial"]) == list(ids)
-    assert found["row"].tolist() == [0, 4, 8, 12, 16, 20, 24]
+    decided = trial_table(first_crossing(Msprt().run(back.evidence), 0.2), back, model="m")
+    assert list(decided["trial"]) == list(ids)
+    assert decided["row"].tolist() == [0, 4, 8, 12, 16, 20, 24]
 
 
 def ragged(rng, trials=40, most=9):
@@ -85,19 +85,19 @@ def test_a_users_columns_come_back_and_the_result_joins_by_id_and_by_row():
     table = table.sample(frac=1, random_state=2).reset_index(drop=True)
     trials = trials_from_table(table, step_ms=50.0)
     assert trials.varying == ["eye_x"]
-    found = trial_table(first_crossing(Msprt().run(trials.evidence), 0.3), trials, model="m")
+    decided = trial_table(first_crossing(Msprt().run(trials.evidence), 0.3), trials, model="m")
     assert sorted(trials.evidence.readings) == sorted(lengths)
     keys = ["participant_id", "trial"]
     first = table.groupby(keys, sort=False, as_index=False).first()
-    joined = first.merge(found, on=keys, suffixes=("", "_ours"), validate="one_to_one")
-    assert len(joined) == len(found) == 40
+    joined = first.merge(decided, on=keys, suffixes=("", "_ours"), validate="one_to_one")
+    assert len(joined) == len(decided) == 40
     assert (joined["given_rt"] == joined["rt"]).all()
     assert (joined["condition_ours"] == joined["condition"]).all()
     assert (joined["block_ours"] == joined["block"]).all()
     assert (joined["stimulus"] == joined["truth"]).all()
-    by_row = table.iloc[found["row"]].reset_index(drop=True)
-    assert (by_row[keys] == found[keys]).all(axis=None)
-    assert "eye_x" not in found
+    by_row = table.iloc[decided["row"]].reset_index(drop=True)
+    assert (by_row[keys] == decided[keys]).all(axis=None)
+    assert "eye_x" not in decided
 
 
 def test_some_of_the_trials_keep_their_own_columns():
@@ -107,8 +107,8 @@ def test_some_of_the_trials_keep_their_own_columns():
     some = trials.where(chosen)
     assert some.columns["rt"].tolist() == trials.columns["rt"][chosen].tolist()
     assert some.evidence.trial_numbers.tolist() == np.flatnonzero(chosen).tolist()
-    found = trial_table(first_crossing(Msprt().run(some.evidence), 0.3), some, model="m")
-    assert found["row"].tolist() == trials.columns["row"][chosen].tolist()
+    decided = trial_table(first_crossing(Msprt().run(some.evidence), 0.3), some, model="m")
+    assert decided["row"].tolist() == trials.columns["row"][chosen].tolist()
 
 
 def test_a_forced_trial_of_a_table_is_decided_by_its_own_readings():
@@ -116,14 +116,14 @@ def test_a_forced_trial_of_a_table_is_decided_by_its_own_readings():
     table, _ = ragged(np.random.default_rng(6))
     trials = trials_from_table(table, step_ms=50.0)
     decided = first_crossing(Msprt().run(trials.evidence), -np.log(0.9))
-    found = trial_table(decided, trials, model="m").set_index(["participant_id", "trial"])
-    assert 0 < found["forced"].sum() < len(found)
+    result = trial_table(decided, trials, model="m").set_index(["participant_id", "trial"])
+    assert 0 < result["forced"].sum() < len(result)
     for key, rows in table.groupby(["participant_id", "trial"]):
         rows = rows.sort_values("step")
         z = (rows["ll_right"] - rows["ll_left"]).cumsum().to_numpy()
         crossed = np.abs(z) >= np.log(9)
         k = int(np.argmax(crossed)) if crossed.any() else len(z) - 1
-        one = found.loc[key]
+        one = result.loc[key]
         assert one["response"] == ("right" if z[k] > 0 else "left")
         assert one["rt"] == pytest.approx(0.05 * (k + 1))
         assert one["forced"] == (not crossed.any())
@@ -150,8 +150,8 @@ def test_cells_of_a_csv_come_back_as_they_were_written(tmp_path, cells, kind):
     path.write_text("\n".join(["trial,step,ll_a,ll_b,tag", *rows]))
     trials = read_evidence_table(path)
     assert (trials.columns["tag"].dtype == object) == (kind == "text")
-    found = trial_table(first_crossing(Msprt().run(trials.evidence), 0.1), trials, model="m")
-    write_table(found, tmp_path / "out.csv")
+    decided = trial_table(first_crossing(Msprt().run(trials.evidence), 0.1), trials, model="m")
+    write_table(decided, tmp_path / "out.csv")
     assert (
         pd.read_csv(tmp_path / "out.csv", dtype=str, keep_default_na=False)["tag"].tolist() == cells
     )

@@ -23,16 +23,16 @@ def same(found, expected):
 def test_columns_of_other_names_are_the_same_trials():
     table = people()
     with unwarned():
-        found = read(table.rename(columns=OTHER), **READ, **NAMED)
-    assert same(found, read_trials(table, **READ))
+        trials = read(table.rename(columns=OTHER), **READ, **NAMED)
+    assert same(trials, read_trials(table, **READ))
     other = table.assign(rt=table["rt"] + 0.01).rename(columns=OTHER)
-    assert not same(read(other, **READ, **NAMED), found)
+    assert not same(read(other, **READ, **NAMED), trials)
 
 
 def test_milliseconds_are_the_same_times():
     table = people()
-    found = read_trials(table.assign(rt=1000 * table["rt"]), **READ, columns=Columns(rt_unit="ms"))
-    assert found.rt_s == pytest.approx(table["rt"].to_numpy(), rel=1e-12)
+    trials = read_trials(table.assign(rt=1000 * table["rt"]), **READ, columns=Columns(rt_unit="ms"))
+    assert trials.rt_s == pytest.approx(table["rt"].to_numpy(), rel=1e-12)
     with refused(r"rt must be in seconds, .*rt_unit='ms'"):
         read_trials(table.assign(rt=1000 * table["rt"]), **READ)
     with refused("rt must be in ms, got a median of"):
@@ -47,8 +47,8 @@ def test_milliseconds_are_the_same_times():
 def test_a_missing_response_of_hssm_stays_missing_in_milliseconds():
     table = silent(people(), [4, 9])
     coded = table.assign(rt=(1000 * table["rt"]).fillna(-999.0), response=table["response"])
-    found = read_trials(coded, **READ, columns=Columns(rt_unit="ms", deadline_s=4.0))
-    assert np.flatnonzero(found.response == -1).tolist() == [4, 9]
+    trials = read_trials(coded, **READ, columns=Columns(rt_unit="ms", deadline_s=4.0))
+    assert np.flatnonzero(trials.response == -1).tolist() == [4, 9]
 
 
 @pytest.mark.parametrize("to", [Trials.to_pyddm, Trials.to_hssm])
@@ -68,11 +68,11 @@ def test_a_sample_of_pyddm_has_its_own_names():
     )
     frame = sample.to_pandas_dataframe(drop_undecided=True)
     assert {"RT", "choice"} <= set(frame)
-    found = read_trials(frame, strength="coherence")
-    order = np.lexsort((found.response, found.rt_s))
+    trials = read_trials(frame, strength="coherence")
+    order = np.lexsort((trials.response, trials.rt_s))
     mine = np.lexsort((table["response"], table["rt"]))
-    assert found.rt_s[order] == pytest.approx(table["rt"].to_numpy()[mine])
-    assert found.response[order].tolist() == table["response"].to_numpy()[mine].tolist()
+    assert trials.rt_s[order] == pytest.approx(table["rt"].to_numpy()[mine])
+    assert trials.response[order].tolist() == table["response"].to_numpy()[mine].tolist()
 
 
 def test_minus_one_without_a_time_or_beside_0_is_no_response_of_hssm():
@@ -119,6 +119,6 @@ def test_fits_read_them_at_the_terminal_and_in_python(tmp_path, monkeypatch, cap
     asked = ["odd.csv", *options, "--strength", "coherence"]
     asked += ["--models", "constant_gap", "--free", "sensitivity", "t0_s", "--participant", "8"]
     assert run("fit", *asked) == 0
-    found = pd.read_csv("fits/odd/parameters.csv").set_index("parameter")["value"]
-    assert found["sensitivity"] == pytest.approx(expected.optimum.values["sensitivity"])
+    fitted = pd.read_csv("fits/odd/parameters.csv").set_index("parameter")["value"]
+    assert fitted["sensitivity"] == pytest.approx(expected.optimum.values["sensitivity"])
     assert "odd.csv: 40 trials" in capsys.readouterr().out

@@ -21,7 +21,7 @@ def test_trial_table_names_undecided_trials(decided_trials):
 
 @pytest.mark.parametrize("condition", ["", "lesion"])
 def test_a_users_columns_stay_and_those_that_a_result_replaces_are_called_given(condition):
-    own = pd.DataFrame(
+    columns = pd.DataFrame(
         {
             "participant_id": ["p", "q", "r"],
             "trial": [7, 8, 9],
@@ -32,17 +32,17 @@ def test_a_users_columns_stay_and_those_that_a_result_replaces_are_called_given(
     )
     evidence = some_evidence(trials=3, steps=4)
     decision = first_crossing(Msprt().run(evidence), 0.1)
-    found = trial_table(
-        decision, NamedEvidence(evidence, list("abc"), own), model="m", condition=condition
+    table = trial_table(
+        decision, NamedEvidence(evidence, list("abc"), columns), model="m", condition=condition
     )
     for name in ("participant_id", "trial", "block"):
-        assert found[name].tolist() == own[name].tolist()
-    assert found["given_rt"].tolist() == own["rt"].tolist()
-    np.testing.assert_array_equal(found["rt"], decision.time_ms / 1000)
+        assert table[name].tolist() == columns[name].tolist()
+    assert table["given_rt"].tolist() == columns["rt"].tolist()
+    np.testing.assert_array_equal(table["rt"], decision.time_ms / 1000)
     theirs = "given_condition" if condition else "condition"
-    assert found[theirs].tolist() == own["condition"].tolist()
-    assert (found["condition"] == (condition or own["condition"])).all()
-    assert [name for name in found if name.startswith("given_")] == (
+    assert table[theirs].tolist() == columns["condition"].tolist()
+    assert (table["condition"] == (condition or columns["condition"])).all()
+    assert [name for name in table if name.startswith("given_")] == (
         ["given_rt", "given_condition"] if condition else ["given_rt"]
     )
 
@@ -52,16 +52,16 @@ def test_a_choice_is_correct_if_it_is_the_truth_and_unknown_without_a_truth(know
     drawn = some_evidence(trials=60, steps=4)
     evidence = drawn if known else Evidence(drawn.log_likelihood)
     decision = first_crossing(Msprt().run(evidence), 0.3)
-    found = trial_table(decision, NamedEvidence(evidence, list("abc")), model="m")
-    assert found["response"].tolist() == ["abc"[choice] for choice in decision.choice]
-    assert not found["undecided"].any()
+    table = trial_table(decision, NamedEvidence(evidence, list("abc")), model="m")
+    assert table["response"].tolist() == ["abc"[choice] for choice in decision.choice]
+    assert not table["undecided"].any()
     if known:
-        assert found["stimulus"].tolist() == list("abc") * 20
-        assert 0 < found["correct"].sum() < 60
-        assert ((found["response"] == found["stimulus"]) == (found["correct"] == 1)).all()
+        assert table["stimulus"].tolist() == list("abc") * 20
+        assert 0 < table["correct"].sum() < 60
+        assert ((table["response"] == table["stimulus"]) == (table["correct"] == 1)).all()
     else:
-        assert set(found["stimulus"]) == {""}
-        assert found["correct"].isna().all()
+        assert set(table["stimulus"]) == {""}
+        assert table["correct"].isna().all()
 
 
 def test_a_summary_says_from_how_few_readings_to_how_many():

@@ -31,8 +31,8 @@ def test_a_set_has_the_trials_and_participants_that_were_published(name, trials,
     assert one.table.columns[:4].tolist() == ["participant_id", "trial", "rt", "response"]
     choices = read_trials(name)
     assert (choices.trials, len(choices.people()), choices.source) == (trials, people, name)
-    for _, own in one.table.groupby("participant_id"):
-        assert own["trial"].tolist() == list(range(len(own)))
+    for _, rows in one.table.groupby("participant_id"):
+        assert rows["trial"].tolist() == list(range(len(rows)))
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -58,21 +58,21 @@ def test_accuracy_rises_with_the_strength_of_motion_and_times_fall(name):
     assert ((known["response"] == 1) == (known["coherence"] > 0)).eq(known["correct"] == 1).all()
     assert (table["correct"].isna() == (table["coherence"] == 0)).all()
     choices = read_trials(name, strength="coherence")
-    found = statistics(choices).groupby("strength")[["accuracy", "mean_s"]].mean()
-    assert found.index.tolist() == [0, 0.032, 0.064, 0.128, 0.256, 0.512]
-    assert (found["accuracy"].dropna().diff().dropna() > 0).all()
-    assert (found["mean_s"].diff().dropna() < 0).all()
+    means = statistics(choices).groupby("strength")[["accuracy", "mean_s"]].mean()
+    assert means.index.tolist() == [0, 0.032, 0.064, 0.128, 0.256, 0.512]
+    assert (means["accuracy"].dropna().diff().dropna() > 0).all()
+    assert (means["mean_s"].diff().dropna() < 0).all()
     assert np.array_equal(np.isnan(choices.correct), table["correct"].isna())
 
 
 def test_without_coherence_the_monkeys_times_scatter_as_published():
-    found = statistics(read_trials("roitman_shadlen_2002", strength="coherence"))
-    found = found.set_index(["participant_id", "strength"])
-    assert found.loc["b", 0.0]["sd_s"] == pytest.approx(0.197, abs=5e-4)
-    assert found.loc["n", 0.0]["sd_s"] == pytest.approx(0.242, abs=5e-4)
-    quantiles = found.loc["b", 0.0][["q10_s", "q50_s", "q90_s"]]
+    spreads = statistics(read_trials("roitman_shadlen_2002", strength="coherence"))
+    spreads = spreads.set_index(["participant_id", "strength"])
+    assert spreads.loc["b", 0.0]["sd_s"] == pytest.approx(0.197, abs=5e-4)
+    assert spreads.loc["n", 0.0]["sd_s"] == pytest.approx(0.242, abs=5e-4)
+    quantiles = spreads.loc["b", 0.0][["q10_s", "q50_s", "q90_s"]]
     assert quantiles.tolist() == pytest.approx([0.559, 0.763, 1.037], abs=5e-4)
-    assert np.isnan(found.loc["b", 0.0]["accuracy"])
+    assert np.isnan(spreads.loc["b", 0.0]["accuracy"])
 
 
 PUBLISHED = {
@@ -86,10 +86,10 @@ PUBLISHED = {
 
 def test_patients_are_as_fast_and_as_right_as_published_in_each_condition():
     choices = read_trials("cavanagh_2011", conditions=("stimulation", "conflict"))
-    found = statistics(choices).groupby(["stimulation", "conflict"])[["mean_s", "accuracy"]].mean()
+    means = statistics(choices).groupby(["stimulation", "conflict"])[["mean_s", "accuracy"]].mean()
     for cell, (seconds, share) in PUBLISHED.items():
-        assert found.loc[cell, "mean_s"] == pytest.approx(seconds, abs=6e-4)
-        assert found.loc[cell, "accuracy"] == pytest.approx(share, abs=6e-4)
+        assert means.loc[cell, "mean_s"] == pytest.approx(seconds, abs=6e-4)
+        assert means.loc[cell, "accuracy"] == pytest.approx(share, abs=6e-4)
     assert len(statistics(choices)) == 14 * 4
 
 
@@ -187,4 +187,4 @@ def test_striatal_cells_are_read_with_their_clicks_and_choices():
     favoured = np.sign(read.readings.log_likelihood.sum(axis=1) @ [-1, 1])
     assert ((favoured > 0) == (read.response == 1))[favoured != 0].mean() > 0.74
     assert read.spikes.time_s.min() >= -0.5
-    assert read.spikes.time_s.max() <= 1.1
+    assert read.spikes.time_s.max() <= np.float32(1.1)

@@ -20,11 +20,11 @@ def test_markers_are_drawn_where_they_are(shape):
     scale = np.diff(marker_pixels(0, tip, shape)[:2, 0])[0]
     places = marker_pixels(displacement, tip, shape)
     light = np.clip(image.astype(float) - 40, 0, None)
-    found = []
+    centres = []
     for place in places:
         near = light * (np.hypot(columns - place[0], rows - place[1]) < 0.42 * scale)
-        found.append([(near * columns).sum(), (near * rows).sum()] / near.sum())
-    error = np.abs(found - places).max()
+        centres.append([(near * columns).sum(), (near * rows).sum()] / near.sum())
+    error = np.abs(centres - places).max()
     assert error < (0.05 if shape[0] == 480 else 0.3)
 
 

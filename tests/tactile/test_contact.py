@@ -82,7 +82,7 @@ def test_mirrored_surface_and_start_change_nothing():
     cells, dx = 64, 0.5
     groove, _ = Grating(4.0).on_grid(cells, dx)
     gap = dome(cells, dx) + groove[:, None]
-    whole = polonsky_keer(gap, half_space(gap.shape, dx), 1.0, dx, tol=1e-9)
+    pressure = polonsky_keer(gap, half_space(gap.shape, dx), 1.0, dx, tol=1e-9)
     half = polonsky_keer(
         gap[:, cells // 2 :],
         half_space((cells, cells // 2), dx, True),
@@ -91,10 +91,10 @@ def test_mirrored_surface_and_start_change_nothing():
         tol=1e-9,
         mirrored=True,
     )
-    assert unfold(half) == pytest.approx(whole, abs=1e-5 * whole.max())
-    start = np.roll(whole, 3, axis=0)
+    assert unfold(half) == pytest.approx(pressure, abs=1e-5 * pressure.max())
+    start = np.roll(pressure, 3, axis=0)
     again = polonsky_keer(gap, half_space(gap.shape, dx), 1.0, dx, tol=1e-9, start_mpa=start)
-    assert again == pytest.approx(whole, abs=1e-5 * whole.max())
+    assert again == pytest.approx(pressure, abs=1e-5 * pressure.max())
 
 
 def test_flat_surface_bears_evenly():

@@ -44,8 +44,8 @@ def test_networks_trained_in_threads_are_those_trained_alone_and_leave_the_globa
 
     def weights(seed):
         brief = replace(EDGE, epochs=1, width=0.1, batch=32)
-        found = train(pushed_taps(150, 1), seed=seed, training=brief).network.state_dict()
-        return [each.numpy().tobytes() for each in found.values()]
+        tensors = train(pushed_taps(150, 1), seed=seed, training=brief).network.state_dict()
+        return [each.numpy().tobytes() for each in tensors.values()]
 
     alone = [weights(seed) for seed in (1, 2)]
     before = torch.get_rng_state()
@@ -102,8 +102,8 @@ def test_edges_are_read_in_all_directions():
 
 def test_edges_are_decoded_with_the_settings_behind_the_results_on_real_taps():
     """docs/results is measured again where these change."""
-    found = (EDGE.epochs, EDGE.batch, EDGE.learning_rate, EDGE.l2, EDGE.validation)
-    assert found == (20, 128, 2e-3, 0.0, 0.15)
+    settings = (EDGE.epochs, EDGE.batch, EDGE.learning_rate, EDGE.l2, EDGE.validation)
+    assert settings == (20, 128, 2e-3, 0.0, 0.15)
 
 
 def test_a_decoder_refuses_taps_of_what_it_was_not_trained_on(decoder, tmp_path):
@@ -228,14 +228,14 @@ def test_an_interrupted_training_leaves_nothing(tmp_path, monkeypatch):
 
 
 def test_bad_files_get_one_clear_sentence(decoder, tmp_path):
-    whole = decoder.save(tmp_path / "d.safetensors").read_bytes()
+    contents = decoder.save(tmp_path / "d.safetensors").read_bytes()
     bad = {
-        "cut": whole[: len(whole) // 2],
+        "cut": contents[: len(contents) // 2],
         "text": b"not a decoder",
         "empty": b"",
-        "width": whole.replace(b'\\"width\\": 0.1', b'\\"width\\": 0.2'),
+        "width": contents.replace(b'\\"width\\": 0.1', b'\\"width\\": 0.2'),
     }
-    assert bad["width"] != whole
+    assert bad["width"] != contents
     for name, content in bad.items():
         path = tmp_path / f"{name}.safetensors"
         path.write_bytes(content)

@@ -58,8 +58,8 @@ def test_one_reading_is_right_as_often_as_gaussian_errors_let_it(task, sd_deg):
     # What a reading says of two hypotheses a distance D apart: D^2 / 2 sd^2 nats on average, in
     # which the kernel of the density, 1 degree at least, widens the errors.
     for k in (0, 1):
-        said = drawn.log_likelihood[drawn.truth == k, 0]
-        told = said[:, k] - said[:, 1 - k]
+        nats = drawn.log_likelihood[drawn.truth == k, 0]
+        told = nats[:, k] - nats[:, 1 - k]
         assert told.mean() == pytest.approx(25 / 2 / (sd_deg**2 + 1), rel=0.12)
 
 
@@ -67,8 +67,8 @@ def test_each_fold_is_scored_by_what_the_others_tell():
     """Other readings of one fold change the likelihoods of all folds but its own."""
     taps = taps_of()
     changed = taps.copy()
-    own = stream(0, "order of taps").permutation(len(taps))[3::6]
-    changed.loc[own, "edge_deg"] = np.random.default_rng(63).permutation(taps["edge_deg"][own])
+    taken = stream(0, "order of taps").permutation(len(taps))[3::6]
+    changed.loc[taken, "edge_deg"] = np.random.default_rng(63).permutation(taps["edge_deg"][taken])
     for task in (EdgeTurn(2, 5.0), EdgeDirection(4, 10.0)):
         for fold in range(6):
             a, b = (source(each, task, fold=fold) for each in (taps, changed))
@@ -80,8 +80,8 @@ def test_a_decoder_of_nothing_says_nothing():
     taps = taps_of()
     taps["edge_deg"] = np.random.default_rng(64).permutation(taps["edge_deg"])
     for task in (EdgeTurn(2, 5.0), EdgeDirection(4, 10.0)):
-        found = source(taps, task)
-        assert np.ptp(np.concatenate(found.log_likelihood), axis=1).max() < 0.1
+        readings = source(taps, task)
+        assert np.ptp(np.concatenate(readings.log_likelihood), axis=1).max() < 0.1
 
 
 @pytest.mark.parametrize("task", [EdgeTurn(2, 5.0), EdgeDirection(2, 5.0)])
@@ -118,9 +118,9 @@ def test_one_part_of_a_recording_trains_the_decoder_and_another_is_read(monkeypa
     def read_taps(folder, *, mm_per_px, rest=None):
         assert 122 * mm_per_px == pytest.approx(40, rel=0.02)
         yaw = {"csv_train": [1.0, 2.0], "csv_val": [30.0, -40.0, 50.0]}[folder.name]
-        own = pins + (folder.name == "csv_val")
+        pins_of_folder = pins + (folder.name == "csv_val")
         still = np.zeros((len(yaw), len(pins), 2), np.float32)
-        return Taps(still, own if rest is None else rest, pd.DataFrame({"yaw_deg": yaw}))
+        return Taps(still, pins_of_folder if rest is None else rest, pd.DataFrame({"yaw_deg": yaw}))
 
     def train(taps, *, seed, training):
         assert (seed, training) == (5, EDGE)

@@ -33,20 +33,20 @@ def test_the_library_is_kept_and_found_by_environment(tmp_path, monkeypatch):
 def test_a_damaged_library_is_rebuilt(tmp_path, damage):
     path = tmp_path / TINY.name
     contact_library(TINY, cache_dir=tmp_path)
-    whole = path.read_bytes()
+    contents = path.read_bytes()
     other = dataclasses.replace(TINY, forces_n=(1.2, 1.7))
     if damage == "other plan":
         contact_library(other, cache_dir=tmp_path)
     damaged = {
-        "cut": lambda: whole[: len(whole) // 2],
+        "cut": lambda: contents[: len(contents) // 2],
         "noise": lambda: b"not an archive",
         "empty": lambda: b"",
-        "flipped": lambda: whole[:5000] + bytes([whole[5000] ^ 255]) + whole[5001:],
+        "flipped": lambda: contents[:5000] + bytes([contents[5000] ^ 255]) + contents[5001:],
         "other plan": lambda: (tmp_path / other.name).read_bytes(),
     }[damage]()
     path.write_bytes(damaged)
     contact_library(TINY, cache_dir=tmp_path)
-    assert path.read_bytes() == whole
+    assert path.read_bytes() == contents
 
 
 def test_mirror_images_are_the_solutions():
@@ -65,17 +65,17 @@ def test_fields_between_phases_and_forces_are_those_of_the_solver(library):
         fields = press(exact, period, phase)[None]
         alone = dataclasses.replace(library, plan=exact, fields={0.0: fields}, _splines={})
         wanted = alone.sample(0.0, np.zeros(1), np.array([force]), points, 1.5)
-        given = library.sample(period, np.array([phase]), np.array([force]), points, 1.5)
+        sampled = library.sample(period, np.array([phase]), np.array([force]), points, 1.5)
         # In the root mean square well below the 9.5 um of a marker.
-        assert np.sqrt(np.mean((given - wanted) ** 2)) < 1.5e-3
+        assert np.sqrt(np.mean((sampled - wanted) ** 2)) < 1.5e-3
 
 
 def test_field_passes_through_the_stored_values(library):
     cells = np.stack(np.meshgrid([5, 30, 31, 40], [20, 32, 63], indexing="ij"), axis=-1)
     points = (cells.reshape(1, -1, 2) + 0.5) * 0.5 - 18
-    given = library.sample(2.0, np.array([2 / 8]), np.array([1.5]), points, 0.0)
+    sampled = library.sample(2.0, np.array([2 / 8]), np.array([1.5]), points, 0.0)
     stored = library.fields[2.0][2, 1][cells[..., 0], cells[..., 1], :3].reshape(1, -1, 3)
-    assert given == pytest.approx(stored, abs=1e-6)
+    assert sampled == pytest.approx(stored, abs=1e-6)
 
 
 def test_a_number_of_workers_without_sense_is_refused(tmp_path):

@@ -75,8 +75,8 @@ def test_targets_of_a_network_for_gratings_read_back_as_the_yaw():
 
 def test_errors_of_orientations_and_directions_go_the_shorter_way_round():
     read = {"psi_deg": np.array([85.0, 1.0]), "orientation_deg": np.array([85.0, 1.0])}
-    found = GratingNetwork.errors(read, np.array([-85.0, -1.0]))
-    assert found == {"mae_deg": (170 + 2) / 2, "orientation_mae_deg": (10 + 2) / 2}
+    errors = GratingNetwork.errors(read, np.array([-85.0, -1.0]))
+    assert errors == {"mae_deg": (170 + 2) / 2, "orientation_mae_deg": (10 + 2) / 2}
     edge = EdgeNetwork.errors({"edge_deg": np.array([179.0, -1.0])}, np.array([-179.0, 3.0]))
     assert edge == {"mae_deg": 3, "sd_deg": 1}
 

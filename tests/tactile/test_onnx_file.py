@@ -83,10 +83,10 @@ def test_bad_files_get_one_clear_sentence(decoder, stored, tmp_path):
         onnx.helper.set_model_props(model, header and {"bgmodel": json.dumps(header)})
         return model.SerializeToString()
 
-    whole = stored.read_bytes()
+    contents = stored.read_bytes()
     foreign = ROOT / "bgmodel" / "data" / "macaque_likelihood.onnx"
     bad = {
-        whole[: len(whole) // 2]: "protobuf",
+        contents[: len(contents) // 2]: "protobuf",
         b"": "graph",
         b"not a decoder": "protobuf",
         foreign.read_bytes(): "it has no 'training'",
@@ -130,8 +130,8 @@ def test_a_missing_package_is_named_with_its_extra(absent, extra, tmp_path, monk
     train_it = ("touch", "train", taps, "--save", decoder, "--force")
     decode_it = ("touch", "decode", decoder, taps, "--save", tmp_path / "x.csv")
     command = train_it if absent == "onnx" else decode_it
-    said = refusal(*command)
-    assert said == f'bgmodel: a decoder in .onnx needs {absent}: pip install ".[{extra}]"\n'
+    sentence = refusal(*command)
+    assert sentence == f'bgmodel: a decoder in .onnx needs {absent}: pip install ".[{extra}]"\n'
 
 
 def without_header(path):
@@ -156,14 +156,14 @@ def test_a_network_of_ones_own_is_read_as_stated(tmp_path):
     taps = MAKERS["edge"](200, 2)
     decoder = train(MAKERS["edge"](600, 1), seed=3, training=OPTIONS["edge"])
     path = without_header(decoder.save(tmp_path / "own.onnx"))
-    own = OwnNetwork("edge", "displacements", "vector")
-    for given in (None, MAKERS["edge"](600, 1)):
-        found = load_decoder(path, own, trained_on=given)
+    network = OwnNetwork("edge", "displacements", "vector")
+    for trained in (None, MAKERS["edge"](600, 1)):
+        restored = load_decoder(path, network, trained_on=trained)
         pd.testing.assert_frame_equal(
-            found.decode(taps), decoder.decode(taps), check_exact=False, atol=1e-3
+            restored.decode(taps), decoder.decode(taps), check_exact=False, atol=1e-3
         )
-    assert found.knows(MAKERS["edge"](600, 1)).all()
-    assert found.decode(MAKERS["edge"](600, 1))["trained_on"].all()
+    assert restored.knows(MAKERS["edge"](600, 1)).all()
+    assert restored.decode(MAKERS["edge"](600, 1))["trained_on"].all()
 
 
 @pytest.mark.parametrize(("stimulus", "column"), [("edge", "edge_deg"), ("grating", "psi_deg")])
@@ -172,11 +172,11 @@ def test_a_network_may_give_the_angle_itself(stimulus, column, dtype, tmp_path):
     torch = pytest.importorskip("torch")
     taps, kind = MAKERS[stimulus](50, 2), getattr(torch, dtype)
     network = exported(lambda n, t: [t.nn.Linear(n, 1)], taps, tmp_path / "own.onnx", kind)
-    found = load_decoder(tmp_path / "own.onnx", OwnNetwork(stimulus, "displacements", "angle"))
+    restored = load_decoder(tmp_path / "own.onnx", OwnNetwork(stimulus, "displacements", "angle"))
     with torch.no_grad():
         angle = network(torch.from_numpy(taps.displacement_mm).to(kind)).numpy()[:, 0]
     assert np.abs(angle).max() < 90
-    np.testing.assert_allclose(found.decode(taps)[column], angle, atol=1e-4)
+    np.testing.assert_allclose(restored.decode(taps)[column], angle, atol=1e-4)
 
 
 def test_a_network_that_is_not_as_stated_is_refused(tmp_path):

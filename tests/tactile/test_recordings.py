@@ -158,13 +158,13 @@ def test_ten_pins_are_enough_for_a_layout_and_nine_are_not(recording):
 def test_a_pin_is_followed_up_to_three_quarters_of_a_pitch():
     places, (corner, _) = hexagon(), rim()
     track = _tracker(places)
-    for pitches, found in ((0.74, 91), (0.76, 90)):
+    for pitches, pins in ((0.74, 91), (0.76, 90)):
         moved = places.copy()
         moved[corner] = outwards(places[corner], pitches)
         motion, seen = track(moved)
-        assert seen == found
+        assert seen == pins
         # One that is lost stays with its neighbours, which have not moved.
-        want = moved - places if found == 91 else np.zeros_like(places)
+        want = moved - places if pins == 91 else np.zeros_like(places)
         np.testing.assert_allclose(motion, want, atol=1e-9)
 
 
@@ -209,8 +209,8 @@ def test_both_public_sensors_are_read_and_their_pins_counted(
     )
     assert pins_found(taps) == f"{shown} pins found, {shown} to {shown} of them per tap"
     flip = np.array([1, -1]) / MM_PER_PX
-    found = taps.rest_mm * flip + (size - 1) / 2
-    nearest = np.linalg.norm(places[:, None] - found[None], axis=2).argmin(axis=1)
+    pins_px = taps.rest_mm * flip + (size - 1) / 2
+    nearest = np.linalg.norm(places[:, None] - pins_px[None], axis=2).argmin(axis=1)
     relative = np.stack(moved) - np.median(moved, axis=0)
     # Black and white leaves each edge of a disc on whole pixels.
     assert (taps.displacement_mm[:, nearest] * flip - relative).std() < 0.25

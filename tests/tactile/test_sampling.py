@@ -33,8 +33,8 @@ def test_a_phase_that_was_solved_is_that_phase_alone(count):
 @given(st.floats(0.5, 4), st.lists(st.floats(-2, 2), min_size=4, max_size=4))
 def test_nodes_blend_exactly_up_to_the_degree_that_so_many_can_hold(value, powers):
     curve = np.polynomial.Polynomial(powers)
-    found = node_weights(np.array([value]), NODES) @ curve(np.array(NODES))
-    assert found == pytest.approx([curve(value)], abs=1e-9)
+    blend = node_weights(np.array([value]), NODES) @ curve(np.array(NODES))
+    assert blend == pytest.approx([curve(value)], abs=1e-9)
 
 
 def test_a_node_is_that_node_alone():

@@ -86,10 +86,10 @@ def test_same_seed_same_bytes_and_no_look_ahead(library):
                 periods[:count], yaws[:count], rng=rng, nuisance=nuisance, library=library
             )
 
-        whole, again, start = taps(750), taps(750), taps(40)
-        assert whole.displacement_mm.tobytes() == again.displacement_mm.tobytes()
-        assert whole.displacement_mm[:40].tobytes() == start.displacement_mm.tobytes()
-        assert whole.labels[:40].equals(start.labels)
+        first, again, start = taps(750), taps(750), taps(40)
+        assert first.displacement_mm.tobytes() == again.displacement_mm.tobytes()
+        assert first.displacement_mm[:40].tobytes() == start.displacement_mm.tobytes()
+        assert first.labels[:40].equals(start.labels)
 
 
 def test_the_default_library_is_that_of_the_skin_and_the_tip(library, monkeypatch):
@@ -101,8 +101,8 @@ def test_the_default_library_is_that_of_the_skin_and_the_tip(library, monkeypatc
 
     monkeypatch.setattr("bgmodel.tactile.library.contact_library", contact_library)
     soft, small = Skin(gel_mm=9.0), Tip(radius_mm=15.0)
-    for given in ({}, {"skin": soft}, {"tip": small}, {"skin": soft, "tip": small}):
-        simulate(2.0, 0.0, rng=np.random.default_rng(0), **given)
+    for parts in ({}, {"skin": soft}, {"tip": small}, {"skin": soft, "tip": small}):
+        simulate(2.0, 0.0, rng=np.random.default_rng(0), **parts)
     assert asked == [
         LibraryPlan(),
         LibraryPlan(skin=soft),

@@ -71,12 +71,12 @@ def test_a_file_gives_back_its_taps_and_an_older_one_without_a_stimulus_holds_gr
     moved = np.random.default_rng(7).normal(size=(2, 361, 2)).astype(np.float32)
     taps = Taps(moved, Tip().rest_mm(), labels, "edge")
     path = taps.save(tmp_path / "taps.npz", {"seed": 5})
-    found, about = Taps.load(path)
+    restored, about = Taps.load(path)
     assert about == {"seed": 5}
-    assert found.stimulus == "edge"
-    assert np.array_equal(found.displacement_mm, moved)
-    assert np.array_equal(found.rest_mm, taps.rest_mm)
-    pd.testing.assert_frame_equal(found.labels, labels)
+    assert restored.stimulus == "edge"
+    assert np.array_equal(restored.displacement_mm, moved)
+    assert np.array_equal(restored.rest_mm, taps.rest_mm)
+    pd.testing.assert_frame_equal(restored.labels, labels)
     with np.load(path) as stored:
         old = {name: stored[name] for name in stored.files if name != "stimulus"}
     np.savez(path, **old)

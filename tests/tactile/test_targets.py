@@ -23,15 +23,15 @@ def test_all_forms_give_one_table(tmp_path, form):
 
 def test_parts_of_a_recording_share_the_images_beside_them(tmp_path):
     """dev-data: a table of all taps, and one each of those to train and to test on."""
-    whole = write(tmp_path / "model_edge2d", IMAGES, "dev-data")
-    rows = (whole / "targets.csv").read_text().splitlines()
+    folder = write(tmp_path / "model_edge2d", IMAGES, "dev-data")
+    rows = (folder / "targets.csv").read_text().splitlines()
     for part, row in (("train", rows[1]), ("test", rows[2])):
-        (whole / part).mkdir()
-        (whole / part / "targets.csv").write_text(f"{rows[0]}\n{row}\n")
-    yaws = [read_targets(whole / part)["yaw_deg"].tolist() for part in ("train", "test")]
+        (folder / part).mkdir()
+        (folder / part / "targets.csv").write_text(f"{rows[0]}\n{row}\n")
+    yaws = [read_targets(folder / part)["yaw_deg"].tolist() for part in ("train", "test")]
     assert yaws == [[-150], [150]]
-    image = read_targets(whole / "test")["image"][0]
-    assert image.samefile(whole / "frames_bw" / "image_2.png")
+    image = read_targets(folder / "test")["image"][0]
+    assert image.samefile(folder / "frames_bw" / "image_2.png")
 
 
 def test_of_two_tables_the_one_with_images_is_read(tmp_path):

@@ -158,9 +158,9 @@ def test_a_trial_does_not_depend_on_those_after_it(trials, tables):
     values = [1000.0 * i + np.arange(float(n)) for i, n in enumerate(tables)]
     # A reading tells its hypothesis and its place in the table.
     readings = Source([np.stack([v] * count, axis=1) for v in values], names, None)
-    whole = drawn(readings, 2 * trials)
-    assert np.array_equal(drawn(readings, trials), whole[:trials])
-    assert (whole[..., 0] // 1000 == (np.arange(2 * trials) % count)[:, None]).all()
+    longer = drawn(readings, 2 * trials)
+    assert np.array_equal(drawn(readings, trials), longer[:trials])
+    assert (longer[..., 0] // 1000 == (np.arange(2 * trials) % count)[:, None]).all()
     # Blocks that end with a whole round of hypotheses continue one another.
     blocks = drawn(readings, count * trials, count * trials)
     assert np.array_equal(blocks, drawn(readings, 2 * count * trials))
@@ -252,9 +252,9 @@ def test_folds_are_drawn_in_turn_and_their_interval_is_wider_than_that_of_trials
     assert [np.bincount(evidence.truth[groups == fold]).tolist() for fold in range(6)] == [
         [250, 250]
     ] * 6
-    own = drawn.sources[2].log_likelihood[1]
+    nats = drawn.sources[2].log_likelihood[1]
     second = evidence.log_likelihood[(groups == 2) & (evidence.truth == 1)]
-    assert np.isin(second[:, :, 0], own[:, 0]).all()
+    assert np.isin(second[:, :, 0], nats[:, 0]).all()
     # Correct after 20 readings: 0.77 to 0.88 of a fold, where 500 trials know it to +-0.03.
     right = (evidence.totals[:, -1].argmax(axis=1) == evidence.truth) / 3000
     widths = []
@@ -278,8 +278,8 @@ def test_evidence_of_folds_has_one_baseline_known_before_the_trials():
     drawn = folds(TAPS, SameDifferent(period_mm=2.0))
     want = np.mean([one.baseline for one in drawn.sources])
     for trials in (6, 30):
-        found = drawn.draw(trials, 4, rng=np.random.default_rng(trials)).baseline
-        assert found == pytest.approx(want, abs=1e-12)
+        baseline = drawn.draw(trials, 4, rng=np.random.default_rng(trials)).baseline
+        assert baseline == pytest.approx(want, abs=1e-12)
     assert want < 0
 
 

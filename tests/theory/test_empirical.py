@@ -32,8 +32,8 @@ def test_where_one_reading_always_decides_nothing_is_left_for_cells():
     ]
     assert states[0] == 1
     assert states[1] > 64
-    found = walk(x, -1e-3, 1e-3)
-    assert (found.p_upper, found.mean_steps) == pytest.approx((0.5, 1.0), abs=1e-12)
+    passage = walk(x, -1e-3, 1e-3)
+    assert (passage.p_upper, passage.mean_steps) == pytest.approx((0.5, 1.0), abs=1e-12)
 
 
 @pytest.mark.parametrize(

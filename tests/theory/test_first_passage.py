@@ -205,12 +205,12 @@ def test_the_mirrored_walk_swaps_the_responses(t_max):
 def test_a_walk_knows_no_unit(lower, upper, factor):
     """All in units of the sd: readings, bounds and start may be multiplied by one factor."""
     for mean in (0.3, -1.2):
-        own = walk(Gaussian(mean, 0.9), lower, upper, start=0.4, t_max=12)
+        passage = walk(Gaussian(mean, 0.9), lower, upper, start=0.4, t_max=12)
         scaled = Gaussian(factor * mean, factor * 0.9)
         bounds = factor * lower, factor * upper
         other = walk(scaled, *bounds, start=factor * 0.4, t_max=12)
-        assert other.p_upper == pytest.approx(own.p_upper, abs=1e-11)
-        assert other.steps_pmf == pytest.approx(own.steps_pmf, abs=1e-11)
+        assert other.p_upper == pytest.approx(passage.p_upper, abs=1e-11)
+        assert other.steps_pmf == pytest.approx(passage.steps_pmf, abs=1e-11)
 
 
 @pytest.mark.parametrize("sd", [0.2, 1.3])

@@ -74,13 +74,13 @@ def test_the_best_gap_grows_by_twice_the_logarithm_of_the_cost_of_an_error(d):
     The optimum costs no more than any gap of a far wider grid, and is inside it.
     """
     costs = np.geomspace(200, 2e6, 3)
-    found = [optimal_separation(*gaussian_pair(d), xi, t_max=None) for xi in costs]
-    separations = np.array([one.boundary_separation for one in found])
+    optima = [optimal_separation(*gaussian_pair(d), xi, t_max=None) for xi in costs]
+    separations = np.array([one.boundary_separation for one in optima])
     assert separations == pytest.approx(2 * optimal_threshold(d, costs), abs=0.15)
     slope = np.diff(separations)[-1] / np.diff(np.log(costs))[-1]
     assert slope == pytest.approx(2, rel=0.03)
     wide = np.linspace(2, 38, 10)
-    for xi, one in zip(costs, found, strict=True):
+    for xi, one in zip(costs, optima, strict=True):
         assert one.cost <= -reward_curve(*gaussian_pair(d), wide, xi).max() + 1e-9
     # At a gap of 8 an error of 3 000 readings costs far more.
     at_8 = -reward_curve(*gaussian_pair(1.0), 8.0, 3000.0)

@@ -161,7 +161,7 @@ def test_choices_that_contradict_themselves_are_refused():
     with refused("response one value per trial"):
         replace(found, rt_s=found.rt_s[1:])
     with refused("rt_s"):
-        replace(found, rt_s=np.full(TRIALS, np.nan))
+        replace(found, rt_s=np.append(np.nan, found.rt_s[1:]))
     with refused("response hold 1, 0 or -1"):
         replace(found, response=found.response * 2)
 
@@ -210,7 +210,7 @@ BAD = {
     "participant .* got 9 of participant '007'": changed(
         cue="speed", participant_id=lambda good: np.where(good.index < 9, "007", "8")
     ),
-    "rt there is no column rt; there are participant_id, trial, response": without("rt"),
+    "rt there is no column rt; there are participant_id, trial, rt_ms": renamed(rt="rt_ms"),
     "coherence there is no column coherence; there are": without("coherence"),
     "cue there is no column cue; there are": renamed(cue="Cue"),
     "rt column 'RT' is not 'rt'": renamed(rt="RT"),

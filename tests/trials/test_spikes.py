@@ -64,11 +64,13 @@ def test_a_subset_keeps_the_spikes_and_cells_of_its_trials(read):
     assert np.array_equal(again.trial, read.spikes.trial)
 
 
-@pytest.mark.parametrize("factor", [1000.0, 30_000.0])
+@pytest.mark.parametrize("factor", [1000.0, 30_000.0, -1000.0])
 def test_times_in_ms_or_samples_are_refused(factor):
+    """Also if no spike comes before the onset of its trial."""
     table, spikes = tables()
-    with refused("time_s"):
-        read_trials(table, columns=NAMED, spikes=spikes.assign(time_s=spikes["time_s"] * factor))
+    for some in (spikes, spikes[spikes["time_s"] > 0]):
+        with refused("time_s"):
+            read_trials(table, columns=NAMED, spikes=some.assign(time_s=some["time_s"] * factor))
 
 
 def test_spikes_need_clicks_and_names_of_their_own_trials():

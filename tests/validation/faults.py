@@ -78,12 +78,12 @@ def edited(source: str, place: ast.expr | ast.stmt, new: ast.AST) -> str:
 
 def drawn(clone: Path, seed: int, count: int) -> list[tuple[Path, Fault]]:
     """Draw faults: a kind, then a place of that kind in all modules."""
-    found: dict[str, list[tuple[Path, Fault]]] = {}
+    by_line: dict[str, list[tuple[Path, Fault]]] = {}
     for path in sorted([*clone.glob("circuits/**/*.py"), *clone.glob("bgmodel/**/*.py")]):
         for fault in faults(ast.parse("" if path.stem in LEFT_OUT else path.read_text())):
-            found.setdefault(fault[0], []).append((path.relative_to(clone), fault))
+            by_line.setdefault(fault[0], []).append((path.relative_to(clone), fault))
     rng = Random(seed)
-    return [rng.choice(found[rng.choice(sorted(found))]) for _ in range(count)]
+    return [rng.choice(by_line[rng.choice(sorted(by_line))]) for _ in range(count)]
 
 
 def tests_of(clone: Path, path: Path) -> tuple[list[str], list[str]]:
@@ -93,13 +93,13 @@ def tests_of(clone: Path, path: Path) -> tuple[list[str], list[str]]:
     """
     home = clone / "tests" / path.relative_to("" if path.parts[0] == "circuits" else "bgmodel")
     every = [p for p in sorted(clone.glob("tests/**/test_*.py")) if p.parent.name != "validation"]
-    own = [p for p in every if p == home.with_name(f"test_{path.stem}.py")]
-    own = own or [p for p in every if p.parent == home.parent != clone / "tests"]
+    same = [p for p in every if p == home.with_name(f"test_{path.stem}.py")]
+    same = same or [p for p in every if p.parent == home.parent != clone / "tests"]
     here = re.compile(rf"{'[.]'.join(path.parts[:-1])}(\.| import .*\b){path.stem}\b")
     users = {f"test_{p.stem}" for p in clone.glob("*/**/*.py") if here.search(p.read_text())}
-    near = [p for p in every if p not in own and (p.stem in users or here.search(p.read_text()))]
-    far = [p for p in every if p not in own + near]
-    first, rest = ([str(p.relative_to(clone)) for p in files] for files in (own, near + far))
+    near = [p for p in every if p not in same and (p.stem in users or here.search(p.read_text()))]
+    far = [p for p in every if p not in same + near]
+    first, rest = ([str(p.relative_to(clone)) for p in files] for files in (same, near + far))
     return first, rest
 
 
@@ -119,15 +119,15 @@ def run(clone: Path, cache: Path, tests: list[str], until: float) -> tuple[int |
         *tests,
     ]
     kept: dict[str, Any] = {"cwd": clone, "env": os.environ | env, "start_new_session": True}
-    with tempfile.TemporaryFile("w+") as said:
-        with subprocess.Popen(command, stdout=said, stderr=said, **kept) as job:
+    with tempfile.TemporaryFile("w+") as log:
+        with subprocess.Popen(command, stdout=log, stderr=log, **kept) as job:
             try:
                 job.wait(max(until - time.monotonic(), 1.0))
             except subprocess.TimeoutExpired:
                 os.killpg(job.pid, signal.SIGKILL)
                 return None, ""
-        said.seek(0)
-        failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", said.read(), re.MULTILINE)
+        log.seek(0)
+        failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", log.read(), re.MULTILINE)
     return job.returncode, failed[1] if failed else tests[0]
 
 
@@ -162,15 +162,15 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     for name, value in {"--count": 30, "--seed": 5, "--own-s": 200, "--rest-s": 900}.items():
         parser.add_argument(name, type=int, default=value)
-    given, outcomes = parser.parse_args(), []
+    arguments, outcomes = parser.parse_args(), []
     with tempfile.TemporaryDirectory(prefix="faults") as folder:
         clone = Path(folder) / "clone"
         subprocess.run(["git", "clone", "-qs", Path(__file__).parents[2], clone], check=True)
-        for number, (path, fault) in enumerate(drawn(clone, given.seed, given.count), 1):
+        for number, (path, fault) in enumerate(drawn(clone, arguments.seed, arguments.count), 1):
             old, new = (ast.unparse(node).partition("\n")[0][:70] for node in fault[1:])
             started = time.monotonic()
             print(f"{number}. {path}:{fault[1].lineno}, {fault[0]}: {old!r} -> {new!r}")
-            outcomes.append(tried(clone, path, fault, [given.own_s, given.rest_s]))
+            outcomes.append(tried(clone, path, fault, [arguments.own_s, arguments.rest_s]))
             subprocess.run(["git", "-C", clone, "checkout", "-q", "."], check=True)
             print("  ", *outcomes[-1], f"({time.monotonic() - started:.0f} s)", flush=True)
-    print(len([o for o in outcomes if o[0] == "caught"]), f"of {given.count} caught")
+    print(len([o for o in outcomes if o[0] == "caught"]), f"of {arguments.count} caught")

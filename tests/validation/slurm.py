@@ -178,15 +178,15 @@ def stop_jobs(environment):
 
 def left_over(settings):
     """Return the processes of jobs of the SLURM with these settings."""
-    found = []
+    processes = []
     for process in psutil.process_iter():
         try:
             inside = process.environ()
         except psutil.Error:
             continue
         if inside.get("SLURM_CONF") == settings and "SLURM_JOB_ID" in inside:
-            found.append(process)
-    return found
+            processes.append(process)
+    return processes
 
 
 @contextmanager

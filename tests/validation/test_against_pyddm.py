@@ -11,5 +11,5 @@ pytestmark = pytest.mark.validate
 @pytest.mark.parametrize("gap", [EXPONENTIAL, HYPERBOLIC, WEIBULL], ids=lambda gap: gap.name)
 def test_the_log_likelihood_of_many_trials_is_that_of_pyddm_on_a_fine_grid(gap):
     pytest.importorskip("pyddm")
-    own, _, limit = compared(gap, 92_002, 1000, 0.0005, fall_shape=3.0)
-    assert own.sum() == pytest.approx(limit.sum(), abs=0.5)
+    ours, _, limit = compared(gap, 92_002, 1000, 0.0005, fall_shape=3.0)
+    assert ours.sum() == pytest.approx(limit.sum(), abs=0.5)

@@ -31,9 +31,9 @@ def test_the_algebraic_circuit_is_the_sprt_on_gratings():
     for part in range(20):
         evidence = readings.draw(5000, 30, rng=stream(SCORING_SEED, "mapping", part))
         exact = first_crossing(Sprt().run(evidence), float(Sprt.threshold(gap)))
-        found = first_crossing(model.run(evidence), float(Msprt.threshold(gap)))
+        decision = first_crossing(model.run(evidence), float(Msprt.threshold(gap)))
         # The circuit holds each reading for a step: it is read when it comes.
-        different += np.sum(exact.choice != found.choice)
+        different += np.sum(exact.choice != decision.choice)
         trials += evidence.trials
     print(f"{different} of {trials} decisions differ")
     assert different == 0
@@ -56,10 +56,10 @@ def test_the_rate_circuit_agrees_where_it_settles():
         exact = first_crossing(Msprt().run(evidence), threshold).choice
         for sample_ms in (step_ms, step_ms / 10):
             model = BasalGanglia(table, Rate(sample_ms=sample_ms, dt_ms=1.0))
-            found = [
+            choices = [
                 first_crossing(trace, threshold).choice for _, _, trace in model.batches(evidence)
             ]
-            agree[step_ms, sample_ms] = np.mean(np.concatenate(found) == exact)
+            agree[step_ms, sample_ms] = np.mean(np.concatenate(choices) == exact)
             print(
                 f"every {step_ms:g} ms, read every {sample_ms:g}: {agree[step_ms, sample_ms]:.4f}"
             )
@@ -86,8 +86,8 @@ def test_a_circuit_without_what_computes_agrees_less():
         1000, 40, 1 / np.sqrt(2), rng=stream(SCORING_SEED, "control"), hypotheses=4, step_ms=50.0
     )
     model = BasalGanglia(table, Ensemble(workers=2), 0.5, SCORING_SEED)
-    found = compare_edits(model, edited, evidence, seed=SCORING_SEED, accuracies=(0.95,))
-    change = found[found["kind"] == "change"].set_index(["variant", "measure"])
+    edits = compare_edits(model, edited, evidence, seed=SCORING_SEED, accuracies=(0.95,))
+    change = edits[edits["kind"] == "change"].set_index(["variant", "measure"])
     baseline = matched_measures(
         tradeoff(Msprt(0.5).run(evidence), evidence),
         tradeoff(MaxVsAverage().run(evidence), evidence),

@@ -25,13 +25,13 @@ CELLS = (
     """
 import time
 explorer = layout.explorer
-explorer.controls.line.value = "lesion STN 10%"
+explorer.controls.widgets["line"].value = "lesion STN 10%"
 ends = time.monotonic() + 200
-while {panel.key for panel in explorer.shown.values()} != {explorer.state.key}:
+while len(explorer.panels) < 5:
     assert time.monotonic() < ends
     time.sleep(0.05)
 print(*explorer.state.edits)
-print(explorer.panes["measures"].object)
+print(*explorer.views["measures"].panel.tables[0])
 """,
 )
 

@@ -52,16 +52,16 @@ def ranks(number, shift=0.0):
     low, high = SCALE.to(np.array([RANGES[name] for name in NAMES]).T)
     inside = (draws.mean >= low) & (draws.mean <= high) & (draws.sd <= MOST_SD)
     inside = inside.all(axis=1)
-    found = (draws.mean, truth.mean), (draws.sd, truth.sd), (draws.scaled[:, 0], truth.scaled[0])
-    return np.concatenate([(each[inside] < true).mean(axis=0) for each, true in found])
+    pairs = (draws.mean, truth.mean), (draws.sd, truth.sd), (draws.scaled[:, 0], truth.scaled[0])
+    return np.concatenate([(each[inside] < true).mean(axis=0) for each, true in pairs])
 
 
 @pytest.mark.timeout(3600)
 def test_ranks_of_groups_drawn_from_the_prior_are_uniform():
-    found = np.array([ranks(number) for number in range(SETS)])
-    p = np.array([kstest(each, "uniform").pvalue for each in found.T])
+    shares = np.array([ranks(number) for number in range(SETS)])
+    p = np.array([kstest(each, "uniform").pvalue for each in shares.T])
     assert p.min() * len(p) > 0.01, p
-    held = ((found > 0.05) & (found < 0.95)).mean(axis=0)
+    held = ((shares > 0.05) & (shares < 0.95)).mean(axis=0)
     assert 0.86 < held.mean() < 0.94, held
     # Less often than this, one of the numbers would hold by chance in a hundredth of runs.
     assert held.min() >= binom.ppf(0.01 / len(held), SETS, 0.9) / SETS, held
@@ -69,6 +69,6 @@ def test_ranks_of_groups_drawn_from_the_prior_are_uniform():
 
 @pytest.mark.timeout(3600)
 def test_ranks_of_shifted_data_are_not():
-    found = np.array([ranks(number, shift=0.5) for number in range(SETS // 4)])
-    p = [kstest(each, "uniform").pvalue for each in found[:, : len(NAMES)].T]
+    shares = np.array([ranks(number, shift=0.5) for number in range(SETS // 4)])
+    p = [kstest(each, "uniform").pvalue for each in shares[:, : len(NAMES)].T]
     assert min(p) < 0.01 / len(p)

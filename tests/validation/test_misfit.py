@@ -33,8 +33,8 @@ def said(number, guesses):
     some = replace(some, rt_s=rt_s, response=response.astype(np.int8))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        found = optimum(likelihood_of(GapModel(), design_of(some)))
-    return bool(misfit(found).cautions(found))
+        best = optimum(likelihood_of(GapModel(), design_of(some)))
+    return bool(misfit(best).cautions(best))
 
 
 @pytest.mark.timeout(3600)

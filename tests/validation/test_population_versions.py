@@ -37,13 +37,13 @@ def decisions(name, channels, trials, seed):
     """Return the time, ms, and the choice of every trial at a posterior of 0.9."""
     circuit, times, choices = anatomy.load_circuit(name, channels), [], []
     for first in range(0, trials, BATCH):
-        given = {"step_ms": 50.0, "seed": seed, "first_trial": first}
-        given |= {"rates": False, "drop_below": LEVEL}
-        found = run(circuit, evidence(channels, first), engine="population", **given)
-        out = found.output_nats
+        options = {"step_ms": 50.0, "seed": seed, "first_trial": first}
+        options |= {"rates": False, "drop_below": LEVEL}
+        activity = run(circuit, evidence(channels, first), engine="population", **options)
+        out = activity.output_nats
         below = np.nanmin(out, axis=2, initial=np.inf) < LEVEL
         at = np.where(below.any(axis=1), below.argmax(axis=1), out.shape[1] - 1)
-        times.append(found.time_ms[at])
+        times.append(activity.time_ms[at])
         choices.append(np.nan_to_num(out[np.arange(len(out)), at], nan=np.inf).argmin(axis=1))
     return np.concatenate(times), np.concatenate(choices)
 
@@ -51,8 +51,8 @@ def decisions(name, channels, trials, seed):
 def measures(name, channels, trials, spectra, seed):
     """Return the measures of a circuit, by name."""
     times, choices = decisions(name, channels, trials, seed)
-    found = {"accuracy": (choices == 0).mean(), "mean_ms": times.mean(), "sd_ms": times.std()}
-    found |= {f"q{q:02d}": np.quantile(times, q / 100) for q in range(5, 100, 5)}
+    values = {"accuracy": (choices == 0).mean(), "mean_ms": times.mean(), "sd_ms": times.std()}
+    values |= {f"q{q:02d}": np.quantile(times, q / 100) for q in range(5, 100, 5)}
     held = np.tile(
         0.4 * np.where(np.arange(channels) == 0, 1, -1 / (channels - 1)), (spectra, 4, 1)
     )
@@ -63,8 +63,8 @@ def measures(name, channels, trials, spectra, seed):
         at, power = (np.asarray(part) for part in welch(rates, fs=1000, nperseg=500, axis=1))
         for low, high in BANDS:
             band = (at >= low) & (at < high)
-            found[f"{nucleus} {low}-{high} Hz"] = power.mean(axis=0)[band].mean()
-    return found
+            values[f"{nucleus} {low}-{high} Hz"] = power.mean(axis=0)[band].mean()
+    return values
 
 
 @pytest.fixture(scope="module", params=CASES, ids=str)

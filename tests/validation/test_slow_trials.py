@@ -60,11 +60,11 @@ def judged(number, *, slow, seed=SCORING_SEED):
     some = slowed(some, key) if slow else some
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = fit_likelihood(likelihood_of(GapModel(), design_of(some)))
-    table = found.parameters().set_index("parameter").loc[["sensitivity", "bound"]]
+        fit = fit_likelihood(likelihood_of(GapModel(), design_of(some)))
+    table = fit.parameters().set_index("parameter").loc[["sensitivity", "bound"]]
     truth = [values[name] for name in table.index]
-    said = [str(each.message) for each in caught]
-    warned = any("slower than" in text or "left out" in text for text in said)
+    texts = [str(each.message) for each in caught]
+    warned = any("slower than" in text or "left out" in text for text in texts)
     return Judged(((table["value"] - truth) / table["standard_error"]).to_numpy(), warned)
 
 

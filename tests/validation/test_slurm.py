@@ -44,8 +44,8 @@ def ask(cluster):
     """Return a function that runs one of SLURM's commands and returns what it printed."""
 
     def asked(*command):
-        given = {"env": cluster, "capture_output": True, "text": True, "check": True}
-        return subprocess.run(command, **given).stdout.strip()
+        options = {"env": cluster, "capture_output": True, "text": True, "check": True}
+        return subprocess.run(command, **options).stdout.strip()
 
     return asked
 
@@ -86,10 +86,10 @@ def submitted(cluster, file, folder, log):
     """Submit a sweep in three parts from a login node that names no user; yield the process."""
     options = ["--on", "slurm", "--parts", "3"]
     command = [sys.executable, "-m", "bgmodel", "sweep", str(file), str(folder), *options]
-    given = {name: value for name, value in cluster.items() if name != "USER"}
+    environment = {name: value for name, value in cluster.items() if name != "USER"}
     with log.open("w") as output:
         process = subprocess.Popen(
-            command, cwd=ROOT, env=given, stdout=output, stderr=output,
+            command, cwd=ROOT, env=environment, stdout=output, stderr=output,
             start_new_session=True, preexec_fn=hear_interrupts,
         )  # fmt: skip
     try:
@@ -102,7 +102,7 @@ def submitted(cluster, file, folder, log):
 
 @contextmanager
 def drained(ask):
-    """Drain the node: what runs goes on, and nothing is started until the block ends."""
+    """Drain the node: running jobs continue, and no job starts until the block ends."""
     ask("scontrol", "update", f"nodename={slurm.NODE}", "state=drain", "reason=test")
     try:
         yield
@@ -145,9 +145,9 @@ def test_a_sweep_goes_on_after_a_killed_job_and_a_drained_node(cluster, ask, fil
             assert len(jobs(ask, "pending")) == 1
             before = whole(folder)
         assert process.wait(WAIT_S) == 1
-    said = log.read_text()
-    assert "CANCELLED" in said
-    assert "the sweep is not finished" in said
+    text = log.read_text()
+    assert "CANCELLED" in text
+    assert "the sweep is not finished" in text
     assert not outcome(folder)
     assert len(before) < len(whole(folder)) < 6  # the job that waited ran, and one is not whole
 
@@ -201,14 +201,14 @@ def test_searches_and_exams_go_on_as_an_array_of_jobs(cluster, ask, tmp_path):
 
         ask(*submit)
         until(lambda: not jobs(ask, "pending,running,completing"), "the end of jobs")
-        found = results(tmp_path)
-        assert before.items() <= found.items()
+        after = results(tmp_path)
+        assert before.items() <= after.items()
         for path in tmp_path.glob("*.json"):
             path.unlink()
         exec(SEARCH, {})
         for each in commands[1:]:
             assert run(*each[1:]) == 0
-        assert {name: text for name, (text, _) in found.items()} == {
+        assert {name: text for name, (text, _) in after.items()} == {
             name: text for name, (text, _) in results(tmp_path).items()
         }
 

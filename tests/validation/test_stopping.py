@@ -61,8 +61,8 @@ def test_the_closed_form_is_what_spikes_do(channels, amount, duration, least):
 
 def ssrt_of(model, evidence, signal, ssd, go_ms):
     delays = np.append(np.nan, np.full(evidence.trials - 1, float(ssd)))
-    found = decide_with_stop(model, evidence, delays, signal, posterior=POSTERIOR)
-    return np.quantile(go_ms, found.p_respond) - ssd
+    stopped = decide_with_stop(model, evidence, delays, signal, posterior=POSTERIOR)
+    return np.quantile(go_ms, stopped.p_respond) - ssd
 
 
 @pytest.mark.parametrize("amount", [0.5, 1.0])
@@ -73,8 +73,8 @@ def test_the_stop_signal_reaction_time_does_not_depend_on_the_delay(amount):
     go = model.decided(evidence, model.threshold(None, POSTERIOR), forced=False)
     go_ms = np.where(go.choice >= 0, go.time_ms, np.inf)
     signal = StopSignal(amount_nats=amount)
-    found = [ssrt_of(model, evidence, signal, ssd, go_ms) for ssd in (200, 300, 400, 500)]
-    assert np.ptp(found) <= 5, found
+    ssrt_ms = [ssrt_of(model, evidence, signal, ssd, go_ms) for ssd in (200, 300, 400, 500)]
+    assert np.ptp(ssrt_ms) <= 5, ssrt_ms
 
 
 def test_the_stop_signal_reaction_time_follows_the_delay_of_the_pathway():
@@ -83,8 +83,8 @@ def test_the_stop_signal_reaction_time_follows_the_delay_of_the_pathway():
     go = model.decided(evidence, model.threshold(None, POSTERIOR), forced=False)
     go_ms = np.where(go.choice >= 0, go.time_ms, np.inf)
     delays = np.array([0.0, 50.0, 100.0, 150.0])
-    found = [ssrt_of(model, evidence, StopSignal(delay_ms=d), 250, go_ms) for d in delays]
-    assert np.polyfit(delays, found, 1)[0] == pytest.approx(1.0, abs=0.03)
+    ssrt_ms = [ssrt_of(model, evidence, StopSignal(delay_ms=d), 250, go_ms) for d in delays]
+    assert np.polyfit(delays, ssrt_ms, 1)[0] == pytest.approx(1.0, abs=0.03)
 
 
 @pytest.mark.parametrize("amount", [0.3, 0.4, 0.5, 0.6])
@@ -99,14 +99,14 @@ def test_the_loss_of_stn_at_which_stopping_fails_is_that_of_the_closed_form(amou
     losses = np.arange(0.0, 0.36, 0.025)
     intact = bg.load_circuit("macaque")
     level = bg.BasalGanglia(intact).threshold(None, POSTERIOR)
-    found = []
+    p_respond = []
     for loss in losses:
         model = bg.BasalGanglia(intact.lesion("STN", loss), "rate")
         stop = np.append(np.nan, np.zeros(evidence.trials - 1))
         signal = StopSignal(amount_nats=amount)
-        found.append(decide_with_stop(model, evidence, stop, signal, threshold=level).p_respond)
-    passed = float(np.interp(0.5, found, losses))
-    assert passed == pytest.approx(1 - np.exp(level - amount), abs=0.05), found
+        p_respond.append(decide_with_stop(model, evidence, stop, signal, threshold=level).p_respond)
+    passed = float(np.interp(0.5, p_respond, losses))
+    assert passed == pytest.approx(1 - np.exp(level - amount), abs=0.05), p_respond
 
 
 def test_the_ideal_observer_is_calibrated():
@@ -114,8 +114,8 @@ def test_the_ideal_observer_is_calibrated():
     trials, delays = 100_000, [100.0, 200.0, 300.0]
     go = bg.gaussian_evidence(trials, d_prime=0.35, t_max=60, step_ms=10, seed=85_001)
     ssd = drawn_delays(trials, delays, 0.3, 85_002)
-    given = gaussian_stop_evidence(go, ssd, d_prime=0.6, share=0.3, delays_ms=delays, rng=85_003)
-    p = np.exp(-StopMsprt().run(given).out_nats[:, 30])
+    evidence = gaussian_stop_evidence(go, ssd, d_prime=0.6, share=0.3, delays_ms=delays, rng=85_003)
+    p = np.exp(-StopMsprt().run(evidence).out_nats[:, 30])
     truth = np.where(np.isnan(ssd), go.truth, 2)
     for k in range(3):
         bins = np.minimum((10 * p[:, k]).astype(int), 9)
@@ -132,8 +132,8 @@ def test_an_abrupt_signal_stops_as_the_horse_race_within_a_reading():
     """
     go = bg.gaussian_evidence(20_000, seed=86_001, **TASK)
     ssd = drawn_delays(20_000, [300.0], 0.5, 86_002)
-    given = gaussian_stop_evidence(go, ssd, d_prime=12.0, share=0.05, delays_ms=[300.0], rng=86_003)
-    trials = stop_trials(StopMsprt().decide(given, 0.9, 0.999), ssd, 2)
+    stops = gaussian_stop_evidence(go, ssd, d_prime=12.0, share=0.05, delays_ms=[300.0], rng=86_003)
+    trials = stop_trials(StopMsprt().decide(stops, 0.9, 0.999), ssd, 2)
     assert np.nanmax(trials.rt_ms[trials.stop]) <= 300.0
     assert trials.p_respond > 0.1
 

@@ -26,15 +26,15 @@ def test_a_smooth_grating_is_told_at_chance():
 
         def accuracy(chosen, task=task, sources=sources, pools=pools):
             values = []
-            for fold, own in enumerate(sources):
+            for fold, source in enumerate(sources):
                 part = [p[np.arange(len(p)) % FOLDS == fold] for p in pools]
                 part = [p[i] for p, i in zip(part, chosen(fold, part), strict=True)]
-                logs = [own.likelihood(x) for x in task.readings(part)]
-                again = Source(logs, task.names, own.likelihood)
+                logs = [source.likelihood(x) for x in task.readings(part)]
+                again = Source(logs, task.names, source.likelihood)
                 values.append(1 - sprt(*increments(again), separations, t_max=T_MAX).error_rate)
             return np.mean(values, axis=0)
 
-        whole = accuracy(lambda fold, part: [np.arange(len(p)) for p in part])
+        correct = accuracy(lambda fold, part: [np.arange(len(p)) for p in part])
         boot = []
         for k in range(60):
             rng = stream(101, "bootstrap", period, k)
@@ -44,9 +44,9 @@ def test_a_smooth_grating_is_told_at_chance():
         spread = np.std(boot, axis=0) + 1e-12
         widest = np.percentile(np.abs((np.array(boot) - np.mean(boot, axis=0)) / spread).max(1), 95)
         shrinks = [round(s.likelihood.shrink, 2) for s in sources]
-        print(f"{period} mm: {np.round(whole, 3)} +- {np.round(widest * spread, 3)}, {shrinks}")
+        print(f"{period} mm: {np.round(correct, 3)} +- {np.round(widest * spread, 3)}, {shrinks}")
         if period == 0:
-            assert (np.abs(whole - 0.5) <= widest * spread + 1e-9).all()
+            assert (np.abs(correct - 0.5) <= widest * spread + 1e-9).all()
 
 
 def test_three_training_seeds_err_by_25_to_30_degrees():

@@ -43,35 +43,35 @@ def test_taps_are_read_as_fast_as_with_the_exact_likelihoods(period, t_max, tria
     taps, held_out = gratings(period, t_max)
     test = held_out.draw(3000, rng=SEED)
     learned = learn_weights(taps, seed=SEED, runs=RUNS, learner=WeightLearner(trials=trials))
-    found, ratio = learned.calibration(test), learned.relative_time(test)
+    calibration, ratio = learned.calibration(test), learned.relative_time(test)
     counted = counted_weights(taps.draw(500, rng=SEED), readings=trials)
     print(
-        f"{period} mm: time {ratio.mean():.3f}, slope {found.slope.mean():.3f}, r "
-        f"{found.r.mean():.3f}; counts {counted.relative_time(test)[0]:.3f}"
+        f"{period} mm: time {ratio.mean():.3f}, slope {calibration.slope.mean():.3f}, r "
+        f"{calibration.r.mean():.3f}; counts {counted.relative_time(test)[0]:.3f}"
     )
     assert ratio.mean() <= 1.02
-    assert found.r.mean() > 0.97
+    assert calibration.r.mean() > 0.97
     # On 1.5 mm the exact likelihoods are shrunk towards no evidence.
-    assert 0.9 < found.slope.mean() < (1.1 if period == 2 else 1.2)
+    assert 0.9 < calibration.slope.mean() < (1.1 if period == 2 else 1.2)
 
 
 def test_poisson_cells_are_read_as_fast_as_with_the_exact_likelihoods():
     cells = PoissonFeatures(channels=4, centred=True, t_max=60)
     test = cells.draw(3000, rng=SEED)
     learned = learn_weights(cells, seed=SEED, runs=RUNS)
-    ratio, found = learned.relative_time(test), learned.calibration(test)
-    print(f"time {ratio.mean():.3f}, slope {found.slope.mean():.3f}, r {found.r.mean():.3f}")
+    ratio, scale = learned.relative_time(test), learned.calibration(test)
+    print(f"time {ratio.mean():.3f}, slope {scale.slope.mean():.3f}, r {scale.r.mean():.3f}")
     assert ratio.mean() <= 1.03
-    assert 0.9 < found.slope.mean() < 1.1
+    assert 0.9 < scale.slope.mean() < 1.1
 
 
 def test_the_law_of_unequal_gains_at_a_criterion():
     for plus, tolerance in ((2.0, 0.1), (4.0, 0.15)):
         learner = WeightLearner(gain_plus=plus)
         learned = learn_weights(gratings(2.0)[0], seed=SEED, runs=RUNS, learner=learner)
-        found = learned.course.overconfidence()
-        print(f"ratio {plus:g}: {found.mean():.3f}, law {np.log(plus):.3f}")
-        assert abs(found.mean() - np.log(plus)) < tolerance
+        log_ratio = learned.course.overconfidence()
+        print(f"ratio {plus:g}: {log_ratio.mean():.3f}, law {np.log(plus):.3f}")
+        assert abs(log_ratio.mean() - np.log(plus)) < tolerance
 
 
 def test_labels_that_are_exchanged_are_learned_again_within_300_trials():

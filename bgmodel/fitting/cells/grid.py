@@ -12,11 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from scipy.special import ndtr
 
+from bgmodel.fitting.cells.reading import Reading
 from bgmodel.fitting.cells.sessions import BIN_S, Session
 from bgmodel.support.arrays import Array
 
@@ -29,16 +29,6 @@ STEP = 1e-4
 SUMS = ("leak_per_s", "adaptation", "recovery_s")
 """Parameters that move the sum of clicks."""
 Values = Mapping[str, float]
-
-
-class Reading(Protocol):
-    """How a cell reads the sum: a rate from a linear predictor, and a function of the sum."""
-
-    def read(self, x: Array) -> tuple[Array, Array]:
-        """Return the function of the sum, and its derivative."""
-
-    def rate(self, predictor: Array) -> tuple[Array, Array, Array | float]:
-        """Return the logarithm of the rate, the rate, Hz, and the derivative of the logarithm."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +79,7 @@ def _pieces(session: Session, values: Values, n: Array, sums: Array) -> tuple[Ar
     left, added = moved(leak, noise, BIN_S / 2)
     first = np.exp(-(n**2) / 2 / (left**2 * values["start_noise"] ** 2 + added))
     left, added = moved(leak, noise, BIN_S)
-    # Without much noise of its own a step is as wide as the grid resolves.
+    # Where a step adds little noise, it is as wide as the grid resolves.
     wide = np.maximum(added, (0.35 * (n[1] - n[0])) ** 2)
     steps = np.exp(-((n - left * n[:, None]) ** 2) / 2 / wide)
     rest_s = np.maximum(session.end_s - session.middles_s[session.bins - 1], 0.0)

@@ -1,4 +1,4 @@
-"""Models of recorded cells and choices: how cells read the sum, and the likelihood of both."""
+"""Models of recorded cells and choices: the likelihood of both."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from bgmodel.fitting.cells.grid import SUMS, Passed, Values, chosen, moved, p_right, passed
+from bgmodel.fitting.cells.reading import Reading, reading_of
 from bgmodel.fitting.cells.sessions import (
     BIN_S,
     KNOTS,
@@ -25,12 +26,10 @@ from bgmodel.fitting.known.trials import known_trials
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.parameters import Parameter, ParameterSpace
 from bgmodel.fitting.trials.design import Design
-from bgmodel.integrators.given import checked_circuit
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.trials.record import Trials
 from circuits.circuit import Circuit
-from circuits.dynamics.fixed_point import solve, wired
-from circuits.errors import InputError, require
+from circuits.errors import InputError
 
 SHARED = (
     Parameter("noise", 0.02, 30.0, 5.0, "noise of the sum, clicks per sqrt(s)", scale="log"),
@@ -50,98 +49,8 @@ SHARED = (
 SCALE = Parameter(
     "nats_per_click", 0.005, 2.0, 0.1, "input to a circuit per click, nats", scale="log"
 )
-FLOOR_HZ, MOST_LOG = 1e-3, 7.0
-"""Least rate of a linear reading, Hz, and largest logarithm of an exponential one."""
-REACH_NATS, POINTS = 8.0, 321
-"""Largest input for which a circuit is solved, on either side, and the number of inputs."""
 WARM = 12
 """Iterations of the regression from which a search starts."""
-
-
-@dataclass(frozen=True)
-class Reading:
-    """How a cell reads the sum of clicks.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-    linear : bool
-        Whether the rate is linear in the function of the sum (and 0 or more), or exponential.
-    step : float, optional
-        Clicks at which a step, a hyperbolic tangent, saturates; by default the line.
-    curve : (input (points,), nats; activity (points,)), optional
-        The activity of a nucleus of a circuit in place of the line.
-    """
-
-    name: str
-    linear: bool
-    step: float | None = None
-    curve: tuple[Array, Array] | None = None
-
-    def read(self, x: Array) -> tuple[Array, Array]:
-        """Return the function of the sum, and its derivative."""
-        if self.curve is not None:
-            at, rate = self.curve
-            place = np.clip((x - at[0]) / (at[1] - at[0]), 0, len(at) - 1.001)
-            below = place.astype(np.int64)
-            rise = np.diff(rate)[below]
-            return rate[below] + (place - below) * rise, rise / (at[1] - at[0])
-        if self.step is not None:
-            bent = np.tanh(x / self.step)
-            return bent, (1 - bent**2) / self.step
-        return x, np.ones_like(x)
-
-    def rate(self, predictor: Array) -> tuple[Array, Array, Array | float]:
-        """Return the logarithm of the rate, the rate, Hz, and the derivative of the logarithm.
-
-        The rate is the predictor with a soft threshold at 0, or its exponential.
-        """
-        if not self.linear:
-            log = np.minimum(predictor, MOST_LOG)
-            return log, np.exp(log), 1.0
-        small = np.exp(-np.abs(predictor))
-        rate = np.maximum(predictor, 0) + np.log1p(small) + FLOOR_HZ
-        return np.log(rate), rate, np.where(predictor > 0, 1, small) / (1 + small) / rate
-
-
-READINGS = {
-    each.name: each
-    for each in (
-        Reading("exponential", linear=False),
-        Reading("step", linear=False, step=1.0),
-        Reading("linear", linear=True),
-    )
-}
-"""Readings without a circuit."""
-
-
-def reading_of(name: str) -> Reading:
-    """Return a reading by its name, or as the nucleus of a circuit, such as "macaque D1"."""
-    if name in READINGS:
-        return READINGS[name]
-    circuit, _, nucleus = str(name).rpartition(" ")
-    if not circuit:
-        allowed = ", ".join(READINGS)
-        must = f"must be {allowed}, or a circuit and a nucleus such as 'macaque D1'"
-        raise InputError.of("models", must, name)
-    return nucleus_reading(checked_circuit(circuit, 2), nucleus, str(name))
-
-
-def nucleus_reading(circuit: Circuit, nucleus: str, name: str) -> Reading:
-    """Return the steady activity of a nucleus's first channel, by the lead of its evidence.
-
-    Activity follows evidence within tens of ms, fast beside the sum of clicks. It is relative to
-    rest, in units of 10 Hz.
-    """
-    names = [row.name for row in circuit.populations]
-    require(nucleus in names, "models", f"must name a nucleus, one of {', '.join(names)}", nucleus)
-    lead = np.linspace(-REACH_NATS, REACH_NATS, POINTS)
-    wiring = wired(circuit)
-    drive = np.stack([lead / 2, -lead / 2], axis=1)
-    rates = wiring.rates(solve(wiring, drive))[:, wiring.blocks_of(nucleus)][:, 0]
-    curve = (rates - rates[POINTS // 2]) / 10
-    return Reading(name, linear=True, curve=(lead, np.asarray(curve)))
 
 
 @dataclass(frozen=True)
@@ -377,7 +286,7 @@ class RecordedCells:
 
     def identity(self) -> dict[str, Any]:
         """Return all that its predictions depend on; see ``likelihood.identity_of``."""
-        return {"model": self.name}
+        return self.reading.identity()
 
     def likelihood(self, design: Design, freedom: ParameterSpace) -> CellsLikelihood:
         """Return the likelihood of all trials."""

@@ -145,14 +145,18 @@ def misfit(found: Optimum, left: Sequence[tuple[Likelihood, Array]] = ()) -> Mis
     off = _observed(design, edges_s) - said
     own = jackknifed(parts) ** 2 if parts else np.zeros(len(said))
     share, _, counts = _split(said, design.cells)
-    answered = np.bincount(design.observed.cell[design.observed.response >= 0], None, design.cells)
-    n = np.where(answered > 0, answered, np.nan)
-    drawn = np.concatenate([share * (1 - share) / n, _variance(design, density) / n, counts])
+    seen = design.observed
+    answered, timed = (
+        np.bincount(seen.cell[some], None, design.cells)
+        for some in (seen.response >= 0, np.isfinite(seen.rt_s))
+    )
+    n, m = (np.where(each > 0, each, np.nan) for each in (answered, timed))
+    drawn = np.concatenate([share * (1 - share) / n, _variance(design, density) / m, counts])
     with np.errstate(invalid="ignore", divide="ignore"):
         z_accuracy, z_mean_rt, _ = _split(off / np.sqrt(drawn + own), design.cells)
     # Means become sums over trials, which can be added.
-    times = np.concatenate([answered, answered, np.ones(len(counts))])
-    sizes = np.concatenate([answered * np.minimum(share, 1 - share), answered, counts])
+    times = np.concatenate([answered, timed, np.ones(len(counts))])
+    sizes = np.concatenate([answered * np.minimum(share, 1 - share), timed, counts])
     sums = (
         np.nan_to_num(times * off),
         np.nan_to_num(times**2 * drawn),
@@ -178,7 +182,8 @@ def _split(values: Array, cells: int) -> tuple[Array, Array, Array]:
 
 def _edges_s(design: Design, density: Array) -> Array:
     """Return the quantiles of response times of each cell, s, between 0 and infinity."""
-    mass = design.observed.outcomes(density)[0].sum(axis=1)
+    mass = _timed(design, density)
+    mass[mass.sum(axis=1) == 0] = 1.0  # without times: responses are all in the first bin
     ends_s = np.arange(mass.shape[1] + 1) * design.grid.width_s
     below = np.pad(mass.cumsum(axis=1) / mass.sum(axis=1, keepdims=True), ((0, 0), (1, 0)))
     inner = np.array([np.interp(QUANTILES, one, ends_s) for one in below])
@@ -190,7 +195,9 @@ def _predicted(design: Design, density: Array, edges_s: Array) -> Array:
     mass, missing = design.observed.outcomes(density)
     answered = mass.sum(axis=(1, 2))
     share = mass[:, 1].sum(axis=1) / answered
-    mean_s = mass.sum(axis=1) @ design.grid.middles_s / answered
+    timed = _timed(design, density)
+    with np.errstate(invalid="ignore"):  # without times
+        mean_s = timed @ design.grid.middles_s / timed.sum(axis=1)
     ends_s = np.arange(mass.shape[2] + 1) * design.grid.width_s
     below = np.pad(mass.cumsum(axis=2), ((0, 0), (0, 0), (1, 0)))
     parts = np.array(
@@ -203,10 +210,17 @@ def _predicted(design: Design, density: Array, edges_s: Array) -> Array:
     return np.concatenate([share, mean_s, counts, [design.trials @ missing]])
 
 
+def _timed(design: Design, density: Array) -> Array:
+    """Return the probability of each time of response in each cell, (cells, bins)."""
+    seen = design.observed
+    return np.asarray(seen.with_times(seen.outcomes(density)[0]).sum(axis=1))
+
+
 def _variance(design: Design, density: Array) -> Array:
     """Return the variance of response times in each cell under the model, s^2."""
-    mass = design.observed.outcomes(density)[0].sum(axis=1)
-    mass, times_s = mass / mass.sum(axis=1, keepdims=True), design.grid.middles_s
+    mass, times_s = _timed(design, density), design.grid.middles_s
+    with np.errstate(invalid="ignore"):
+        mass = mass / mass.sum(axis=1, keepdims=True)
     return np.asarray(mass @ times_s**2 - (mass @ times_s) ** 2)
 
 
@@ -218,8 +232,10 @@ def _observed(design: Design, edges_s: Array) -> Array:
     for cell in range(design.cells):
         some: Truths = (seen.cell == cell) & (seen.response >= 0)
         if some.any():
-            share[cell], mean_s[cell] = seen.response[some].mean(), seen.rt_s[some].mean()
+            share[cell] = seen.response[some].mean()
+        if np.isfinite(seen.rt_s[some]).any():
+            mean_s[cell] = np.nanmean(seen.rt_s[some])
         for response in (0, 1):
-            rt_s = seen.rt_s[some & (seen.response == response)]
+            rt_s = np.nan_to_num(seen.rt_s[some & (seen.response == response)])
             counts[response] += np.histogram(rt_s, edges_s[cell])[0]
     return np.concatenate([share, mean_s, counts.ravel(), [(seen.response < 0).sum()]])

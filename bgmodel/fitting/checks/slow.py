@@ -47,7 +47,8 @@ def slow_trials(found: Optimum) -> Slow:
 
 def warn_of_slow(found: Optimum) -> None:
     """Warn if a tail of slow trials makes the data more likely than the fitted model alone."""
-    if not isinstance(found.likelihood, BinnedLikelihood):
+    untimed = found.likelihood.design.observed.untimed is not None
+    if untimed or not isinstance(found.likelihood, BinnedLikelihood):
         return
     slow = slow_trials(found)
     if slow.gain_nats <= GAIN_NATS:

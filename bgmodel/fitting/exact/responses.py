@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.compiling import compiled
 
 QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
@@ -19,6 +19,8 @@ TINY = 1e-300
 """Lower limit of probabilities before their logarithm is taken."""
 FARTHEST = 8.5
 """Standard deviations beyond which the non-decision time has no mass in double precision."""
+ENDS_S = 5.0
+"""Time by which choices without times are taken to be made, s."""
 EVERY_TIME = (0.0, math.inf)
 """Window that includes all responses, s."""
 
@@ -99,6 +101,10 @@ class Observed:
 
     The likelihood is conditional on responses within ``window_s``. Wrong ``alternatives`` are
     equally likely: the probability of one is that of all of them over their number.
+
+    A response without times counts with its probability. If there are no times at all, it is that
+    of all who decide; if one of two is withheld, all who have not responded by the deadline
+    count as that one (Gomez, Ratcliff & Perea 2007).
     """
 
     cell: Integers
@@ -111,6 +117,24 @@ class Observed:
     # Earliest and latest time of a response that is fitted.
     window_s: tuple[float, float] = EVERY_TIME
     alternatives: int = 2
+    # (cells, 2): which responses have no times; by default all have.
+    untimed: Truths | None = None
+
+    def recorded(self, density: Array) -> Array:
+        """Return densities (cells, 2, bins), those of responses without times in the first bin."""
+        if self.untimed is None:
+            return density
+        mass = density.sum(axis=2) * self.grid.width_s
+        decided = mass.sum(axis=1, keepdims=True)
+        every = self.untimed.all(axis=1, keepdims=True)
+        mass = np.where(every, mass / np.maximum(decided, TINY), mass + np.maximum(1 - decided, 0))
+        found = self.with_times(density)
+        found[:, :, 0] += np.where(self.untimed, mass / self.grid.width_s, 0.0)
+        return found
+
+    def with_times(self, density: Array) -> Array:
+        """Return densities, or masses, of the responses that have times."""
+        return density if self.untimed is None else np.where(self.untimed[:, :, None], 0.0, density)
 
     @cached_property
     def _places(self) -> tuple[Integers, Array]:
@@ -126,6 +150,7 @@ class Observed:
         answer = np.maximum(self.response, 0)
         found = (1 - toward) * density[self.cell, answer, low]
         found += toward * density[self.cell, answer, low + 1]
+        found = np.where(np.isnan(self.rt_s), found * self.grid.width_s, found)
         if self.alternatives > 2:
             found = np.where(self.response == 0, found / (self.alternatives - 1), found)
         missing = np.zeros(len(density))
@@ -150,7 +175,7 @@ class Observed:
             missing = np.maximum(1 - mass.sum(axis=(1, 2)), 0.0)
         start_s = np.arange(mass.shape[2]) * self.grid.width_s
         early, late = (np.clip((t - start_s) / self.grid.width_s, 0, 1) for t in self.window_s)
-        mass = mass * (late - early)
+        mass = mass * (late - early) + (mass - self.with_times(mass)) * (1 - late + early)
         whole = mass.sum(axis=(1, 2)) + missing
         return mass / whole[:, None, None], missing / whole
 
@@ -169,12 +194,15 @@ class Observed:
         early, late = (np.clip(t / width_s - bin_of, 0, 1) for t in self.window_s)
         rt_s = (bin_of + early + (late - early) * rng.random(len(place))) * width_s
         never = response == 2
+        if self.untimed is not None:
+            rt_s[self.untimed[self.cell, np.minimum(response, 1)]] = np.nan
         return np.where(never, np.nan, rt_s), np.where(never, -1, response)
 
     def _inside(self, density: Array) -> Array:
         """Return the probability of a response in the window, (cells,)."""
         bins, width_s = self.grid.bins, self.grid.width_s
-        mass = density.sum(axis=1) * width_s
+        timed = self.with_times(density)
+        mass = timed.sum(axis=1) * width_s
 
         def by(time_s: float) -> Array:
             return np.asarray(mass @ np.clip(time_s / width_s - np.arange(bins), 0, 1))
@@ -182,7 +210,8 @@ class Observed:
         early, late = self.window_s
         # Without a deadline the grid may end before the latest responses.
         whole = late > bins * width_s and self.deadline_s is None
-        return (np.ones(len(mass)) if whole else by(late)) - by(early)
+        inside = (np.ones(len(mass)) if whole else by(late)) - by(early)
+        return np.asarray(inside + (density - timed).sum(axis=(1, 2)) * width_s)
 
 
 def moments(density: Array, grid: Grid) -> dict[str, Array]:

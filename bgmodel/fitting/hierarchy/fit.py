@@ -27,6 +27,7 @@ from bgmodel.fitting.hierarchy.group import ALIKE, Predictors
 from bgmodel.fitting.hierarchy.pooled import pooled
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.hierarchy.scale import Scale
+from bgmodel.fitting.identify import directions
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.support.arrays import Array, Truths
@@ -198,8 +199,11 @@ class GroupFit(Facts):
         return found | {"above_zero": float((draws > 0).mean())}
 
     def cautions(self) -> list[str]:
-        """Return warnings: of misfit, and of chains that have not converged."""
-        return [*self.misfit.cautions(), *self._short()]
+        """Return warnings: of misfit, of what choices alone leave open, of short chains."""
+        first = next(iter(self.typical.values()))
+        timed = first.likelihood.design.timed
+        alike = [] if timed else directions(first.likelihood, first.vector).cautions()
+        return [*self.misfit.cautions(), *alike, *self._short()]
 
     def _short(self) -> list[str]:
         """Return a warning if chains do not agree or are short, naming the worst numbers."""

@@ -41,6 +41,7 @@ def pooled(people: Collection[Optimum]) -> pd.DataFrame | None:
         np.concatenate([one.rt_s for one in seen]),
         Grid(mass.shape[2], seen[0].grid.width_s),
         alternatives=seen[0].alternatives,
+        untimed=seen[0].untimed,
     )
     density = mass / trials[:, None, None] / seen[0].grid.width_s
     return cells_of(replace(designs[0], observed=together), density)

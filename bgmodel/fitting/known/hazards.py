@@ -21,7 +21,7 @@ def hazards(likelihood: Any, vector: Array) -> pd.DataFrame:
 
     Each interval between readings is shifted by the mean non-decision time. The model's share is
     the mean of its probabilities in the same trials, each given that it has not responded before;
-    ``standard_error`` is that of the observed share under the model.
+    ``standard_error`` is that of the observed share under the model. Empty without times.
     """
     import pandas as pd
 
@@ -30,7 +30,7 @@ def hazards(likelihood: Any, vector: Array) -> pd.DataFrame:
     before, after = (likelihood.answered(values, each).sum(axis=2) for each in (starts, ends))
     every = np.clip((after - before) / np.maximum(1 - before, 1e-12), 0.0, 1.0)
     rows = []
-    for k in range(starts.shape[1]):
+    for k in range(starts.shape[1] if trials.timed else 0):
         running = (k < trials.seen) & (trials.until_s >= starts[:, k])
         if running.sum() < FEWEST:
             continue

@@ -90,15 +90,20 @@ class KnownLikelihood(Likelihood):
     def responses(self, values: Values) -> tuple[Array, Array]:
         """Return the density at each response time, 1/s, and the probability of none, (trials,).
 
-        The density is (trials, alternatives), 0 in trials without a response.
+        The density is (trials, alternatives), 0 in trials without a response; for choices without
+        times it is the probability of each.
         """
         decided, left = self.decisions(values)
-        trials, rt_s = self.trials, self.trials.rt_s
-        found = (1 - values["lapse"]) * delayed(
+        trials, rt_s, none = self.trials, self.trials.rt_s, 1 - values["lapse"]
+        if not trials.timed:
+            made = np.zeros((trials.trials, trials.alternatives))
+            np.add.at(made, trials.seen_places[0], decided)
+            return none * made + values["lapse"] / trials.alternatives, none * left
+        found = none * delayed(
             decided, trials.seen_s, rt_s, trials.offsets, values["t0_s"], values["t0_sd_s"]
         )
         found += values["lapse"] / (trials.alternatives * trials.span_s)
-        return np.where(np.isfinite(rt_s)[:, None], found, 0.0), (1 - values["lapse"]) * left
+        return np.where(np.isfinite(rt_s)[:, None], found, 0.0), none * left
 
     def answered(self, values: Values, by_s: Array) -> Array:
         """Return the probability of each response by times (trials, times), by alternative.
@@ -135,6 +140,14 @@ class KnownLikelihood(Likelihood):
         ``KnownTrials.design``.
         """
         trials, grid = self.trials, self.design.grid
+        if not trials.timed:
+            kept = slice(None) if self.kept is None else self.kept
+            right = trials.favoured(trials.until_s[:, None])
+            every = self.responses(self.values(vector))[0]
+            share = np.take_along_axis(every, right, axis=1)[kept].mean()
+            alone = np.zeros((1, 2, grid.bins))
+            alone[0, :, 0] = [every[kept].sum(axis=1).mean() - share, share]
+            return alone / grid.width_s
         edges_s = np.tile(grid.width_s * np.arange(grid.bins + 1), (trials.trials, 1))
         by = self.answered(self.values(vector), edges_s)
         stays = np.maximum(1 - by[:, :-1].sum(axis=2, keepdims=True), TINY)
@@ -169,6 +182,8 @@ class KnownLikelihood(Likelihood):
         blank = waiting(trials.readings, trials.readings.forced)
         likelihood = OnTrials(self.model, blank).likelihood(blank.design, self.freedom)
         made = likelihood.observed(self.values(vector), rng)
+        if not trials.timed:
+            made = replace(made, rt_s=np.full(made.trials, np.nan))
         readings = replace(trials.readings, choice=made.choice)
         response = made.design.observed.response.astype(np.int8)
         return replace(trials, rt_s=made.rt_s, response=response, readings=readings)
@@ -195,7 +210,7 @@ class KnownLikelihood(Likelihood):
         the noise a large or a small share of the spread of that OUT.
         """
         freed = self.freedom
-        fastest = float(np.nanquantile(self.trials.rt_s, 0.05))
+        fastest = float(np.nanquantile(self.trials.rt_s, 0.05)) if self.trials.timed else 0.0
         found = []
         for share in T0_SHARES:
             t0_s = share * fastest
@@ -211,7 +226,7 @@ class KnownLikelihood(Likelihood):
         """Return the median level of chosen alternatives when they decided, and half its spread."""
         trials, out = self.trials, self.outputs.out(values).mean(axis=0)
         some = np.flatnonzero((trials.choice >= 0) & (trials.seen > 0))
-        before = trials.time_s[some] <= (trials.rt_s[some] - values["t0_s"])[:, None]
+        before = trials.time_s[some] <= (trials.until_s[some] - values["t0_s"])[:, None]
         at = np.clip(before.sum(axis=1), 1, trials.seen[some]) - 1
         chosen = out[trials.offsets[some] + at, trials.choice[some]]
         lower, middle, upper = np.quantile(chosen, [0.25, 0.5, 0.75])

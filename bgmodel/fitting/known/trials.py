@@ -39,7 +39,7 @@ class KnownTrials(Facts):
     lengths: Integers  # (trials,), number of readings
     names: tuple[str, ...]  # the alternatives
     choice: Integers  # (trials,), index of the alternative; -1 without a response
-    rt_s: Array  # (trials,), s; NaN without a response
+    rt_s: Array  # (trials,), s; NaN without a response, or everywhere for choices alone
     ids: tuple[str, ...]
     forced: bool = False  # Whether the last reading of a trial forces a response.
     source: str = "a table"
@@ -77,7 +77,7 @@ class KnownTrials(Facts):
 
     def _check_responses(self) -> None:
         answered = self.choice >= 0
-        if not np.array_equal(answered, np.isfinite(self.rt_s)):
+        if self.timed and not np.array_equal(answered, np.isfinite(self.rt_s)):
             trial = self.ids[int(np.argmax(answered != np.isfinite(self.rt_s)))]
             raise InputError(f"trial {trial} must have a response and a time, or neither", "rt")
         if len(np.unique(self.choice[answered])) == 1:  # none at all: yet to be simulated
@@ -102,6 +102,11 @@ class KnownTrials(Facts):
         """Number of trials."""
         return len(self.rt_s)
 
+    @cached_property
+    def timed(self) -> bool:
+        """Whether responses have times."""
+        return bool(np.isfinite(self.rt_s).any() or (self.choice < 0).all())
+
     @property
     def alternatives(self) -> int:
         """Number of alternatives."""
@@ -109,7 +114,7 @@ class KnownTrials(Facts):
 
     @cached_property
     def seen(self) -> Integers:
-        """Number of readings before the response, (trials,); all of them without a response."""
+        """Number of readings before the response, (trials,); all of them without its time."""
         before = np.isfinite(self.time_s) & (self.time_s < self.until_s[:, None])
         return np.asarray(before.sum(axis=1))
 
@@ -154,6 +159,7 @@ class KnownTrials(Facts):
         observed = Observed(
             np.zeros(self.trials, dtype=np.int64), np.where(self.choice < 0, -1, right), self.rt_s,
             grid, grid.bins * BIN_S if silent else None, alternatives=self.alternatives,
+            untimed=None if self.timed else np.ones((1, 2), dtype=bool),
         )  # fmt: skip
         return Design(np.array([ALONE]), {}, observed, who=self.who)
 

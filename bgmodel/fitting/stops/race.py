@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -25,16 +25,28 @@ from scipy.special import ndtr
 from bgmodel.fitting.exact.raised import crossed_later, raised_bound
 from bgmodel.fitting.exact.responses import EVERY_TIME
 from bgmodel.fitting.formulas import Formula
-from bgmodel.fitting.likelihood import TrialLikelihood, likelihood_of
+from bgmodel.fitting.likelihood import (
+    REPLICAS,
+    REPLICAS_SEED,
+    Peak,
+    TrialLikelihood,
+    likelihood_of,
+)
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.stops.data import KEPT, go_process, laid
 from bgmodel.fitting.stops.model import TEST, StopModel, stop_model
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.integrators.given import identity
 from bgmodel.stopping.inputs import MOST_NATS
+from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
 from circuits.circuit import Circuit
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 SIGNAL = "signal"
 """Condition of a fit that tells go from stop trials."""
@@ -204,6 +216,18 @@ class StopLikelihood(TrialLikelihood):
     """The likelihood of one person's stop trials; see ``likelihood``."""
 
     model: StopRace
+
+    def draw(
+        self, cells: Mapping[str, pd.DataFrame], peaks: Mapping[str, Peak], title: str
+    ) -> Figure:
+        """Draw the inhibition function and times of responses, data and models."""
+        from bgmodel.stopping.drawing import draw
+
+        models = {}
+        for name, (likelihood, vector) in peaks.items():
+            seeds = (stream(REPLICAS_SEED, "replica", k) for k in range(REPLICAS))
+            models[name] = [StopTrials.of(likelihood.simulated(vector, rng)) for rng in seeds]
+        return draw(StopTrials.of(self.trials), models, title)
 
 
 def likelihood(

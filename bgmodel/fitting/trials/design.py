@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
+from bgmodel.fitting.exact.responses import BIN_S, ENDS_S, Grid, Observed
 from bgmodel.fitting.trials.sides import check_sides, name_of
 from bgmodel.fitting.trials.window import in_window
 from bgmodel.support.arrays import Array, Integers
@@ -57,6 +57,11 @@ class Design:
         return self.observed.grid
 
     @property
+    def timed(self) -> bool:
+        """Whether any response has times."""
+        return self.observed.untimed is None or not self.observed.untimed.all()
+
+    @property
     def side(self) -> Array:
         """1 where observed response 1 is that of the table, -1 where it is response 0, (cells,)."""
         levels = self.conditions.get(FAVOURS, ["1"] * self.cells)
@@ -87,8 +92,9 @@ def design_of(
     """Return the cells of a table of choices, by strength and some of its conditions.
 
     Without a deadline, times by default end at ``window.fence_s``; the likelihood is conditional on
-    the window, s, and lapses are uniform in it. ``pooled`` choices of several people give no
-    warning; with ``sides``, for models with a bias, strengths of opposite sign are separate cells.
+    the window, s, and lapses are uniform in it. Choices without times have a grid up to ``ENDS_S``.
+    ``pooled`` choices of several people give no warning; with ``sides``, for models with a bias,
+    strengths of opposite sign are separate cells.
     """
     for column in by:
         if column not in choices.conditions:
@@ -115,7 +121,11 @@ def _warn_of_several(choices: Trials) -> None:
 def _laid(
     choices: Trials, by: Sequence[str], rt_window: tuple[float, float] | None, sides: bool
 ) -> Design:
-    """Return the cells of choices, with the trials within the window binned on a grid."""
+    """Return the cells of choices, with the trials within the window binned on a grid.
+
+    If a response is withheld, cells are of one side: only the other response has times.
+    """
+    sides = sides or choices.withheld is not None
     response, keys = mirrored(choices), _keys(choices, by, sides)
     cells = sorted(set(keys))
     place = {key: number for number, key in enumerate(cells)}
@@ -125,16 +135,21 @@ def _laid(
     if not inside.all():
         rest = _laid(choices.where(inside), by, window, sides)
         return replace(rest, left_out=int((~inside).sum()))
-    answered = np.isfinite(choices.rt_s).any() or deadline_s is not None
-    require(answered, "rt", "must be given in some trials", "none")
-    longest = float(np.nanmax(choices.rt_s)) + 10 * BIN_S
+    some = np.isfinite(choices.rt_s).any()
+    answered = some or not choices.timed or deadline_s is not None
+    require(answered, "response", "must be given in some trials", "none")
+    longest = float(np.nanmax(choices.rt_s)) + 10 * BIN_S if some else ENDS_S
     grid = Grid(int(np.ceil((deadline_s or min(window[1], longest)) / BIN_S)))
-    observed = Observed(
-        cell, response, choices.rt_s, grid, deadline_s, window, choices.alternatives
-    )
     columns = [*by, *([FAVOURS] if sides else [])]
     conditions = {column: [str(cell[1 + n]) for cell in cells] for n, column in enumerate(columns)}
     strength = np.array([cell[0] for cell in cells])
+    favours = np.array([cell[-1] == "1" for cell in cells], dtype=int)
+    untimed = None if choices.timed else np.ones((len(cells), 2), dtype=bool)
+    if choices.withheld is not None:
+        untimed = np.eye(2, dtype=bool)[np.where(favours == choices.withheld, 1, 0)]
+    observed = Observed(
+        cell, response, choices.rt_s, grid, deadline_s, window, choices.alternatives, untimed
+    )
     return Design(strength, conditions, observed, who=name_of(choices), choices=choices)
 
 
@@ -154,9 +169,9 @@ def _levels(column: pd.Series) -> npt.NDArray[np.str_]:
     return found
 
 
-def mirrored(choices: Trials) -> Integers:
-    """Return the responses, 1 on the side that the strength favours."""
-    response = choices.response.astype(np.int64)
+def mirrored(choices: Trials, response: Integers | None = None) -> Integers:
+    """Return the responses, by default those of the trials, 1 on the side the strength favours."""
+    response = choices.response.astype(np.int64) if response is None else response
     if choices.strength is None:
         return response
     return np.where((choices.strength < 0) & (response >= 0), 1 - response, response)

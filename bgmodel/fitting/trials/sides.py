@@ -45,7 +45,7 @@ def check_sides(choices: Trials, by: Sequence[str] = (), *, biased: bool = False
         some = choices.where(np.isin(every.index, part.index))
         named = "".join(f", {name} {level}" for name, level in zip(by, levels, strict=True))
         _check_right(some, who + named)
-        if several:
+        if several or choices.withheld is not None:  # who has not decided in time leans to waiting
             continue
         share, z = lean(some)
         if abs(z) > STANDARD_ERRORS and not biased:

@@ -48,19 +48,19 @@ class ValueCircuit:
         Each block ``number`` has its own noise. The truth is the larger value, action 1 if they are
         equal.
         """
-        given = np.asarray(reals("values", values), dtype=np.float64)
+        pairs = np.asarray(reals("values", values), dtype=np.float64)
         require(
-            given.ndim == 2 and given.shape[1] == 2, "values", "must be (trials, 2)", given.shape
+            pairs.ndim == 2 and pairs.shape[1] == 2, "values", "must be (trials, 2)", pairs.shape
         )
         rng = stream(self.seed, "values", number)
-        noise = rng.standard_normal((len(given), self.t_max, 2))
-        mean = self.d_prime * (given - given.mean(axis=1, keepdims=True)) / self.difference
+        noise = rng.standard_normal((len(pairs), self.t_max, 2))
+        mean = self.d_prime * (pairs - pairs.mean(axis=1, keepdims=True)) / self.difference
         nats = self.d_prime * (mean[:, None, :] + noise)
         return Evidence(
             nats,
-            (given[:, 1] >= given[:, 0]).astype(np.intp),
+            (pairs[:, 1] >= pairs[:, 0]).astype(np.intp),
             step_ms=self.step_ms,
-            numbers=number * len(given) + np.arange(len(given)),
+            numbers=number * len(pairs) + np.arange(len(pairs)),
             baseline=0.0,
         )
 

@@ -21,7 +21,13 @@ from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.likelihood import TrialLikelihood, likelihood_of
 from bgmodel.fitting.parameters import SCALES, Parameter
 from bgmodel.fitting.trials.design import design_of
-from bgmodel.learning.values.diffusion import LAPSE_DENSITY, LONGEST_S, draw, log_density
+from bgmodel.learning.values.diffusion import (
+    LAPSE_DENSITY,
+    LONGEST_S,
+    choice_probability,
+    draw,
+    log_density,
+)
 from bgmodel.learning.values.learners import Confidence, Learner, LogitQ, Opal, QLearning
 from bgmodel.learning.values.people import Pairs, pairs_of
 from bgmodel.support.arrays import Array
@@ -32,7 +38,7 @@ FURTHEST = 5.0
 """Distance of the ends of a parameter's range from its prior median, in sd of the prior."""
 STARTS = ((-1.0, 0.2), (1.0, 0.01), (1.0, 0.2), (0.0, 0.05))
 """Starting points: special parameters, sd of the prior from its median, and the quantile of times
-of which the non-decision time is ``SHARE``: a single fast response may have a maximum of its own.
+of which the non-decision time is ``SHARE``: a single fast response may create a local maximum.
 """
 SHARE = 0.8
 
@@ -64,6 +70,7 @@ class ValueModel:
     # trials. None is the baseline model, whose special parameter is the drift.
     learner: Callable[..., Learner] | None
     stacks = True
+    threshold_name = "bound"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -97,7 +104,11 @@ class ValueModel:
 
     def log_density(self, trials: Trials, values: Mapping[str, Array]) -> Array:
         """Return the log density of each trial, (..., trials), nats; see ``diffusion``."""
-        return log_density(trials.rt_s, trials.response, *self.diffusion(trials, values))
+        made = self.diffusion(trials, values)
+        if trials.timed:
+            return log_density(trials.rt_s, trials.response, *made)
+        p = choice_probability(*made[:3])
+        return np.asarray(np.log(np.where(trials.response == 1, p, 1 - p)))
 
     def simulate(
         self, trials: Trials, values: Mapping[str, Array], rng: np.random.Generator
@@ -109,18 +120,19 @@ class ValueModel:
         """
         drift, bound, start, t0_s = self.diffusion(trials, values)
         response, rt_s = draw(drift, bound, start, t0_s, rng.random((4, trials.trials)))
+        rt_s = rt_s if trials.timed else np.full(trials.trials, np.nan)
         return replace(trials, response=response.astype(np.int8), rt_s=rt_s)
 
 
 def value_differences(learner: Learner, pairs: Pairs, shape: tuple[int, ...]) -> Array:
     """Return the value of the better item minus the other before every trial, (..., trials)."""
     state = learner.start((*shape, len(pairs.names)))
-    found = np.empty((len(pairs.reward), *shape, len(pairs.names)))
+    differences = np.empty((len(pairs.reward), *shape, len(pairs.names)))
     for k, (chosen, reward) in enumerate(zip(pairs.chosen, pairs.reward, strict=True)):
         values = learner.values(state)
-        found[k] = values[..., 1] - values[..., 0]
+        differences[k] = values[..., 1] - values[..., 0]
         state = learner.learn(state, chosen, reward)
-    return np.moveaxis(found[pairs.within, ..., pairs.pair], 0, -1)
+    return np.moveaxis(differences[pairs.within, ..., pairs.pair], 0, -1)
 
 
 @dataclass(frozen=True)
@@ -131,10 +143,14 @@ class ValueLikelihood(TrialLikelihood):
 
     def density(self, vector: Array) -> Array:
         """Return the density of responses (cells, 2, bins), 1/s: the mean over trials of a cell."""
-        made = self.model.diffusion(self.trials, self.values(vector))
-        times_s, sides = self.design.grid.middles_s[:, None], np.arange(2)[:, None, None]
-        each = np.exp(log_density(times_s, sides, *made))
-        each -= LAPSE_DENSITY * (times_s > LONGEST_S)
+        made, grid = self.model.diffusion(self.trials, self.values(vector)), self.design.grid
+        times_s, sides = grid.middles_s[:, None], np.arange(2)[:, None, None]
+        if self.trials.timed:
+            each = np.exp(log_density(times_s, sides, *made))
+            each -= LAPSE_DENSITY * (times_s > LONGEST_S)
+        else:
+            p, first = choice_probability(*made[:3]), (times_s < grid.width_s) / grid.width_s
+            each = np.stack([1 - p, p])[:, None] * first
         if self.kept is not None:
             each = each[..., self.kept]
         cell = self.design.observed.cell
@@ -142,17 +158,20 @@ class ValueLikelihood(TrialLikelihood):
 
     def starts(self) -> list[Array]:
         """Return starting points of a search; see ``STARTS``."""
-        special, found = {each.name for each in self.model.special}, []
+        special, starts = {each.name for each in self.model.special}, []
         for away, quantile in STARTS:
-            at, t0_s = self.freedom.start, SHARE * np.quantile(self.design.observed.rt_s, quantile)
+            at, t0_s = (
+                self.freedom.start,
+                SHARE * np.quantile(np.nan_to_num(self.design.observed.rt_s), quantile),
+            )
             for k, each in enumerate(self.freedom.moved):
-                own = each.parameter
-                if own.name == "t0_s" and not each.effect:
-                    at[k] = np.clip(t0_s, own.low, own.high)
-                elif own.name in special and own.prior and not each.effect:
-                    at[k] = own.natural(own.scaled(at[k]) + away * own.prior[1])
-            found.append(at)
-        return found
+                parameter = each.parameter
+                if parameter.name == "t0_s" and not each.effect:
+                    at[k] = np.clip(t0_s, parameter.low, parameter.high)
+                elif parameter.name in special and parameter.prior and not each.effect:
+                    at[k] = parameter.natural(parameter.scaled(at[k]) + away * parameter.prior[1])
+            starts.append(at)
+        return starts
 
 
 def likelihood(
@@ -176,8 +195,8 @@ def likelihood(
     named = [column.partition("/")[0] for column in vary.values()]
     named += [column for each in formulas for column in each.columns]
     design = design_of(trials, sorted({"pair", *named}), rt_window=EVERY_TIME)
-    given = likelihood_of(model, design, free=free, fixed=fixed, vary=vary, formulas=formulas)
-    return ValueLikelihood(model, design, given.freedom, design.observed.cell)
+    choices = likelihood_of(model, design, free=free, fixed=fixed, vary=vary, formulas=formulas)
+    return ValueLikelihood(model, design, choices.freedom, design.observed.cell)
 
 
 def _scale(median: float) -> Parameter:

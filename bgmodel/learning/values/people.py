@@ -44,7 +44,12 @@ def pairs_of(trials: Trials) -> Pairs:
         codes = np.unique(np.asarray(getattr(trials, name), dtype=np.float64))
         require(np.isin(codes, (0, 1)).all(), name, "must be 0 or 1 in every trial", codes)
     require("pair" in columns, "pair", "must be a condition of the trials", list(columns))
-    require((trials.rt_s > 0).all(), "rt", "must be above 0 s in every trial", trials.rt_s.min())
+    require(
+        not trials.timed or (trials.rt_s > 0).all(),
+        "rt",
+        "must be above 0 s in every trial",
+        trials.rt_s.min(),
+    )
     names, pair = np.unique(columns["pair"].to_numpy(dtype=str), return_inverse=True)
     counts = np.bincount(pair)
     must = "must have two trials or more in every pair: values are learned from earlier ones"
@@ -63,7 +68,7 @@ def read_pairs(
     source: str | Path | pd.DataFrame = SET, *, conditions: Sequence[str] = ()
 ) -> Trials:
     """Return the trials of people who learn pairs, checked by ``pairs_of``."""
-    found = read_trials(source, conditions=["pair", *conditions])
-    for each in found.by_participant().values():
+    trials = read_trials(source, conditions=["pair", *conditions])
+    for each in trials.by_participant().values():
         pairs_of(each)
-    return found
+    return trials

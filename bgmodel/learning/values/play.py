@@ -75,10 +75,10 @@ def relative_regret(played: Played, reference: Played) -> tuple[float, float]:
 
     The error is that of a ratio of means over paired runs (delta method).
     """
-    own, other = played.regret, reference.regret
+    ours, other = played.regret, reference.regret
     same = "must have as many runs as the other"
-    require(len(own) == len(other), "reference", same, len(other))
+    require(len(ours) == len(other), "reference", same, len(other))
     require(other.sum() > 0, "reference", "must have some regret", 0.0)
-    ratio = own.mean() / other.mean()
-    error = (own - ratio * other).std(ddof=1) / np.sqrt(len(own)) / other.mean()
+    ratio = ours.mean() / other.mean()
+    error = (ours - ratio * other).std(ddof=1) / np.sqrt(len(ours)) / other.mean()
     return float(ratio), float(error)

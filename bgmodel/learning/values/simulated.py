@@ -30,8 +30,8 @@ def simulated(
     model, trials = model_of(model), whole("trials", trials, 2)
     names = {each.name for each in model.parameters}
     require(names == set(values), "values", f"must be {', '.join(sorted(names))}", list(values))
-    own = {name: np.asarray(each, dtype=np.float64)[:, None] for name, each in values.items()}
-    learner, people = model.made(own), len(own["bound"])
+    columns = {name: np.asarray(each, dtype=np.float64)[:, None] for name, each in values.items()}
+    learner, people = model.made(columns), len(columns["bound"])
     rngs = [stream(seed, "person", k) for k in range(people)]
     uniform = np.stack([rng.random((trials, 5, len(PAIRS))) for rng in rngs], axis=2)
     state, last = learner.start((people, len(PAIRS))), np.zeros((people, len(PAIRS)))
@@ -39,9 +39,9 @@ def simulated(
     rt_s, reward = np.empty(response.shape), np.empty(response.shape)
     for k in range(trials):
         learned = learner.values(state)
-        drift = own["scale"] * (learned[..., 1] - learned[..., 0])
-        start = own["stickiness"] * own["bound"] * last
-        chosen, rt_s[:, k] = _drawn(own, drift, start, uniform[k, :4])
+        drift = columns["scale"] * (learned[..., 1] - learned[..., 0])
+        start = columns["stickiness"] * columns["bound"] * last
+        chosen, rt_s[:, k] = _drawn(columns, drift, start, uniform[k, :4])
         response[:, k], reward[:, k] = chosen, _rewarded(chosen, uniform[k, 4])
         state = learner.learn(state, np.stack([1 - chosen, chosen], axis=-1), reward[:, k])
         last = np.asarray(2.0 * chosen - 1)

@@ -36,7 +36,7 @@ class DriftingSensor:
         check_range(0, np.inf, begins=self.begins, lasts=self.lasts)
 
     def at_trial(self, number: int) -> PooledFeatures:
-        """Return the taps as they are read in a trial."""
+        """Return the taps as a drifting sensor reads them in a trial."""
         if number < self.begins:
             return self.pool
         share = min(1.0, (number - self.begins) / self.lasts) if self.lasts else 1.0
@@ -44,7 +44,7 @@ class DriftingSensor:
 
     @property
     def after(self) -> PooledFeatures:
-        """The taps as they are read after the drift."""
+        """The taps as the sensor reads them after the drift."""
         return self.pool.drifted(self.scale, self.shift_deg)
 
     def draw(self, trials: int, *, rng: np.random.Generator | int) -> Features:

@@ -189,12 +189,12 @@ def soft_histogram(
         x = middle[0] + np.mod(x - middle[0], period)
     left = np.clip(np.searchsorted(middle, x, side="right") - 1, 0, len(middle) - 2)
     share = np.clip((x - middle[left]) / (middle[left + 1] - middle[left]), 0.0, 1.0)
-    found = np.zeros((*x.shape, units))
-    np.put_along_axis(found, left[..., None], (1 - share)[..., None], axis=-1)
+    activity = np.zeros((*x.shape, units))
+    np.put_along_axis(activity, left[..., None], (1 - share)[..., None], axis=-1)
     right = ((left + 1) % units)[..., None]
-    more = np.take_along_axis(found, right, axis=-1) + share[..., None]
-    np.put_along_axis(found, right, more, axis=-1)
-    return found
+    more = np.take_along_axis(activity, right, axis=-1) + share[..., None]
+    np.put_along_axis(activity, right, more, axis=-1)
+    return activity
 
 
 def even_centres(readings: Sequence[npt.ArrayLike], units: int) -> Array:

@@ -13,7 +13,7 @@ from circuits.errors import InputError, require
 
 @dataclass(frozen=True)
 class Feedback:
-    """What a learner is told after its choice."""
+    """The reward that a learner receives after its choice, and in which trials."""
 
     right: float = 1.0
     """Reward for a correct choice."""
@@ -31,9 +31,7 @@ class Feedback:
         check_finite(right=self.right, wrong=self.wrong)
         require(self.right > self.wrong, "right", f"must exceed wrong, {self.wrong:g}", self.right)
         if self.given == 0:
-            raise InputError(
-                "without any feedback nothing can be learned: given must be > 0", "given"
-            )
+            raise InputError("learning needs feedback: given must be > 0", "given")
         if self.reversal is not None:
             whole("reversal", self.reversal, 1)
 

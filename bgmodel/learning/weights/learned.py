@@ -81,15 +81,15 @@ class LearnedWeights(Facts):
 
     def facts(self) -> dict[str, str]:
         """Return runs, hypotheses, units and the range of weights."""
-        found = {
+        facts = {
             "runs": f"{self.runs}",
             "hypotheses": " ".join(self.names),
             "units": f"{self.weights.shape[2]}",
             "weights": span(self.weights),
         }
         if self.course is not None:
-            found["trials"] = f"{self.course.correct.shape[1]}"
-        return found
+            facts["trials"] = f"{self.course.correct.shape[1]}"
+        return facts
 
     @property
     def runs(self) -> int:

@@ -126,10 +126,10 @@ class Loop:
         moved = self._parameters + step * change
         self._parameters = self.rule.bounded(moved)
         if not np.isfinite(self._parameters).all():
-            said = (
+            reason = (
                 f"the weights are no longer finite after {self.number + 1} trials: lower the rate"
             )
-            raise InputError(said, "rate", self.learner.rate)
+            raise InputError(reason, "rate", self.learner.rate)
         known = np.nan_to_num(surprise, nan=0.0)
         self._state = self.critic.learn(self._state, trial, known)
 
@@ -140,15 +140,15 @@ def side_by_side(drawn: list[Features]) -> list[Features]:
     values = np.stack([part.values for part in drawn], axis=1)
     truth = np.stack([part.truth for part in drawn], axis=1)
     lengths = np.stack([part.readings for part in drawn], axis=1)
-    found = []
+    by_trial = []
     for k in range(len(values)):
         part = object.__new__(Features)  # already checked
         of_trial = {"values": values[k], "truth": truth[k], "lengths": lengths[k]}
         same = {"names": first.names, "step_ms": first.step_ms, "removed": first.removed}
         for name, value in (of_trial | same | {"log_likelihood": None}).items():
             object.__setattr__(part, name, value)
-        found.append(part)
-    return found
+        by_trial.append(part)
+    return by_trial
 
 
 def _check_together(rule: Rule, critic: Critic, feedback: Feedback) -> None:

@@ -51,7 +51,7 @@ class PooledFeatures:
         """Return the same taps seen by a sensor that reads ``scale * reading + shift_deg``.
 
         The units keep their preferred readings, so that they are active at other taps than before.
-        The log-likelihoods of the taps stay as they were: an invertible change loses nothing.
+        The log-likelihoods of the taps do not change: the mapping is invertible and loses nothing.
         """
         check_positive(scale=scale)
         return replace(self, readings=tuple(scale * part + shift_deg for part in self.readings))
@@ -203,8 +203,8 @@ class PoissonFeatures:
         counts = rng.poisson(np.broadcast_to(means[truth][:, None], shape)).astype(np.float64)
         exact = counts @ np.log(means).T - means.sum(axis=1)
         names = tuple(str(i) for i in range(self.channels))
-        found = Features(counts, truth, names, self.step_ms, log_likelihood=exact)
+        features = Features(counts, truth, names, self.step_ms, log_likelihood=exact)
         if not self.centred:
-            return found
+            return features
         removed = means.mean(axis=0)
-        return replace(found, values=counts - removed, removed=removed)
+        return replace(features, values=counts - removed, removed=removed)

@@ -48,12 +48,12 @@ def features_from_table(
     place = _places(table)
     values = np.zeros((evidence.trials, evidence.steps, len(units)))
     values[place] = _activity(table, units)
-    found = Features(
+    features = Features(
         values, np.asarray(evidence.truth), names, step_ms, evidence.lengths,
         evidence.log_likelihood if exact else None,
     )  # fmt: skip
-    check_learnable(found)
-    return found
+    check_learnable(features)
+    return features
 
 
 def _places(table: pd.DataFrame) -> tuple[Integers, Integers]:

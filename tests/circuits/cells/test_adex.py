@@ -68,11 +68,11 @@ def solved_isi_ms(cell, nats, count=12):
     peak.terminal = True
     t, y, times = 0.0, [cell.reset_mv, 0.0], []
     while len(times) <= count:
-        found = solve_ivp(flow, (t, t + 1000), y, events=peak, rtol=1e-8, atol=1e-8)
-        t = found.t[-1] + cell.refractory_ms
-        times.append(found.t[-1])
+        solution = solve_ivp(flow, (t, t + 1000), y, events=peak, rtol=1e-8, atol=1e-8)
+        t = solution.t[-1] + cell.refractory_ms
+        times.append(solution.t[-1])
         w_leak = cell.adaptation * (cell.reset_mv - cell.leak_mv)
-        w = found.y[1, -1] + cell.jump_mv
+        w = solution.y[1, -1] + cell.jump_mv
         w = w_leak + (w - w_leak) * np.exp(-cell.refractory_ms / cell.tau_w_ms)
         y = [cell.reset_mv, w]
     return np.diff(times)
@@ -80,9 +80,9 @@ def solved_isi_ms(cell, nats, count=12):
 
 def test_intervals_of_a_noiseless_adex_are_those_of_its_equations():
     cell = replace(ADEX, rest_mv=-40.0)
-    found, solved = isi_ms(cell, 0.5), solved_isi_ms(cell, 0.5)
-    npt.assert_allclose(found, solved, rtol=0.01)
-    assert found[-1] > 1.5 * found[0]  # it adapts
+    intervals, solved = isi_ms(cell, 0.5), solved_isi_ms(cell, 0.5)
+    npt.assert_allclose(intervals, solved, rtol=0.01)
+    assert intervals[-1] > 1.5 * intervals[0]  # it adapts
 
 
 @pytest.mark.parametrize(
@@ -94,9 +94,9 @@ def test_intervals_of_a_noiseless_adex_are_those_of_its_equations():
     ],
 )
 def test_adex_cells_spike_alike_in_all_engines(circuit):
-    found = [spikes_of(circuit, engine) for engine in SPIKING]
-    assert found[0] == found[1] == found[2]
-    assert len(found[0]) > 600
+    spikes = [spikes_of(circuit, engine) for engine in SPIKING]
+    assert spikes[0] == spikes[1] == spikes[2]
+    assert len(spikes[0]) > 600
 
 
 def test_adex_cells_with_sparse_connections_spike_alike_up_to_single_precision():
@@ -118,8 +118,8 @@ def test_adex_cells_with_sparse_connections_spike_alike_up_to_single_precision()
 def test_an_adex_without_laws_says_so(call, answer, user):
     with refused("cell have it") as error:
         call(WITH_ADEX)
-    said = str(error.value)
-    assert said == f"{user} needs AdEx.{answer}, and AdEx cells do not have it"
+    message = str(error.value)
+    assert message == f"{user} needs AdEx.{answer}, and AdEx cells do not have it"
 
 
 def test_factors_of_an_adex_are_of_its_time_constant_its_slope_and_its_way_to_the_knee():

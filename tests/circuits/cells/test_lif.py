@@ -66,10 +66,10 @@ def test_a_varied_cell_has_the_constants_of_its_factors_and_factors_of_1_change_
     assert cell.varied(np.ones(3)) == (cell, 1.0)
     other, times = cell.varied(factors)
     assert times == 1.0
-    own, made = cell.constants(factors, 0.1), other.constants(np.ones(3), 0.1)
+    constants, made = cell.constants(factors, 0.1), other.constants(np.ones(3), 0.1)
     for name in ("decay", "rest", "slope", "noise_step"):
         # Own units are those in which all cells have one threshold.
-        expected = own[name] / (1 if name == "decay" else own["unit"])
+        expected = constants[name] / (1 if name == "decay" else constants["unit"])
         npt.assert_allclose(made[name], expected, rtol=1e-6, err_msg=name)
 
 

@@ -144,9 +144,9 @@ def test_cells_at_the_tick_fire_at_the_rate_of_continuous_time(name, dt_ms):
     """Within 1 %, with the noise of eight bits."""
     cell = SPIKING.population(name).cell
     mean = [lif_mean_mv(cell, rate) for rate in (8, 25, 60)]
-    found, error = measured_hz(cell, mean, (5000, 1500, 1000), dt_ms, 1000.0, rest_ms=150.0)
-    off = found / lif_rate_hz(cell, mean) - 1
-    assert (error / found).max() < 0.005
+    rate_hz, error = measured_hz(cell, mean, (5000, 1500, 1000), dt_ms, 1000.0, rest_ms=150.0)
+    off = rate_hz / lif_rate_hz(cell, mean) - 1
+    assert (error / rate_hz).max() < 0.005
     assert np.abs(off).max() < 0.01
 
 
@@ -155,8 +155,8 @@ def test_cells_at_the_tick_without_the_lowered_threshold_fire_too_little():
     cell = SPIKING.population("GPe").cell
     mean = [lif_mean_mv(cell, 25)]
     shift = cell.threshold_mv - cell.sampled_threshold_mv(0.1)
-    found, _ = measured_hz(cell, mean, (1500,), 0.1, 500.0, rest_ms=150.0, shift_mv=shift)
-    assert found[0] / lif_rate_hz(cell, mean)[0] < 0.97
+    rate_hz, _ = measured_hz(cell, mean, (1500,), 0.1, 500.0, rest_ms=150.0, shift_mv=shift)
+    assert rate_hz[0] / lif_rate_hz(cell, mean)[0] < 0.97
 
 
 def test_the_mean_potential_inverts_the_rate():
@@ -189,10 +189,10 @@ def test_phase_cells_are_exponential_over_six_nats_and_as_regular_as_stated():
     """From 0.5 to 400 Hz, 6.7 nats."""
     cell = SPIKING.population("STN").cell
     nats = np.linspace(np.log(0.5), np.log(400), 9)
-    found, error = measured_hz(cell, np.exp(nats), (250,) * 9, 0.1, 2000.0)
+    rate_hz, error = measured_hz(cell, np.exp(nats), (250,) * 9, 0.1, 2000.0)
     assert np.ptp(nats) > 6
-    assert (np.abs(found - np.exp(nats)) < Z_LIMIT * error + 1e-3 * found).all()
-    assert off_an_exponential(nats, found) < 0.05
+    assert (np.abs(rate_hz - np.exp(nats)) < Z_LIMIT * error + 1e-3 * rate_hz).all()
+    assert off_an_exponential(nats, rate_hz) < 0.05
     # Counts over long times vary as those of a renewal process: variance over mean is cv^2.
     counts = counted(cell, np.full(2000, 100.0), 0.1, 500.0)
     assert counts.var() / counts.mean() == pytest.approx(cell.cv**2, rel=0.1)
@@ -214,9 +214,9 @@ def test_gpe_is_s_minus_log_s_within_a_tenth_of_a_nat_near_its_set_point():
     s0 = -row.bias_nats / path.weight
     total = np.linspace(0.5, 5, 19)
     mean = row.cell.rest_mv + row.cell.mv_per_nat * (path.weight * total + row.bias_nats)
-    found = (lif_rate_hz(row.cell, mean) - row.baseline_hz) / row.gain_hz_per_nat
+    out_nats = (lif_rate_hz(row.cell, mean) - row.baseline_hz) / row.gain_hz_per_nat
     wanted = (total - np.log(total)) - (s0 - np.log(s0))
-    off = found - wanted
+    off = out_nats - wanted
     assert s0 == pytest.approx(2.2)
     assert np.abs(off[(total >= 1.25) & (total <= 3.25)]).max() < 0.1
     assert 0.5 < np.abs(off[-1]) < 0.8  # at S = 5: why a common mode must hold S near s0

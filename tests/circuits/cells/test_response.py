@@ -23,11 +23,11 @@ def test_slow_fluctuations_see_slope_and_curvature_of_siegerts_law(name, above_m
     cell = TABLE.population(name).cell
     mean, step = cell.threshold_mv + above_mv, 0.1
     low, here, high = lif_rate_hz(cell, mean + step * np.array([-1, 0, 1]))
-    found = lif_response(cell, [mean], SLOW)
-    assert found.gain[0, 0].real == pytest.approx((high - low) / (2 * step), rel=3e-3)
-    assert abs(found.gain[0, 0].imag) < 1e-3 * found.gain[0, 0].real
+    response = lif_response(cell, [mean], SLOW)
+    assert response.gain[0, 0].real == pytest.approx((high - low) / (2 * step), rel=3e-3)
+    assert abs(response.gain[0, 0].imag) < 1e-3 * response.gain[0, 0].real
     bend = (high - 2 * here + low) / (2 * step**2)
-    assert found.bend[0, 0] == pytest.approx(bend, rel=1e-2, abs=2e-4)
+    assert response.bend[0, 0] == pytest.approx(bend, rel=1e-2, abs=2e-4)
 
 
 @pytest.mark.parametrize("name", ["D1", "GPe"])
@@ -36,8 +36,8 @@ def test_fast_modulation_passes_as_one_over_the_root_of_its_frequency(name):
     cell = TABLE.population(name).cell
     mean = cell.threshold_mv + 1.0
     law = lif_rate_hz(cell, mean) / np.sqrt(2 * np.pi * FAST[0] * cell.tau_ms / 1000)
-    found = np.abs(lif_response(cell, [mean], FAST).gain[0, 0])
-    assert found == pytest.approx(law / cell.noise_mv, rel=0.03)
+    gains = np.abs(lif_response(cell, [mean], FAST).gain[0, 0])
+    assert gains == pytest.approx(law / cell.noise_mv, rel=0.03)
 
 
 @pytest.mark.parametrize("above_mv", [-4.0, 0.0, 5.0])
@@ -54,8 +54,8 @@ def test_slow_power_is_the_rate_times_the_squared_cv_of_intervals(above_mv):
 
     variance = quad(inner, *ends)[0]
     cv2 = 2 * np.pi * (rate * cell.tau_ms / 1000) ** 2 * variance
-    found = lif_response(cell, [mean], SLOW).spectrum[0, 0]
-    assert found / rate == pytest.approx(cv2, rel=5e-3)
+    spectrum = lif_response(cell, [mean], SLOW).spectrum[0, 0]
+    assert spectrum / rate == pytest.approx(cv2, rel=5e-3)
 
 
 @pytest.mark.parametrize("name", ["D1", "GPe"])
@@ -98,8 +98,8 @@ def test_nothing_special_is_where_the_mean_input_meets_a_node():
     cell = TABLE.population("D1").cell
     step = (cell.threshold_mv - cell.reset_mv) / NODES
     node = cell.threshold_mv - 10.5 * step
-    found = lif_response(cell, [node, node + 1e-6], [10.0])
-    for part in found:
+    response = lif_response(cell, [node, node + 1e-6], [10.0])
+    for part in response:
         np.testing.assert_allclose(part[0], part[1], rtol=1e-4)
 
 

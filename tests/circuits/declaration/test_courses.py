@@ -48,14 +48,14 @@ def test_a_tick_holds_the_mean_of_the_course_in_it(course, dt_ms):
     ticks = 4000
     edges = np.arange(ticks + 1) * dt_ms
     # Where a course jumps or is fast the area is known in closed form alone: so between its edges.
-    found = course.in_ticks(ticks, dt_ms)
+    means = course.in_ticks(ticks, dt_ms)
     fine = (edges[:-1, None] + dt_ms * (np.arange(50) + 0.5) / 50).ravel()
     expected = course.at(fine).reshape(ticks, 50).mean(axis=1)
     steps = [e for e in (course.from_ms, course.to_ms) if math.isfinite(e)]
     near = np.abs(edges[:-1, None] + dt_ms / 2 - np.array(steps)).min(axis=1) < 1.5 * dt_ms
-    np.testing.assert_allclose(found[~near], expected[~near], atol=1e-4)
-    assert (np.abs(found) <= abs(course.amount) * (1 + 1e-9)).all()
-    np.testing.assert_allclose(found[near], expected[near], atol=0.05 * abs(course.amount) + 1e-12)
+    np.testing.assert_allclose(means[~near], expected[~near], atol=1e-4)
+    assert (np.abs(means) <= abs(course.amount) * (1 + 1e-9)).all()
+    np.testing.assert_allclose(means[near], expected[near], atol=0.05 * abs(course.amount) + 1e-12)
 
 
 @given(st.floats(0.001, 0.3), st.floats(0, 9))
@@ -72,14 +72,14 @@ def test_a_pulse_shorter_than_a_tick_keeps_its_area(width, first):
 )
 def test_a_train_keeps_the_area_of_its_pulses_tick_by_tick(first, rate_hz, width, dt_ms):
     train = Course("STN", 0.8, first, 220.0, rate_hz=rate_hz, pulse_ms=width)
-    found = train.in_ticks(round(220 / dt_ms), dt_ms)
+    pulses = train.in_ticks(round(220 / dt_ms), dt_ms)
     starts = np.arange(first, 220.0, 1000 / rate_hz)
     each = sum(
-        Course("STN", 0.8, start, min(start + width, 220.0)).in_ticks(len(found), dt_ms)
+        Course("STN", 0.8, start, min(start + width, 220.0)).in_ticks(len(pulses), dt_ms)
         for start in starts
         if start < 220.0 - 1e-6
     )
-    np.testing.assert_allclose(found, each, atol=1e-6)
+    np.testing.assert_allclose(pulses, each, atol=1e-6)
 
 
 def test_a_train_is_on_within_its_pulses():
@@ -118,8 +118,8 @@ def test_a_train_that_makes_no_sense_is_refused(train, says):
 
 
 def test_a_step_at_a_tick_is_there_in_that_tick_and_whole():
-    found = Course("STN", 0.3, 0.7, 1.2).in_ticks(20, 0.1)
-    np.testing.assert_array_equal(found, [0.3 if 7 <= k < 12 else 0 for k in range(20)])
+    step = Course("STN", 0.3, 0.7, 1.2).in_ticks(20, 0.1)
+    np.testing.assert_array_equal(step, [0.3 if 7 <= k < 12 else 0 for k in range(20)])
 
 
 @given(st.lists(drawn_courses(), min_size=1, max_size=4))
@@ -251,9 +251,9 @@ def test_courses_go_through_edits_and_are_taken_off():
 @given(st.lists(drawn_courses(), max_size=3))
 def test_courses_come_back_from_a_file(rows):
     circuit = TABLE.add(*rows)
-    found = table_reader.parse(table_files.text(circuit), "mine.toml")
-    assert found == circuit
-    assert table_files.digest(found) == table_files.digest(circuit)
+    restored = table_reader.parse(table_files.text(circuit), "mine.toml")
+    assert restored == circuit
+    assert table_files.digest(restored) == table_files.digest(circuit)
     assert (table_files.digest(circuit) == table_files.digest(TABLE)) == (not rows)
 
 

@@ -60,12 +60,12 @@ def test_with_them_the_circuit_still_decides_and_without_half_of_them_it_decides
     rng = stream(31, "motif")
     evidence = separated_evidence(300, 40, 0.7, rng=rng, step_ms=50.0)
     level = -np.log(0.82)
-    found = []
+    measures = []
     for circuit in (table, added, added.lesion("FSI", 0.5)):
         model = BasalGanglia(circuit, "population", table.default_gain, seed=3).until(level)
         decided = first_crossing(model.run(evidence), level)
-        found.append((np.mean(decided.choice == evidence.truth), decided.time_ms.mean()))
-    (accuracy, time_ms), (with_accuracy, with_ms), (less_accuracy, less_ms) = found
+        measures.append((np.mean(decided.choice == evidence.truth), decided.time_ms.mean()))
+    (accuracy, time_ms), (with_accuracy, with_ms), (less_accuracy, less_ms) = measures
     assert with_accuracy > accuracy - 0.02
     assert 0.9 * time_ms < with_ms < 1.3 * time_ms
     assert less_accuracy < with_accuracy - 0.02

@@ -50,12 +50,12 @@ def test_text_and_python_give_equal_circuits_or_the_same_refusal(drawn):
     circuit, row, field, value = drawn
     text = f"set {row.name}.{field} {value!r}"
     expected = circuit_or_refusal(lambda: in_python(circuit, row, **{field: value}))
-    found = circuit_or_refusal(lambda: circuit.edited(text))
+    outcome = circuit_or_refusal(lambda: circuit.edited(text))
     if isinstance(expected, str):
-        assert found == f"{text!r}: {expected}"
+        assert outcome == f"{text!r}: {expected}"
     else:
-        assert found == expected
-        assert found.exact <= circuit.exact
+        assert outcome == expected
+        assert outcome.exact <= circuit.exact
 
 
 @given(numbers_changed())
@@ -84,8 +84,8 @@ def test_constants_of_a_cell_are_changed_in_text_as_in_python_and_back(data):
 
 @given(NAMES, NAMES, NAMES)
 def test_unknown_names_raise_and_give_no_circuit(row, other, field):
-    own = {name for kind in (Population, Projection) for name in kind.__dataclass_fields__}
-    assume(row not in ROWS and f"{row}->{other}" not in ROWS and field not in own)
+    names = {name for kind in (Population, Projection) for name in kind.__dataclass_fields__}
+    assume(row not in ROWS and f"{row}->{other}" not in ROWS and field not in names)
     nuclei = ", ".join(p.name for p in TABLE.populations)
     for text in (f"set {row}.bias_nats 1", f"set {row}.{field} 1", f"add TRN like={row}"):
         with refused(f"nucleus {nuclei}$"):

@@ -55,7 +55,7 @@ def test_every_table_comes_back_from_its_file(name, channels, tmp_path):
     path = table_files.write(circuit, tmp_path / "mine.toml")
     assert table_reader.read(path) == table_reader.read(path, channels) == circuit
     assert anatomy.load_circuit(path) == anatomy.load_circuit(str(path), channels) == circuit
-    assert [found.name for found in tmp_path.iterdir()] == ["mine.toml"]
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.toml"]
 
 
 @settings(max_examples=60)
@@ -67,9 +67,9 @@ def test_every_edited_table_comes_back_from_its_file(name, channels, edits):
             circuit = edit(circuit)
         except ValueError:  # two of a name, or a lesion of another kind
             continue
-    found = table_reader.parse(table_files.text(circuit), "mine.toml")
-    assert found == circuit
-    assert table_files.digest(found) == table_files.digest(circuit)
+    restored = table_reader.parse(table_files.text(circuit), "mine.toml")
+    assert restored == circuit
+    assert table_files.digest(restored) == table_files.digest(circuit)
 
 
 def test_a_table_is_one_line_per_row_and_says_only_what_differs():
@@ -99,11 +99,11 @@ def test_equal_circuits_have_one_hash_and_others_another():
 def test_published_rates_are_in_the_file_and_in_no_hash():
     circuit = anatomy.macaque()
     bare = [replace(row, published_hz=()) for row in circuit.populations]
-    found = table_reader.parse(table_files.text(circuit), "mine.toml")
-    assert found == circuit
-    assert found.population("STN").published_hz == (15.2, 22.8)
+    restored = table_reader.parse(table_files.text(circuit), "mine.toml")
+    assert restored == circuit
+    assert restored.population("STN").published_hz == (15.2, 22.8)
     unpublished = replace(circuit, populations=tuple(bare))
-    assert table_files.digest(unpublished) == table_files.digest(found)
+    assert table_files.digest(unpublished) == table_files.digest(restored)
 
 
 EDITED = {
@@ -129,8 +129,8 @@ def test_an_edited_table_does_not_repeat_the_claim_of_the_original(edit, tmp_pat
     edited = EDITED[edit](circuit)
     assert edited.about == "edited from: " + circuit.about
     assert edited.lesion("D1", 0.5).about == edited.about
-    found = table_reader.read(table_files.write(edited, tmp_path / "mine.toml"))
-    assert found.about == edited.about
+    restored = table_reader.read(table_files.write(edited, tmp_path / "mine.toml"))
+    assert restored.about == edited.about
     unmarked = replace(edited, about=circuit.about)
     assert edited == unmarked
     assert table_files.digest(edited) == table_files.digest(unmarked)
@@ -278,10 +278,10 @@ def test_what_is_missing_or_no_toml_is_said(old, new, says):
 )
 def test_a_mangled_file_gives_a_circuit_or_one_sentence(start, length, put):
     mangled = TEXT[:start] + put + TEXT[start + length :]
-    circuit, said = circuit_or_sentence(mangled)
+    circuit, sentence = circuit_or_sentence(mangled)
     if circuit is None:
-        assert said.startswith("mine.toml")
-        assert "\n" not in said
+        assert sentence.startswith("mine.toml")
+        assert "\n" not in sentence
     else:
         assert table_reader.parse(table_files.text(circuit), "mine.toml") == circuit
 

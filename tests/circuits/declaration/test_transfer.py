@@ -59,8 +59,8 @@ def test_an_activity_that_no_input_has_has_no_inverse(name, activity, x):
 
 @pytest.mark.parametrize("name", ensemble.TRANSFERS)
 def test_the_ensemble_kernel_has_the_same_transfers(name):
-    found = [ensemble._law(ensemble.TRANSFERS[name], x) for x in X]
-    np.testing.assert_allclose(found, named(name)(X), rtol=1e-15)
+    outputs = [ensemble._law(ensemble.TRANSFERS[name], x) for x in X]
+    np.testing.assert_allclose(outputs, named(name)(X), rtol=1e-15)
 
 
 @pytest.mark.parametrize("name", population.TRANSFERS)
@@ -70,5 +70,5 @@ def test_the_population_kernel_has_the_same_transfers_in_single_precision(name):
     values[: len(X)] = X
     no_table = (np.float32(0), np.float32(0), np.zeros(2, np.float32))
     call(population._apply, len(values), population.TRANSFERS[name], values, *no_table)
-    found = values[: len(X)]
-    np.testing.assert_allclose(found, named(name)(X.astype(np.float32)), rtol=3e-7, atol=1e-30)
+    outputs = values[: len(X)]
+    np.testing.assert_allclose(outputs, named(name)(X.astype(np.float32)), rtol=3e-7, atol=1e-30)

@@ -28,12 +28,12 @@ def test_the_fixed_point_stays_where_it_is(name):
 
 def test_parts_come_upstream_first_and_say_which_loop():
     wiring = fixed_point.wired(anatomy.appendix_b(3))
-    found = [
+    parts = [
         ({wiring.row(b).name for b in blocks}, loop) for blocks, loop in fixed_point.parts(wiring)
     ]
-    order = {name: i for i, (names, _) in enumerate(found) for name in names}
-    assert ({"STN", "GPe"}, True) in found
-    assert [loop for names, loop in found if len(names) == 1] == [False] * 4
+    order = {name: i for i, (names, _) in enumerate(parts) for name in names}
+    assert ({"STN", "GPe"}, True) in parts
+    assert [loop for names, loop in parts if len(names) == 1] == [False] * 4
     assert order["ctx"] < order["D2"] < order["GPe"] < order["SNr"]
     assert order["D1"] < order["SNr"]
 
@@ -76,8 +76,8 @@ def steps_of(monkeypatch, circuit, name, drive):
 
 
 def test_an_exponent_goes_to_its_fixed_point_by_at_most_one_nat_per_step(monkeypatch):
-    found = steps_of(monkeypatch, anatomy.bogacz_gurney(), "STN", [9.0, -2.0])
-    steps = np.abs(np.diff(found))
+    inputs = steps_of(monkeypatch, anatomy.bogacz_gurney(), "STN", [9.0, -2.0])
+    steps = np.abs(np.diff(inputs))
     assert steps.max() == pytest.approx(1.0, rel=1e-12)
     np.testing.assert_allclose(steps[2:5], 1.0, rtol=1e-12)
 
@@ -95,9 +95,9 @@ def test_where_blocks_are_silent_a_step_is_a_fifth_of_the_error_and_later_less(
     table = Circuit("silent", rows, paths, 2, input="source", readout="target")
     monkeypatch.setattr(fixed_point, "PATIENCE", patience)
     table = replace(table, reference_nats=np.log(2))
-    found = steps_of(monkeypatch, table, "target", [30.0, 30.0])
-    error = -10 - found[1:6]
-    np.testing.assert_allclose(np.diff(found[1:6]), error[:-1] / share, rtol=1e-12)
+    inputs = steps_of(monkeypatch, table, "target", [30.0, 30.0])
+    error = -10 - inputs[1:6]
+    np.testing.assert_allclose(np.diff(inputs[1:6]), error[:-1] / share, rtol=1e-12)
 
 
 def test_the_cached_state_at_rest_is_that_of_a_fresh_solution():

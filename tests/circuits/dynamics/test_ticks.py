@@ -29,13 +29,13 @@ def test_constants_of_cells_follow_their_draws_down_to_a_tenth():
     circuit = anatomy.spiking_msprt().with_neurons(400)
     key = noise.stream_key(circuit.wiring_seed, 0, "GPe/1")
     for heterogeneity in (0.2, 1.0):
-        found = cell_factors(circuit.with_heterogeneity(heterogeneity), "GPe", 1)
-        for i, factors in enumerate(found):
+        by_channel = cell_factors(circuit.with_heterogeneity(heterogeneity), "GPe", 1)
+        for i, factors in enumerate(by_channel):
             draws = noise.bits32(key, noise.CELLS_TICK + i, 400)
             assert (np.diff(factors[np.argsort(draws)]) >= 0).all()
         if heterogeneity == 1:
-            assert found.min() == 0.1
+            assert by_channel.min() == 0.1
         else:
-            assert found.min() > 0.1
-            npt.assert_allclose(found.mean(axis=1), 1, rtol=1e-12)
-            npt.assert_allclose(found.std(axis=1), heterogeneity, rtol=0.1)
+            assert by_channel.min() > 0.1
+            npt.assert_allclose(by_channel.mean(axis=1), 1, rtol=1e-12)
+            npt.assert_allclose(by_channel.std(axis=1), heterogeneity, rtol=0.1)

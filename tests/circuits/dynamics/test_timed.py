@@ -30,8 +30,8 @@ SINGLE = 2e-4
 
 def settled(circuit, drive=HELD, step_ms=1000.0, **options):
     """Return OUT and rates at the end of a run without noise."""
-    found = run(circuit, drive, engine="rate", step_ms=step_ms, **options)
-    return found.output_nats[0, -1], {k: v[0, -1] for k, v in found.rates_hz.items()}
+    activity = run(circuit, drive, engine="rate", step_ms=step_ms, **options)
+    return activity.output_nats[0, -1], {k: v[0, -1] for k, v in activity.rates_hz.items()}
 
 
 def agree(found, expected, atol=SINGLE):
@@ -43,11 +43,11 @@ def agree(found, expected, atol=SINGLE):
 @pytest.mark.parametrize("amount", [-0.15, 0.15])
 @pytest.mark.parametrize("table", TABLES.values(), ids=list(TABLES))
 def test_a_level_that_is_held_settles_at_the_fixed_point_of_that_level(table, amount):
-    found = settled(table.add(Course("dopamine", amount)))
+    with_course = settled(table.add(Course("dopamine", amount)))
     level = table.dopamine(1 + amount)
     exact = run(level, HELD[:, :1], engine="algebra", step_ms=1)
-    agree(found, (exact.output_nats[0, 0], {k: v[0, 0] for k, v in exact.rates_hz.items()}))
-    agree(found, settled(level))
+    agree(with_course, (exact.output_nats[0, 0], {k: v[0, 0] for k, v in exact.rates_hz.items()}))
+    agree(with_course, settled(level))
 
 
 def test_a_course_of_dopamine_is_relative_to_the_level_of_the_edited_circuit():
@@ -70,12 +70,12 @@ def test_a_drive_that_is_held_settles_where_a_bias_does(name):
 def test_a_course_of_the_input_is_a_drive_of_all_channels(engine):
     table = TABLES["macaque"].with_neurons(30)
     drive = np.tile(SPREAD, (1, 3, 1))
-    given = {"engine": engine, "step_ms": 20.0, "settle_ms": 10.0, "seed": 4}
+    options = {"engine": engine, "step_ms": 20.0, "settle_ms": 10.0, "seed": 4}
     pushed = drive + np.array([0, 0.3, 0])[:, None] / table.drive_gain
-    expected = run(table, pushed, **given).output_nats
-    found = run(table.add(Course(table.input, 0.3, 20, 40)), drive, **given).output_nats
+    expected = run(table, pushed, **options).output_nats
+    out = run(table.add(Course(table.input, 0.3, 20, 40)), drive, **options).output_nats
     np.testing.assert_allclose(
-        found, expected, rtol=0, atol=1e-12 if ENGINES[engine].spiking else 1e-4
+        out, expected, rtol=0, atol=1e-12 if ENGINES[engine].spiking else 1e-4
     )
 
 
@@ -127,14 +127,14 @@ PULSES = [
 @pytest.mark.parametrize(("what", "adds"), [("SNr", 1.0), ("dopamine", 1.2)])
 def test_a_pulse_through_a_linear_population_has_its_closed_form(engine, course, what, adds):
     """The source is at 1.5 nats, its weight 0.8, so that a level of 1 + a adds 1.2 a."""
-    given = {"step_ms": 200.0, "dt_ms": 0.1, "sample_ms": 0.2, "settle_ms": 20.0}
-    given |= {"seed": 1} if engine == "plain" else {}
+    options = {"step_ms": 200.0, "dt_ms": 0.1, "sample_ms": 0.2, "settle_ms": 20.0}
+    options |= {"seed": 1} if engine == "plain" else {}
     circuit = relay().add(replace(course, what=what))
-    ran = run(circuit, np.zeros((1, 1, 2)), engine=engine, **given)
-    found = ran.rates_hz["SNr"][0] / 10 - 1.2
+    ran = run(circuit, np.zeros((1, 1, 2)), engine=engine, **options)
+    filtered = ran.rates_hz["SNr"][0] / 10 - 1.2
     ticks = adds * response(np.arange(1, 2001) / 10, course, 20.0)
     expected = ticks.reshape(-1, 2).mean(axis=1)
-    np.testing.assert_allclose(found, np.tile(expected[:, None], 2), atol=4e-5, rtol=0)
+    np.testing.assert_allclose(filtered, np.tile(expected[:, None], 2), atol=4e-5, rtol=0)
 
 
 @pytest.mark.parametrize("what", ["SNr", "dopamine"])
@@ -142,8 +142,8 @@ def test_the_error_of_a_pulse_is_of_second_order_in_the_tick(what):
     course = Course("SNr", 0.7, 30, 90, rise_ms=8, decay_ms=15)
     error = []
     for dt in (1.0, 0.5):
-        given = {"step_ms": 200.0, "dt_ms": dt, "sample_ms": 2 * dt, "engine": "rate"}
-        ran = run(relay(delay_ms=2.0).add(replace(course, what=what)), np.zeros((1, 1, 2)), **given)
+        ticks = {"step_ms": 200.0, "dt_ms": dt, "sample_ms": 2 * dt, "engine": "rate"}
+        ran = run(relay(delay_ms=2.0).add(replace(course, what=what)), np.zeros((1, 1, 2)), **ticks)
         scale = 1.2 if what == "dopamine" else 1.0
         ends = ran.decoded_nats("SNr")[0, :, 0] - 1.2
         of = np.arange(dt, 200 + dt / 2, dt)
@@ -162,9 +162,9 @@ def test_a_pivot_stays_where_it_is_while_dopamine_turns_the_gain():
 def test_courses_add():
     table = TABLES["macaque"]
     clock = Clock(4, 50)
-    whole = [Course("dopamine", 0.6, 10, 90, 5, 20), Course("STN", 0.4, 0, 50, 30)]
-    parts = [replace(row, amount=row.amount / 2) for row in whole for _ in range(2)]
-    one, two = (timed(wire(table.add(*rows)), clock) for rows in (whole, parts))
+    courses = [Course("dopamine", 0.6, 10, 90, 5, 20), Course("STN", 0.4, 0, 50, 30)]
+    parts = [replace(row, amount=row.amount / 2) for row in courses for _ in range(2)]
+    one, two = (timed(wire(table.add(*rows)), clock) for rows in (courses, parts))
     np.testing.assert_allclose(one.factors[one.of_unit], two.factors[two.of_unit], atol=1e-14)
     np.testing.assert_allclose(one.nats[one.of_block], two.nats[two.of_block], atol=1e-14)
 
@@ -172,16 +172,16 @@ def test_courses_add():
 def test_rest_holds_before_the_drive_and_the_tables_are_of_the_receptors():
     table = TABLES["macaque"].add("dopamine amount=0.25 from_ms=10 to_ms=30")
     clock = Clock(2, 50, settle_ms=40)
-    found = timed(wire(table), clock)
+    course = timed(wire(table), clock)
     times = (np.arange(clock.ticks) + 0.5) * clock.dt_ms - 40
     on = (times > 10) & (times < 30)
-    factors = found.factors[found.of_unit]
+    factors = course.factors[course.of_unit]
     level = {p.name: c for p, c, _ in table.dopamine_changes(1.25)}
     wiring = wire(table)
     for unit, path in enumerate(wiring.path):
         change = level.get(table.projections[path].name, 0.0)
         np.testing.assert_array_equal(factors[unit], np.where(on, 1 + change, 1.0))
-    nats = found.nats[found.of_block]
+    nats = course.nats[course.of_block]
     held, base = wire(table.dopamine(1.25)), wire(table)
     np.testing.assert_allclose(nats[:, on].T, np.tile(held.bias - base.bias, (on.sum(), 1)),
                                atol=1e-14)  # fmt: skip
@@ -191,9 +191,9 @@ def test_rest_holds_before_the_drive_and_the_tables_are_of_the_receptors():
 @pytest.mark.parametrize("engine", sorted(set(ENGINES) - {"algebra"}))
 def test_a_course_of_nothing_changes_no_byte(engine):
     table = TABLES["macaque"].with_neurons(20)
-    given = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0, "seed": 4}
+    options = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0, "seed": 4}
     nothing = table.add("dopamine amount=0 to_ms=9", "STN amount=-0.0", "GPe amount=0")
-    one, two = (run(circuit, HELD[:, :2], **given) for circuit in (table, nothing))
+    one, two = (run(circuit, HELD[:, :2], **options) for circuit in (table, nothing))
     np.testing.assert_array_equal(one.output_nats, two.output_nats)
     for name, rates in one.rates_hz.items():
         np.testing.assert_array_equal(rates, two.rates_hz[name])
@@ -250,28 +250,28 @@ def test_a_window_on_all_channels_is_the_sum_of_those_on_each(windows, dopamine)
 @pytest.mark.parametrize("engine", sorted(set(ENGINES) - {"algebra"}))
 def test_on_every_engine_a_window_on_all_channels_is_one_on_each(engine):
     table = TABLES["macaque"].with_neurons(20)
-    given = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0, "seed": 4}
-    whole, *each = (f"STN{k} amount=-2 from_ms=2 to_ms=12" for k in ("", "[0]", "[1]", "[2]"))
-    one, two = (run(table.add(*rows), HELD[:, :2], **given) for rows in ([whole], each))
+    options = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0, "seed": 4}
+    on_all, *each = (f"STN{k} amount=-2 from_ms=2 to_ms=12" for k in ("", "[0]", "[1]", "[2]"))
+    one, two = (run(table.add(*rows), HELD[:, :2], **options) for rows in ([on_all], each))
     np.testing.assert_array_equal(one.output_nats, two.output_nats)
 
 
 @pytest.mark.parametrize("engine", ["rate", "population", "ensemble"])
 def test_a_window_on_one_channel_is_less_than_one_on_all_and_more_than_none(engine):
     table = TABLES["macaque"].with_neurons(20)
-    given = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0, "seed": 4}
+    options = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0, "seed": 4}
     lines = (["STN amount=-2 to_ms=12"], ["STN[0] amount=-2 to_ms=12"], [])
-    lowest = [run(table.add(*rows), HELD[:, :2], **given).output_nats.min() for rows in lines]
+    lowest = [run(table.add(*rows), HELD[:, :2], **options).output_nats.min() for rows in lines]
     assert lowest == sorted(set(lowest))
 
 
 @pytest.mark.parametrize("engine", sorted(set(ENGINES) - {"algebra"}))
 def test_a_window_on_one_channel_after_the_trial_changes_no_byte(engine):
     table = TABLES["macaque"].with_neurons(20)
-    given = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0, "seed": 4}
+    options = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0, "seed": 4}
     with pytest.warns(EditWarning):
-        late = run(table.add("D2[1] amount=-2 from_ms=20 to_ms=30"), HELD[:, :2], **given)
-    without = run(table, HELD[:, :2], **given)
+        late = run(table.add("D2[1] amount=-2 from_ms=20 to_ms=30"), HELD[:, :2], **options)
+    without = run(table, HELD[:, :2], **options)
     np.testing.assert_array_equal(late.output_nats, without.output_nats)
     for name, rates in late.rates_hz.items():
         np.testing.assert_array_equal(rates, without.rates_hz[name])
@@ -284,10 +284,10 @@ def test_alternatives_and_their_window_may_be_exchanged(one, order):
     name, channel, *rest = one
     table = TABLES["macaque"]
     drive = HELD[:, :3]
-    found = settled(table.add(window(*one)), drive, step_ms=20.0)[0]
+    out = settled(table.add(window(*one)), drive, step_ms=20.0)[0]
     moved = window(name, list(order).index(channel), *rest)
     exchanged = settled(table.add(moved), drive[:, :, order], step_ms=20.0)[0]
-    np.testing.assert_allclose(exchanged, found[list(order)], atol=1e-5, rtol=0)
+    np.testing.assert_allclose(exchanged, out[list(order)], atol=1e-5, rtol=0)
 
 
 @pytest.mark.parametrize("name", ["D2", "D1", "STN", "GPe"])
@@ -312,10 +312,10 @@ def test_a_long_window_on_one_channel_settles_where_a_bias_of_that_channel_does(
 @pytest.mark.parametrize("engine", ["rate", "population", "ensemble", "plain"])
 def test_a_window_on_one_channel_is_that_channel_s_own_input_in_every_trial(engine):
     table = TABLES["macaque"].with_neurons(20)
-    given = {"engine": engine, "step_ms": 5.0, "settle_ms": 5.0, "seed": 4}
+    options = {"engine": engine, "step_ms": 5.0, "settle_ms": 5.0, "seed": 4}
     column = np.zeros((1, 6, 1))
     column[:, 2:4] = 0.7
     drive = np.tile(SPREAD, (1, 6, 1))
-    told = run(table.with_inputs("STN[2]"), np.concatenate([drive, column], axis=2), **given)
-    course = run(table.add("STN[2] amount=0.7 from_ms=10 to_ms=20"), drive, **given)
+    told = run(table.with_inputs("STN[2]"), np.concatenate([drive, column], axis=2), **options)
+    course = run(table.add("STN[2] amount=0.7 from_ms=10 to_ms=20"), drive, **options)
     np.testing.assert_allclose(told.output_nats, course.output_nats, atol=2e-6)

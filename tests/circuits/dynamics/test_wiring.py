@@ -45,7 +45,7 @@ def test_slope_and_curvature_of_rates_are_their_derivatives_and_nothing_below_th
 
 
 def test_a_table_of_whole_numbers_is_that_of_floats():
-    whole, floats = (
+    integers, floats = (
         Circuit(
             "whole",
             (Population("ctx", Rate(), 0, 1, bias_nats=kind(1)), Population("SNr", Rate(), 0, 1)),
@@ -53,8 +53,8 @@ def test_a_table_of_whole_numbers_is_that_of_floats():
         )
         for kind in (int, float)
     )
-    found = [run(c, np.ones((1, 2, 2)), engine="rate", step_ms=10) for c in (whole, floats)]
-    assert found[0].output_nats.tobytes() == found[1].output_nats.tobytes()
+    activities = [run(c, np.ones((1, 2, 2)), engine="rate", step_ms=10) for c in (integers, floats)]
+    assert activities[0].output_nats.tobytes() == activities[1].output_nats.tobytes()
 
 
 @pytest.mark.parametrize("role", ["input", "readout"])
@@ -66,9 +66,9 @@ def test_an_input_or_a_readout_that_is_no_nucleus_is_named_by_its_role(role):
 def test_beside_a_replaced_lesion_another_one_is_not_replaced():
     table = anatomy.macaque(2)
     both = fixed_point.wired(table.clamp("GPe", 0.5).lesion("D2", 0.3))
-    alone, whole = fixed_point.wired(table.lesion("D2", 0.3)), wire(table)
-    of = [table.projections[path].source for path in whole.path]
-    given = {name: both.constant[[s == name for s in of]] for name in ("GPe", "D2", "STN")}
+    alone, intact = fixed_point.wired(table.lesion("D2", 0.3)), wire(table)
+    of = [table.projections[path].source for path in intact.path]
+    constants = {name: both.constant[[s == name for s in of]] for name in ("GPe", "D2", "STN")}
     for name in ("D2", "STN"):
-        np.testing.assert_array_equal(given[name], alone.constant[[s == name for s in of]])
-    assert (given["GPe"] > whole.constant[[s == "GPe" for s in of]]).all()
+        np.testing.assert_array_equal(constants[name], alone.constant[[s == name for s in of]])
+    assert (constants["GPe"] > intact.constant[[s == "GPe" for s in of]]).all()

@@ -6,7 +6,8 @@ from scipy.special import ndtr
 from scipy.stats import norm, poisson
 
 from bgmodel.fitting.cells.grid import moved, noise_grid, p_right, passed
-from bgmodel.fitting.cells.model import READINGS, SHARED
+from bgmodel.fitting.cells.model import SHARED
+from bgmodel.fitting.cells.reading import READINGS
 from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, Session, courses
 
 DEFAULT = {each.name: each.start for each in SHARED}

@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 
 import bgmodel as bg
-from bgmodel.fits import question, settings_of
-from bgmodel.fitting.cells.model import READINGS, numbers_of, reading_of
+from bgmodel.fits import question
+from bgmodel.fitting.cells.model import numbers_of
 from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.settings import settings_of
 from circuits.errors import quiet
 from tests.helpers import refused
 from tests.trials.test_spikes import NAMED
@@ -62,20 +63,7 @@ def simulated():
     return vector, likelihood_of(trials), trials
 
 
-def test_readings_of_circuits_are_the_activity_of_their_nuclei():
-    direct, stn = reading_of("bogacz_gurney D1"), reading_of("bogacz_gurney STN")
-    x = np.linspace(-2, 2, 41)
-    rise = np.diff(direct.read(x)[0])
-    assert np.allclose(rise, rise.mean(), rtol=0.05) or (rise >= -1e-9).all()
-    assert abs(stn.read(np.zeros(1))[0][0]) < 1e-9
-    below, above = direct.read(x - 1e-6)[0], direct.read(x + 1e-6)[0]
-    assert np.allclose((above - below) / 2e-6, direct.read(x)[1], atol=0.05)
-
-
-def test_unknown_readings_are_refused():
-    for name in ("sigmoid", "macaque D7", "nowhere D1"):
-        with refused("models" if name != "nowhere D1" else "circuit"):
-            reading_of(name)
+def test_a_circuit_needs_a_nucleus():
     with refused("models"):
         likelihood_of(clicked(30), bg.load_circuit("macaque", 2))
 
@@ -136,7 +124,3 @@ def test_settings_without_effect_are_refused(simulated):
     for option in ({"runs": 4}, {"noise_nats": 3.0}, {"seed": 3}):
         with refused(next(iter(option))):
             bg.fit(trials, "linear", **option)
-
-
-def test_all_readings_have_a_name():
-    assert all(name == each.name for name, each in READINGS.items())

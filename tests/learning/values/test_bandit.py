@@ -82,18 +82,18 @@ def test_the_ideal_learner_is_the_sum_over_all_histories(one, other, hazard, see
         return
     p = {"better": max(one, other), "worse": min(one, other), "hazard": hazard}
     choices, rewards = [c for c, _ in seen], [r for _, r in seen]
-    found = after(IdealLearner(**p), choices, rewards)
-    assert found[1] == pytest.approx(brute_force(choices, rewards, **p), abs=1e-12)
-    assert found.sum() == pytest.approx(1)
+    belief = after(IdealLearner(**p), choices, rewards)
+    assert belief[1] == pytest.approx(brute_force(choices, rewards, **p), abs=1e-12)
+    assert belief.sum() == pytest.approx(1)
 
 
 def test_without_reversals_the_log_odds_are_a_sum_and_at_a_hazard_of_a_half_nothing_is_known():
     choices, rewards = [1, 1, 0, 1], [1, 0, 0, 1]
-    found = after(IdealLearner(better=0.8, worse=0.3, hazard=0.0), choices, rewards)
+    belief = after(IdealLearner(better=0.8, worse=0.3, hazard=0.0), choices, rewards)
     gain, loss = np.log(0.8 / 0.3), np.log(0.2 / 0.7)
-    assert logit(found[1]) == pytest.approx(gain + loss - loss + gain)
-    found = after(IdealLearner(better=0.8, worse=0.3, hazard=0.5), choices, rewards)
-    assert found.tolist() == [0.5, 0.5]
+    assert logit(belief[1]) == pytest.approx(gain + loss - loss + gain)
+    belief = after(IdealLearner(better=0.8, worse=0.3, hazard=0.5), choices, rewards)
+    assert belief.tolist() == [0.5, 0.5]
 
 
 def test_the_ideal_learner_has_the_least_regret_where_reversals_have_its_hazard():
@@ -107,12 +107,12 @@ def test_the_ideal_learner_has_the_least_regret_where_reversals_have_its_hazard(
 
 
 def test_q_approaches_a_constant_reward_geometrically_and_leaves_the_other_arm():
-    found = after(QLearning(rate=0.3), [1] * 5, [1] * 5)
-    assert found.tolist() == pytest.approx([0.5, 1 - 0.5 * 0.7**5])
-    found = after(QBoth(rate=0.3), [1] * 5, [1] * 5)
-    assert found.tolist() == pytest.approx([0.5 * 0.7**5, 1 - 0.5 * 0.7**5])
-    found = after(QLearning(rate=0.3, rate_minus=0.1), [1, 1], [1, 0])
-    assert found[1] == pytest.approx(0.65 * 0.9)
+    values = after(QLearning(rate=0.3), [1] * 5, [1] * 5)
+    assert values.tolist() == pytest.approx([0.5, 1 - 0.5 * 0.7**5])
+    values = after(QBoth(rate=0.3), [1] * 5, [1] * 5)
+    assert values.tolist() == pytest.approx([0.5 * 0.7**5, 1 - 0.5 * 0.7**5])
+    values = after(QLearning(rate=0.3, rate_minus=0.1), [1, 1], [1, 0])
+    assert values[1] == pytest.approx(0.65 * 0.9)
     assert after(LogitQ(rate=0.3), [1], [1])[1] == pytest.approx(logit(0.65))
     assert after(LogitQ(rate=1.0), [1], [1])[1] == pytest.approx(logit(0.99))
 

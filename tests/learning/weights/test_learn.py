@@ -117,14 +117,14 @@ def gratings():
 def test_reward_teaches_nearly_the_exact_likelihoods_of_taps(gratings):
     learned = learn_weights(gratings[0], seed=11, learner=WeightLearner(trials=3000), runs=4)
     test = gratings[1].draw(2000, rng=12)
-    found = learned.calibration(test)
-    assert 0.8 < found.slope.mean() < 1.2
-    assert found.r.min() > 0.95
+    calibration = learned.calibration(test)
+    assert 0.8 < calibration.slope.mean() < 1.2
+    assert calibration.r.min() > 0.95
     assert learned.relative_time(test).mean() < 1.06
     early = learned.after(60).calibration(test)
     # The mean over all kept weights of the last quarter is nearly the mean over its trials.
     assert learned.after(3000, averaged=0.25).weights == pytest.approx(learned.weights, abs=0.1)
-    assert early.slope.mean() < 0.5 * found.slope.mean()
+    assert early.slope.mean() < 0.5 * calibration.slope.mean()
     course = learned.course
     assert course.correct[:, -500:].mean() > 0.9
     assert course.readings[:, :100].mean() > 3 * course.readings[:, -100:].mean()
@@ -184,9 +184,9 @@ def test_without_feedback_in_a_trial_weights_do_not_change():
 def test_exact_weights_are_calibrated_and_as_fast_as_exact_likelihoods():
     test = CELLS.draw(600, rng=9)
     exact = LearnedWeights(np.stack([EXACT, 2 * EXACT]), test.names)
-    found = exact.calibration(test)
-    assert found.slope == pytest.approx([1, 2])
-    assert found.r == pytest.approx(1)
+    calibration = exact.calibration(test)
+    assert calibration.slope == pytest.approx([1, 2])
+    assert calibration.r == pytest.approx(1)
     assert exact.relative_time(test, 0.8)[0] == pytest.approx(1)
     # D1 alone is a race, which is slower than the test.
     assert exact.relative_time(test, 0.8, stn=False)[0] > 1.05
@@ -240,7 +240,7 @@ def test_rewards_and_names_that_do_not_fit_are_refused(wanted, options):
 @pytest.mark.parametrize(
     ("wanted", "make"),
     [
-        ("given without any feedback", lambda: Feedback(given=0)),
+        ("given learning needs feedback", lambda: Feedback(given=0)),
         ("right must exceed wrong", lambda: Feedback(right=0)),
         ("valid", lambda: Feedback(valid=1.1)),
         ("reversal", lambda: Feedback(reversal=0)),

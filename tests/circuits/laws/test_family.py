@@ -1,0 +1,123 @@
+"""Constraints of OUT = -ln P against the fixed point, and the shift of OUT by a loss of STN."""
+
+import numpy as np
+import pytest
+
+from circuits import anatomy
+from circuits.anatomy import load_circuit
+from circuits.dynamics.fixed_point import solve, wired
+from circuits.laws.family import constraints, failures, offset_nats, shift_nats
+
+LOSSES = (0.1, 0.2, 0.3, 0.5)
+EDITS = {
+    "scale ctx->STN 1.05": "exponent",
+    "scale ctx->D1 1.05": "direct",
+    "scale STN->SNr 0.9": "sum",
+    "cut STN->SNr 10%": "sum",
+    "set SNr.bias_nats -1": "offset",
+    "scale D2->GPe 1.5": "exponent direct",
+    "lesion GPe 10%": "exponent direct sum log",
+    "add ctx_inh->STN weight=-0.1": "common",
+    "scale ctx->D1[0] 1.05": "alike direct",
+}
+
+
+def above(circuit, drive):
+    """OUT - (-ln P) of the favoured channel, (drives,) nats; P follows from cortical activity."""
+    wiring = wired(circuit)
+    rates = wiring.rates(solve(wiring, drive))
+    y = wiring.activity(rates[:, wiring.blocks_of(circuit.input)], circuit.input)
+    y = y / circuit.drive_gain
+    out = wiring.activity(rates[:, wiring.blocks_of(circuit.readout)], circuit.readout)
+    best, rows = y.argmax(axis=1), np.arange(len(y))
+    return out[rows, best] - (np.log(np.exp(y).sum(axis=1)) - y[rows, best])
+
+
+def drives(channels, seed=0, trials=50):
+    return np.random.default_rng(seed).uniform(-0.8, 0.8, (trials, channels))
+
+
+@pytest.mark.parametrize("name", ["macaque", "bogacz_gurney", "appendix_b"])
+@pytest.mark.parametrize("channels", range(2, 9))
+def test_exact_circuits_and_the_default_meet_all_constraints(name, channels):
+    circuit = load_circuit(name, channels)
+    assert failures(circuit) == []
+    assert max(abs(one.fails_by) for one in constraints(circuit)) < 1e-12
+    assert np.abs(above(circuit, drives(channels))).max() < 1e-6
+
+
+@pytest.mark.parametrize(("edit", "names"), EDITS.items(), ids=[*EDITS])
+def test_an_edit_fails_the_constraint_that_it_breaks(edit, names):
+    circuit = load_circuit("macaque", 3).edited(edit)
+    failed = {one.name for one in constraints(circuit) if not one.holds} - {"offset"}
+    assert failed == set(names.split()) - {"offset"}
+    # The fixed point agrees: OUT is off by no constant, unless the offset alone fails.
+    off = above(circuit, drives(3))
+    assert (np.ptp(off) < 1e-6) == (names == "offset")
+    assert (offset_nats(circuit) is None) == (names != "offset")
+
+
+@pytest.mark.parametrize("factor", [0.9, 0.95, 1.1])
+def test_a_weight_off_the_family_is_reported_with_the_size_of_its_error(factor):
+    """With ``ctx->D1`` scaled, OUT is off by ``-a (factor - 1) y`` in a channel."""
+    circuit = load_circuit("macaque", 2)
+    edited = circuit.scale("ctx", "D1", factor)
+    (direct,) = [one for one in constraints(edited) if not one.holds and one.name != "offset"]
+    a = 1 + 0.1 * 0.65
+    assert direct.name == "direct"
+    assert direct.fails_by == pytest.approx(-a * (factor - 1))
+    assert any(f"off by {direct.fails_by:+.3g}" in text for text in failures(edited))
+    drive = np.array([[0.5, -0.5], [0.0, 0.0]])
+    rise = np.diff(above(edited, drive) - above(circuit, drive))[0]
+    wiring = wired(circuit)
+    x = solve(wiring, drive)[:, wiring.blocks_of("ctx")][:, 0]
+    assert rise == pytest.approx(direct.fails_by * np.diff(x)[0], abs=1e-6)
+
+
+def test_circuits_outside_the_family_say_which_constraint_they_fail():
+    failed = [one.name for one in constraints(anatomy.linear_gpe(3)) if not one.holds]
+    assert failed == ["log"]
+    # A linear S - ln S is the family's to first order, but has no logarithm.
+    failed = [one.name for one in constraints(load_circuit("spiking_msprt", 3)) if not one.holds]
+    assert failed == ["sum", "log", "offset"]
+    assert len(failures(load_circuit("gpr", 3))) == 1  # in salience, not nats
+    assert offset_nats(load_circuit("gpr", 3)) is None
+
+
+@pytest.mark.parametrize("edit", ["clamp STN 10%", "lesion STN[0] 10%", "lesion STN"])
+def test_a_loss_that_does_not_scale_the_sum_over_stn_has_no_shift(edit):
+    edited = load_circuit("macaque", 3).edited(edit)
+    assert len(failures(edited)) == 1
+    assert shift_nats(edited) is None
+
+
+@pytest.mark.parametrize("lost", LOSSES)
+@pytest.mark.parametrize("name", ["macaque", "bogacz_gurney", "appendix_b"])
+@pytest.mark.parametrize("channels", [2, 4, 8])
+def test_a_loss_of_stn_shifts_out_by_ln_of_what_survives(name, channels, lost):
+    """``OUT = -ln P + ln(1 - f)`` whatever the evidence, and the bias of SNr alone undoes it."""
+    circuit = load_circuit(name, channels)
+    lesioned = circuit.lesion("STN", lost)
+    assert shift_nats(lesioned) == pytest.approx(np.log1p(-lost), abs=1e-12)
+    level = drives(channels) * 0.3  # OUT stays above 0, where SNr would fall silent
+    if circuit.centred:
+        level -= level.mean(axis=1, keepdims=True)
+    off = above(lesioned, level)
+    silent = off + np.log(channels) < 0.3
+    assert np.abs(off - np.log1p(-lost))[~silent].max(initial=0) < 1e-4
+    bias = lesioned["SNr"].bias_nats - np.log1p(-lost)
+    restored = lesioned.with_population("SNr", bias_nats=bias)
+    assert np.abs(above(restored, level)).max() < 1e-4
+    assert shift_nats(restored) == pytest.approx(0, abs=1e-12)
+
+
+def test_losses_add_up_and_homeostasis_undoes_them():
+    circuit = load_circuit("macaque", 4)
+    twice = circuit.lesion("STN", 0.2).lesion("STN", 0.5)
+    assert shift_nats(twice) == pytest.approx(np.log(0.8 * 0.5))
+    assert shift_nats(twice, circuit.lesion("STN", 0.2)) == pytest.approx(np.log(0.5))
+    assert shift_nats(twice.compensate()) == pytest.approx(0, abs=1e-9)
+    rebound = twice.compensate(rebound_nats={"SNr": 0.2})
+    assert shift_nats(rebound) == pytest.approx(0.2)
+    assert shift_nats(circuit) is None  # not edited
+    assert shift_nats(circuit.lesion("GPe_ctx", 0.5)) == pytest.approx(0, abs=1e-12)

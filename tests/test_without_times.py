@@ -1,0 +1,447 @@
+"""Choices without times, and responses that are given by waiting: read, fitted and simulated."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.special import expit
+from scipy.stats import norm
+
+import bgmodel as bg
+from bgmodel.fits import question
+from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.exact.responses import responded
+from bgmodel.fitting.known.likelihood import known_likelihood
+from bgmodel.fitting.known.models import EXACT
+from bgmodel.fitting.known.trials import known_trials
+from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.predicted import predicted
+from bgmodel.fitting.settings import settings_of
+from bgmodel.fitting.trials.design import FAVOURS, design_of
+from bgmodel.learning.values.diffusion import LAPSES
+from bgmodel.learning.values.models import MODELS, likelihood
+from circuits.errors import DataWarning, FitWarning
+from tests.drawn import choices, drawn
+from tests.helpers import refused, run, told, unwarned
+
+pytestmark = pytest.mark.filterwarnings("ignore:there is no column rt")
+STRENGTHS = np.array([0.05, 0.1, 0.2, 0.4])
+TRUE = {"sensitivity": 9.0, "lapse": 0.05}
+BOUND = 0.7
+"""The default of the bound, which choices alone leave open."""
+GO = bg.Columns(withheld="no", deadline_s=1.2)
+GIVEN = {"sensitivity": 7.0, "bound": 0.6, "t0_s": 0.3, "t0_sd_s": 0.05, "lapse": 0.02}
+
+
+def table(trials=400, seed=1, people=("a",), spread=0.0, **values):
+    """Return choices alone of people, from the closed form of a constant bound."""
+    rng = np.random.default_rng(seed)
+    truth, parts = {**TRUE, **values}, []
+    for who in people:
+        strength = np.repeat([*-STRENGTHS, *STRENGTHS], trials // 8)
+        drift = truth["sensitivity"] * np.exp(spread * rng.standard_normal()) * strength
+        p = (1 - truth["lapse"]) * expit(2 * drift * BOUND) + truth["lapse"] / 2
+        given = (rng.random(len(p)) < p).astype(int)
+        parts.append(
+            pd.DataFrame({"participant_id": who, "response": given, "coherence": strength})
+        )
+    return pd.concat(parts, ignore_index=True)
+
+
+def timed(seed=3, trials=300):
+    """Return choices with times by a deadline, at two strengths of both signs."""
+    return drawn(
+        GapModel(), [0.1, 0.3], trials, seed, deadline_s=1.2,
+        **GIVEN,
+    )  # fmt: skip
+
+
+def go_table(trials=None):
+    """Return trials as a table in which response 0, and none, is "no" without a time."""
+    trials = timed() if trials is None else trials
+    went = trials.response == 1
+    return pd.DataFrame(
+        {
+            "rt": np.where(went, trials.rt_s, np.nan),
+            "response": np.where(went, "go", "no"),
+            "coherence": trials.strength,
+        }
+    )
+
+
+def without_times(trials):
+    return replace(trials, rt_s=np.full(trials.trials, np.nan))
+
+
+def fixed_at(likelihood, **values):
+    """Return the vector of a fit with some values, others at their start."""
+    names = zip(likelihood.freedom.names, likelihood.freedom.start, strict=True)
+    return np.array([values.get(name, start) for name, start in names])
+
+
+# Choices alone.
+
+
+def test_a_constant_bound_gives_choices_their_closed_form():
+    """``1 / (1 + exp(-2 v a))``, whatever the bound: time has no part in it."""
+    trials = bg.read_trials(table(), strength="coherence")
+    assert not trials.timed
+    assert "without times" in trials.summary()
+    for bound in (0.3, BOUND, 2.0):
+        design = design_of(trials)
+        asked = likelihood_of(GapModel(), design, free=["sensitivity"], fixed={"bound": bound})
+        drift = 5.0 * trials.strength
+        p = 0.99 * expit(2 * drift * bound * (2 * trials.response - 1)) + 0.005
+        assert np.allclose(np.exp(asked.each(np.array([5.0]))), p, atol=2e-4)
+
+
+def test_a_biased_start_gives_choices_their_closed_form():
+    """The probability of the upper of two bounds from a start (Wald 1947)."""
+    asked = settings_of(free=["sensitivity", "start"], strength="coherence")
+    one = question(asked, table(), ["constant_gap"])
+    (each,) = one.likelihoods("constant_gap").values()
+    assert FAVOURS in each.design.conditions
+    trials, z = each.design.choices, 0.4 * BOUND
+    drift = 5.0 * trials.strength
+    up = np.expm1(-2 * drift * (BOUND + z)) / np.expm1(-4 * drift * BOUND)
+    p = 0.99 * np.where(trials.response == 1, up, 1 - up) + 0.005
+    found = np.exp(each.each(fixed_at(each, sensitivity=5.0, start=0.4)))
+    assert np.allclose(found, p, atol=5e-4)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_choices_alone_give_back_sensitivity_and_lapses(seed):
+    found = bg.fit(table(4000, seed), "constant_gap", strength="coherence")
+    rows = found.summary()
+    assert rows.index.tolist() == list(TRUE)
+    for name, value in TRUE.items():
+        assert abs(rows.value[name] - value) < 3.5 * rows.standard_error[name]
+    assert min(found.misfit.p.values()) > 1e-3
+    assert found.cells().mean_s.isna().all()
+    assert found.cells().model_mean_s.isna().all()
+    assert np.allclose(found.cells().accuracy, found.cells().model_accuracy, atol=0.06)
+    assert found.residuals().empty
+
+
+def test_choices_of_another_model_do_not_fit():
+    """The negative control of the misfit: performance that falls with strength."""
+    wrong = table(4000)
+    wrong.loc[wrong.coherence.abs() > 0.3, "response"] = np.arange(1000) % 2
+    with pytest.warns(FitWarning):
+        found = bg.fit(wrong, "constant_gap", strength="coherence", fix={"lapse": 0.01})
+    assert found.misfit.p["accuracy"] < 1e-6
+
+
+def test_what_choices_alone_leave_open_is_said():
+    options = {"strength": "coherence"}
+    with pytest.warns(FitWarning) as caught:
+        found = bg.fit(table(), "constant_gap", free=["sensitivity", "bound"], **options)
+    assert [each.category for each in caught].count(FitWarning) == 1
+    assert found.directions.cosines[0, 1] == pytest.approx(1, abs=1e-4)
+    assert (found.summary().standard_error > found.summary().value).all()
+    for more in ({"free": "+t0_s"}, {"vary": {"t0_sd_s": "cue"}}, {"formula": "t0_s ~ cue"}):
+        named = "t0_sd_s" if "vary" in more else "t0_s"
+        cue = table().assign(cue=list("ab") * 200)
+        with refused(named):
+            bg.fit(cue, "constant_gap", **more, **options)
+    with refused("rt_window"):
+        bg.fit(table(), "constant_gap", rt_window=(0.1, 2.0), **options)
+
+
+def test_a_condition_may_change_what_is_not_open():
+    """Bounds of two instructions, one of them at the default: both are identified."""
+    slow = table(2000, 4).assign(cue="slow")
+    quick = table(2000, 5, sensitivity=5.0).assign(cue="quick")
+    found = bg.fit(
+        pd.concat([slow, quick], ignore_index=True), "constant_gap", strength="coherence",
+        vary={"bound": "cue/slow"},
+    )  # fmt: skip
+    row = found.summary().loc["bound[cue=quick]"]
+    assert abs(row.value - BOUND * 5 / 9) < 3.5 * row.standard_error
+
+
+@pytest.mark.parametrize("model", ["falling_gap", "msprt", "race", "lca", "macaque"])
+def test_every_model_of_decisions_answers_for_choices_alone(model):
+    asked = settings_of(strength="coherence", trials=200)
+    one = question(asked, table(80), [model])
+    (each,) = one.likelihoods(model).values()
+    assert each.freedom.names == ["sensitivity", "lapse"]
+    both = without_times(each.design.choices), each.design.choices
+    assert both[0].checksum == both[1].checksum
+    p = each.density(each.freedom.start) * each.design.grid.width_s
+    assert np.allclose(p.sum(axis=(1, 2)), 1)
+    assert not p[:, :, 1:].any()
+    assert (np.diff(p[:, 1, 0]) > 0).all()
+
+
+def test_more_than_two_alternatives_share_what_is_not_correct():
+    rng = np.random.default_rng(1)
+    shown = rng.integers(4, size=200)
+    given = np.where(rng.random(200) < 0.6, shown, rng.integers(4, size=200))
+    data = pd.DataFrame({"response": [f"r{k}" for k in given], "shown": [f"r{k}" for k in shown]})
+    columns = bg.Columns(stimulus="shown")
+    found = bg.fit(data, "race", columns=columns, fix={"lapse": 0.01})
+    (row,) = found.cells().itertuples()
+    assert row.model_accuracy == pytest.approx(row.accuracy, abs=1e-3)
+    answers = [row.accuracy, *3 * [(1 - row.accuracy) / 3]]
+    most = 200 * (np.array(answers) @ np.log(answers))
+    assert found.log_likelihood == pytest.approx(most, abs=0.01)
+
+
+def test_what_is_simulated_without_times_has_none_and_fits():
+    trials = bg.read_trials(table(2000), strength="coherence")
+    made = bg.simulate("constant_gap", {"sensitivity": 6.0}, trials, seed=1)
+    assert not made.timed
+    assert (made.response >= 0).all()
+    found = bg.fit(made, "constant_gap").summary()
+    assert abs(found.value.sensitivity - 6) < 3.5 * found.standard_error.sensitivity
+    kept = predicted(
+        question(settings_of(), made, ["constant_gap"]).likelihoods("constant_gap")["a"]
+    )
+    assert np.isfinite(kept.each).all()
+
+
+def test_people_without_times_are_fitted_in_a_hierarchy():
+    people = table(160, people="abcdef", spread=0.3, seed=2)
+    found = bg.fit(people, "constant_gap", strength="coherence", hierarchical=True, most_draws=400)
+    row = found.summary().loc["sensitivity"]
+    assert row.low < 9 < row.high
+    assert found.cells().mean_s.isna().all()
+    new = found.to_datatree()["posterior_predictive"]
+    assert np.isnan(new["rt"]).all()
+    assert (new["response"] >= 0).all()
+
+
+def test_a_learner_needs_no_times():
+    """A softmax of values: log odds 2 v a, with v the difference of values times its scale."""
+    rng = np.random.default_rng(5)
+    data = pd.DataFrame({"response": rng.integers(2, size=120), "pair": list("AB") * 60})
+    data["reward"] = (rng.random(120) < 0.2 + 0.6 * data.response).astype(int)
+    with unwarned():
+        trials = bg.read_trials(data.assign(rt=np.nan))
+    each = likelihood("q", trials)
+    assert each.freedom.names == ["rate", "scale", "stickiness"]
+    vector = np.array([0.3, 2.0, 0.0])
+    drift, bound, *_ = each.model.diffusion(trials, each.values(vector))
+    p = (1 - LAPSES) * expit(2 * drift * bound * (2 * trials.response - 1)) + LAPSES / 2
+    assert np.allclose(each.each(vector), np.log(p))
+    found = bg.fit(trials, "q")
+    assert np.isfinite(found.log_likelihood)
+    assert min(found.misfit.p.values()) > 1e-3
+    assert not MODELS["q"].simulate(trials, each.values(vector), rng).timed
+
+
+# Known evidence.
+
+
+def readings(trials=300, drift=0.4, steps=8, seed=2, noise=0.0):
+    """Return choices by the sign of all readings, and these: a walk with a drift, every 0.1 s."""
+    rng = np.random.default_rng(seed)
+    side = rng.choice([-1, 1], trials)
+    value = 0.1 * drift * side[:, None] + np.sqrt(0.1) * rng.standard_normal((trials, steps))
+    total = value.sum(axis=1)
+    given = total + noise * rng.logistic(size=trials) > 0
+    number, place = np.divmod(np.arange(trials * steps), steps)
+    evidence = pd.DataFrame({"trial": number, "time": 0.1 * (place + 1), "value": value.ravel()})
+    return pd.DataFrame({"trial": range(trials), "response": given * 1}), evidence, total, side
+
+
+UPPER = bg.Columns(upper="1")
+
+
+def test_choices_at_the_end_of_known_evidence_are_a_logistic_regression_on_its_sum():
+    data, evidence, total, _ = readings()
+    trials = bg.read_trials(data, evidence=evidence, forced=True, columns=UPPER)
+    model, held = EXACT["leaky_sum"], {"threshold": 100.0, "leak_hz": 0.0, "lapse": 0.001}
+    each = question(
+        settings_of(fix=held), trials, ["leaky_sum"]
+    ).likelihoods("leaky_sum")["all"]  # fmt: skip
+    assert each.freedom.names == ["noise", "bias_1"]
+    p = 0.999 * expit(total * (2 * trials.response - 1) / 0.5) + 0.0005
+    assert np.allclose(each.each(np.array([0.5, 0.0])), np.log(p), atol=1e-6)
+    known = known_trials(trials)
+    assert known_likelihood(model, known, fixed=held).freedom.names == ["noise", "bias_1"]
+
+
+def test_without_noise_choices_at_the_end_are_the_sign_of_a_gaussian():
+    """``Phi(v sqrt(T))`` of all trials, with v the drift and T the end that is set."""
+    data, evidence, _, side = readings(20_000, steps=5)
+    trials = bg.read_trials(data, evidence=evidence, forced=True, columns=UPPER)
+    each = known_likelihood(
+        EXACT["leaky_sum"], known_trials(trials), free=["noise"],
+        fixed={"threshold": 100.0, "leak_hz": 0.0, "lapse": 0.001},
+    )  # fmt: skip
+    p = each.responses(each.values(np.array([0.001])))[0]
+    assert np.allclose(p.sum(axis=1), 1)
+    right = p[np.arange(len(side)), (side > 0).astype(int)].mean()
+    expected = 0.999 * norm.cdf(0.4 * np.sqrt(0.5)) + 0.0005
+    assert abs(right - expected) < 4 * np.sqrt(expected * (1 - expected) / 20_000)
+
+
+def test_noise_of_choices_at_the_end_is_recovered_checked_and_simulated():
+    data, evidence, *_ = readings(1500, noise=0.4)
+    options = {"evidence": evidence, "forced": True, "columns": UPPER}
+    held = {"threshold": 100.0, "leak_hz": 0.0, "lapse": 0.001}
+    found = bg.fit(data, "leaky_sum", fix=held, **options)
+    row = found.summary().loc["noise"]
+    assert abs(row.value - 0.4) < 3.5 * row.standard_error
+    assert min(found.misfit.p.values()) > 1e-3
+    found.plot()
+    made = bg.simulate("leaky_sum", {**held, "noise": 0.4}, data, seed=1, **options)
+    assert not made.timed
+    assert (made.response >= 0).all()
+    with refused("t0_s"):
+        bg.fit(data, "leaky_sum", free="+t0_s", **options)
+
+
+def test_a_threshold_that_is_never_reached_is_said_to_be_open():
+    data, evidence, *_ = readings(400, noise=0.4)
+    options = {"evidence": evidence, "forced": True, "columns": UPPER}
+    said = told(lambda: bg.fit(data, "leaky_sum", **options))
+    assert any("threshold" in each for each in said)
+
+
+# Responses that are withheld.
+
+
+def test_waiting_has_the_probability_of_its_bound_and_of_no_decision():
+    trials = bg.read_trials(go_table(), strength="coherence", columns=GO)
+    assert trials.withheld == 0
+    assert trials.timed
+    each = likelihood_of(GapModel(), design_of(trials))
+    vector = fixed_at(each, **GIVEN)
+    design = each.design
+    values = {name: np.full(2 * len(design.side) // 2, v) for name, v in GIVEN.items()}
+    every = responded(
+        GapModel().decided(values, design.strength, design.grid), design.grid,
+        **{name: values[name] for name in ("t0_s", "t0_sd_s", "lapse")},
+    )  # fmt: skip
+    went = np.where(design.side > 0, every[:, 1].sum(axis=1), every[:, 0].sum(axis=1)) * 0.01
+    waited = trials.response == 0
+    found = np.exp(each.each(vector))
+    assert np.allclose(found[waited], (1 - went)[design.observed.cell[waited]])
+    # Others have the density that they would have if both responses had times.
+    both = likelihood_of(GapModel(), design_of(replace(
+        trials, withheld=None, rt_s=np.where(waited, 0.5, trials.rt_s))))  # fmt: skip
+    assert np.allclose(found[~waited], np.exp(both.each(vector))[~waited])
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_go_no_go_task_gives_back_its_parameters(seed):
+    data = go_table(timed(seed, 1000))
+    with unwarned():
+        found = bg.fit(data, "constant_gap", strength="coherence", columns=GO)
+    rows = found.summary()
+    for name, value in GIVEN.items():
+        assert abs(rows.value[name] - value) < 3.5 * rows.standard_error[name]
+    assert min(found.misfit.p.values()) > 1e-3
+    cells = found.cells()
+    assert (cells.answered == cells.trials).all()
+    assert cells.correct_s.isna().tolist() == (cells[FAVOURS] == "0").tolist()
+    made = bg.simulate("constant_gap", GIVEN, found.optimum.likelihood.design.choices, seed=1)
+    assert made.withheld == 0
+    assert np.array_equal(np.isnan(made.rt_s), made.response == 0)
+
+
+def test_a_window_leaves_those_who_wait():
+    trials = bg.read_trials(go_table(), strength="coherence", columns=GO)
+    with pytest.warns(DataWarning):
+        design = design_of(trials, rt_window=(0.4, 1.0))
+    waited = design.observed.response == np.where(design.side > 0, 0, 1)[design.observed.cell]
+    assert waited.sum() == (trials.response == 0).sum()
+    each = likelihood_of(GapModel(), design)
+    mass, missing = design.observed.outcomes(each.density(fixed_at(each, **GIVEN)))
+    assert np.allclose(mass.sum(axis=(1, 2)), 1)
+    assert np.allclose(missing, 0, atol=1e-9)
+
+
+def test_people_who_wait_are_fitted_in_a_hierarchy():
+    parts = [go_table(timed(k, 40)).assign(participant_id=f"p{k}") for k in range(4)]
+    found = bg.fit(
+        pd.concat(parts, ignore_index=True), "constant_gap", strength="coherence", columns=GO,
+        hierarchical=True, most_draws=300, fix={"lapse": 0.02, "t0_sd_s": 0.05},
+    )  # fmt: skip
+    row = found.summary().loc["sensitivity"]
+    assert row.low < 7 < row.high
+    assert set(found.cells()[FAVOURS]) == {"0", "1"}
+
+
+def test_which_response_waits_is_read_from_names_and_codes():
+    names = go_table()
+    codes = names.assign(response=(names.response == "go").astype(int))
+    empty = names.assign(response=names.response.where(names.response == "go", None))
+    read = {"strength": "coherence"}
+    first = bg.read_trials(names, columns=GO, **read)
+    for data, columns in (
+        (codes, replace(GO, withheld="0")), (empty, GO), (names, replace(GO, upper="go")),
+    ):  # fmt: skip
+        assert bg.read_trials(data, columns=columns, **read).checksum == first.checksum
+    other = bg.read_trials(names, columns=replace(GO, upper="no"), **read)
+    assert other.withheld == 1
+    assert np.array_equal(other.response, 1 - first.response)
+    assert other.checksum != first.checksum
+
+
+# What can't be read.
+
+
+def test_trials_without_times_that_are_wrong_are_refused():
+    read = {"strength": "coherence"}
+    data = table(people="ab")
+    some = data.assign(rt=np.where(data.participant_id == "a", 0.6, np.nan))
+    for participant in (None, "b"):
+        with refused("rt"):
+            bg.read_trials(some, participant=participant, **read)
+    with refused("rt"):
+        bg.read_trials(data.assign(RT_ms=500.0), **read)
+    with refused("deadline_s"):
+        bg.read_trials(data, columns=bg.Columns(deadline_s=1.0), **read)
+    with refused("response"):
+        bg.read_trials(data.assign(response=data.response.where(data.index > 5)), **read)
+    with pytest.warns(DataWarning, match="no column rt"):
+        bg.read_trials(data, **read)
+    with unwarned():
+        bg.read_trials(data.assign(rt=np.nan), **read)
+
+
+def test_withheld_responses_that_are_wrong_are_refused():
+    read = {"strength": "coherence", "columns": GO}
+    data = go_table()
+    with refused("deadline_s"):
+        bg.Columns(withheld="no")
+    with refused("stimulus"):
+        bg.Columns(withheld="no", deadline_s=1.0, stimulus="shown")
+    with refused("withheld"):
+        bg.Columns(withheld=0, deadline_s=1.0)
+    with refused("rt"):
+        bg.read_trials(data.fillna({"rt": 1.2}), **read)
+    with refused("withheld"):
+        bg.read_trials(data[data.response == "go"], **read)
+    with refused("withheld"):
+        bg.read_trials(data.assign(response=data.response.replace("no", "nogo")), **read)
+    with refused("withheld"):
+        bg.read_trials(data.assign(rt=np.nan), **read)
+    with refused("rt"):
+        bg.read_trials(data.assign(rt=data.rt.where(data.rt > 0.5)), **read)
+    trials = choices([0.1, -0.1], [1, 0])
+    with refused("deadline_s"):
+        replace(trials, withheld=0, rt_s=np.array([0.5, np.nan]))
+    with refused("rt_s"):
+        replace(trials, withheld=0, deadline_s=1.0)
+
+
+def test_the_command_fits_both(tmp_path, capsys):
+    table(80).to_csv(tmp_path / "alone.csv", index=False)
+    go_table(timed(trials=60)).to_csv(tmp_path / "go.csv", index=False)
+    for name, more in (("alone", ()), ("go", ("--columns", "withheld=no", "deadline_s=1.2"))):
+        capsys.readouterr()
+        done = run(
+            "fit", tmp_path / f"{name}.csv", tmp_path / name, "--strength", "coherence",
+            "--models", "constant_gap", "--json", *more,
+        )  # fmt: skip
+        assert done == 0
+        rows = json.loads(capsys.readouterr().out)["records"]
+        free = {row["parameter"] for row in rows if not row["held"]}
+        assert free == ({"sensitivity", "lapse"} if name == "alone" else set(GIVEN))
