@@ -1,4 +1,4 @@
-"""Figure S1: held-out spikes of recorded cells under models and regressions, and gains."""
+"""Figure S1: rates of recorded cells by clicks and choice, held-out nats of models, and gains."""
 
 from __future__ import annotations
 
@@ -12,31 +12,41 @@ from bgmodel.support.files import read_table
 from figures.common import Settings, letter, where
 
 LOOKS = {"recorded": ("C0", "o"), "shuffled": ("0.6", "s")}
+CLICKS = {-1: ("C3", "few"), 0: ("0.4", "middle"), 1: ("C0", "many")}
+CHOICES = {1: "-", 0: ":"}
 
 
 def draw(
-    settings: Settings, models: Path, regressions: Path, each: Path, gains: Path, *, output: Path
+    settings: Settings, models: Path, regressions: Path, gains: Path, courses: Path, *, output: Path
 ) -> Figure:
-    """Draw nats by model, nats of each cell beside those of the regression, and gains."""
-    figure, axes = plt.subplots(1, 3, figsize=(7.4, 2.6))
-    fitted = read_table(models)
-    described = read_table(regressions)
-    described = described[described["past"] & (described["model"] != "psth")]
+    """Draw courses of recorded and expected rates, nats by model, and gains."""
+    figure, axes = plt.subplots(1, 3, figsize=(7.4, 2.8))
+    table = read_table(courses)
+    for clicks, (color, label) in CLICKS.items():
+        for choice, style in CHOICES.items():
+            rows = where(table, clicks=clicks, choice=choice)
+            axes[0].plot(rows["time_s"], rows["model"], style, color=color, lw=1,
+                         label=label if choice else None)  # fmt: skip
+            axes[0].errorbar(
+                rows["time_s"], rows["recorded"], rows["error"], fmt="o", ms=2.5, lw=0.6,
+                color=color, mfc=color if choice else "w",
+            )  # fmt: skip
+    axes[0].set(xlabel="time from onset (s)", ylabel="rate / mean rate of the cell")
+    axes[0].legend(frameon=False, fontsize=7, title="clicks, preferred side", title_fontsize=7)
+    letter(axes[0], "a  clicks and choice")
+    fitted = read_table(models).dropna(subset=["nats"])
+    fitted = fitted[fitted["model"] != "no recent rate"]
+    described = where(read_table(regressions), past=True)
+    described = described[described["model"] != "psth"]
     names = [*described["model"], *fitted["model"]]
-    nats = [*described["over_recent"], *fitted["apart"]]
     at = np.arange(len(names))
-    axes[0].barh(at, nats, color=["0.7"] * len(described) + ["C0"] * len(fitted))
-    axes[0].plot(fitted["together"], at[len(described) :], "k|", ms=9, mew=2)
-    axes[0].set_yticks(at, names)
-    axes[0].invert_yaxis()
-    axes[0].set(xlabel="held-out nats over course and recent rate")
-    letter(axes[0], "a  models")
-    table = read_table(each).pivot(index="cell", columns="model", values="nats")
-    axes[1].plot(table["clicks and choice"], table["exponential"], "o", ms=3, color="C0")
-    ends = [table.min().min(), table.max().max()]
-    axes[1].plot(ends, ends, color="0.7", lw=0.8, zorder=0)
-    axes[1].set(xlabel="regression on clicks and choice (nats)", ylabel="one noisy sum (nats)")
-    letter(axes[1], "b  cells")
+    colors = ["0.7"] * len(described) + ["C0"] * len(fitted)
+    axes[1].barh(at, [*described["nats"], *fitted["nats"]], color=colors)
+    axes[1].plot(fitted["together"], at[len(described) :], "k|", ms=9, mew=2)
+    axes[1].set_yticks(at, names)
+    axes[1].invert_yaxis()
+    axes[1].set(xlabel="held-out nats")
+    letter(axes[1], "b  models")
     found = read_table(gains)
     order = where(found, spikes="recorded").sort_values("gain")["cell"].tolist()
     for name, (color, marker) in LOOKS.items():

@@ -123,11 +123,11 @@ def passed(
     log_spikes, pulls = np.zeros(x.shape), []
     for count, past, cell in zip(session.counts, session.past, cells, strict=True):
         base, count = (session.basis @ cell[:-2] + cell[-2] * past)[on], count[on][:, None]
-        log, rate, rise = reading.rate(base[:, None] + cell[-1] * read)
+        log, rate, rise = reading.rate(base[:, None], cell[-1] * read)
         rate *= BIN_S
         log_spikes += count * log - rate
         if free is not None:
-            pulls.append((count - rate) * rise)
+            pulls.append((count - rate, rise))
     log_spikes += np.log(BIN_S) * session.counts.sum(axis=0)[on][:, None]
     top, spikes = np.zeros(on.shape), np.ones((*on.shape, len(n)))
     top[on] = log_spikes.max(axis=1)
@@ -146,10 +146,12 @@ def passed(
     behind, weighted = _backward(session, forward)
     paths = ahead[on] * behind[on]
     by_sum, by_scale, of_cells = np.zeros(sums.shape), np.zeros(on.shape), []
-    for pull, past, cell in zip(pulls, session.past, cells, strict=True):
+    for (pull, rise), past, cell in zip(pulls, session.past, cells, strict=True):
         pull *= paths
         base, gain = np.zeros(on.shape), np.zeros(on.shape)
-        base[on], gain[on] = pull.sum(axis=1), (pull * read).sum(axis=1)
+        base[on] = pull.sum(axis=1)
+        pull *= rise
+        gain[on] = (pull * read).sum(axis=1)
         own = [base @ session.basis, (base * past).sum(axis=1), gain.sum(axis=1)]
         of_cells.append(np.column_stack(own))
         pull *= cell[-1] * slope
