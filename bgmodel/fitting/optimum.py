@@ -22,7 +22,7 @@ STEP = 1e-4
 """Step of derivatives, as a share of a parameter's scale."""
 SHORT, LONG = 30, 200
 """Iterations along slopes from each start, and from the best of the points reached."""
-POLISHED, MOST_DAMPING, GAINED_NATS, SCORED_NATS = 20, 1e3, 1e-3, 0.1
+POLISHED, MOST_DAMPING, GAINED_NATS, SCORED_SHARE = 20, 1e3, 1e-3, 3e-8
 """Most steps along the scores, their largest damping, and the gain below which they end: a larger
 one if the search is along scores alone, of hundreds of numbers."""
 SINGULAR = 1e-10
@@ -132,8 +132,7 @@ def _scales(likelihood: Likelihood, first: Array) -> Array:
 def _along_slopes(likelihood: Likelihood, starts: Sequence[Array], tell: Tell) -> tuple[Array, int]:
     """Return the best point reached along slopes, and the number of evaluations."""
     if likelihood.scored:
-        first = _within(likelihood, starts[0])
-        vector, value, count = _polished(likelihood, first, likelihood.height(first), LONG)
+        vector, value, count = _slid(likelihood, _within(likelihood, starts[0]))
         if tell is not None:
             tell(count, value)
         return vector, count
@@ -181,6 +180,30 @@ def _climbed(likelihood: Likelihood, start: Array, iterations: int) -> tuple[Arr
     return outer(found.x), -float(found.fun), int(found.nfev) * (len(start) + 1)
 
 
+def _slid(likelihood: Likelihood, start: Array) -> tuple[Array, float, int]:
+    """Return the best point, its height and the number of evaluations of a search along scores."""
+    from scipy.optimize import minimize
+
+    freed = likelihood.freedom
+    precision = freed.prior_slope(start)[1] + (likelihood.scores(start) ** 2).sum(axis=0)
+    unit = 1 / (np.sqrt(precision) * freed.scale_rate(start))
+    low, high = freed.to_scale(freed.low) / unit, freed.to_scale(freed.high) / unit
+
+    def outer(x: Array) -> Array:
+        return np.asarray(np.clip(freed.from_scale(x * unit), freed.low, freed.high))
+
+    def falling(x: Array) -> tuple[float, Array]:
+        vector = outer(x)
+        slope = likelihood.scores(vector).sum(axis=0) + freed.prior_slope(vector)[0]
+        return -likelihood.height(vector), -slope * freed.scale_rate(vector) * unit
+
+    bounds = list(zip(low, high, strict=True))
+    options = {"maxiter": LONG, "ftol": SCORED_SHARE, "maxcor": 30}
+    first = freed.to_scale(start) / unit
+    found = minimize(falling, first, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+    return outer(found.x), -float(found.fun), int(found.nfev) * (len(start) + 1)
+
+
 def _polished(
     likelihood: Likelihood, vector: Array, value: float, most: int = POLISHED
 ) -> tuple[Array, float, int]:
@@ -205,6 +228,6 @@ def _polished(
             damping *= 10 if gained <= 0 else 0.1
         if gained > 0:
             vector, value = there, value + gained
-        if gained < (SCORED_NATS if likelihood.scored else GAINED_NATS):
+        if gained < GAINED_NATS:
             break
     return vector, value, evaluations

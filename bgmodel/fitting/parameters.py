@@ -185,6 +185,12 @@ class ParameterSpace:
         """Return numbers (numbers,) from those on the scale of their parameters."""
         return np.array([SCALES[s][1](x) for s, x in zip(self._scales, scaled, strict=True)])
 
+    def scale_rate(self, vector: Array) -> Array:
+        """Return the change of each number by its scale, (numbers,)."""
+        scaled = self.to_scale(vector)
+        change = (self.from_scale(scaled + 1e-6) - self.from_scale(scaled - 1e-6)) / 2e-6
+        return np.where(self.rescaled, change, 1.0)
+
     @cached_property
     def _priors(self) -> tuple[Integers, Array, Array]:
         """Places, medians and standard deviations, on the scale, of the numbers with a prior."""

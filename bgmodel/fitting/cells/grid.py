@@ -117,41 +117,48 @@ def passed(
     bins, scale = session.counts.shape[2], values.get("nats_per_click", 1.0)
     sums = session.sums(*(values[name] for name in SUMS))
     first, steps, choice = _pieces(session, values, n, sums)
-    x = sums[:, :bins, None] + n
+    # Spikes by bins that belong to a trial, (these bins, values).
+    x = sums[:, :bins][on][:, None] + n
     read, slope = reading.read(scale * x)
     log_spikes, pulls = np.zeros(x.shape), []
     for count, past, cell in zip(session.counts, session.past, cells, strict=True):
-        base = session.basis @ cell[:-2] + cell[-2] * past
-        rate, rise = reading.rate(base[:, :, None] + cell[-1] * read)
-        log_spikes += count[:, :, None] * np.log(rate * BIN_S) - rate * BIN_S
+        base, count = (session.basis @ cell[:-2] + cell[-2] * past)[on], count[on][:, None]
+        log, rate, rise = reading.rate(base[:, None], cell[-1] * read)
+        rate *= BIN_S
+        log_spikes += count * log - rate
         if free is not None:
-            pulls.append((count[:, :, None] / rate - BIN_S) * rise)
-    top = log_spikes.max(axis=2)
-    spikes = np.exp((log_spikes - top[:, :, None]) * on[:, :, None])
-    ahead, size = np.empty(x.shape), np.ones(on.shape)
+            pulls.append((count - rate, rise))
+    log_spikes += np.log(BIN_S) * session.counts.sum(axis=0)[on][:, None]
+    top, spikes = np.zeros(on.shape), np.ones((*on.shape, len(n)))
+    top[on] = log_spikes.max(axis=1)
+    spikes[on] = np.exp(log_spikes - top[on][:, None])
+    ahead, size = np.empty(spikes.shape), np.ones(on.shape)
     for k in range(bins):
         now = np.where(on[:, k, None], ahead[:, k - 1] @ steps, ahead[:, k - 1]) if k else first
         now = now * spikes[:, k]
         size[:, k] = now.sum(axis=1)
         ahead[:, k] = now / size[:, k, None]
     end = (ahead[:, -1] * choice).sum(axis=1)
-    log_density = (top * on).sum(axis=1) + np.log(size).sum(axis=1) + np.log(end)
+    log_density = top.sum(axis=1) + np.log(size).sum(axis=1) + np.log(end)
     if free is None:
         return Passed(log_density, {}, [])
     forward = _Forward(n, sums, steps, choice, spikes, ahead, size, end)
     behind, weighted = _backward(session, forward)
-    paths = ahead * behind * on[:, :, None]
-    by_sum, by_scale, of_cells = np.zeros(sums.shape), np.zeros(len(x)), []
-    for pull, past, cell in zip(pulls, session.past, cells, strict=True):
+    paths = ahead[on] * behind[on]
+    by_sum, by_scale, of_cells = np.zeros(sums.shape), np.zeros(on.shape), []
+    for (pull, rise), past, cell in zip(pulls, session.past, cells, strict=True):
         pull *= paths
-        base = pull.sum(axis=2)
-        gain = (pull * read).sum(axis=(1, 2))
-        of_cells.append(np.column_stack([base @ session.basis, (base * past).sum(axis=1), gain]))
+        base, gain = np.zeros(on.shape), np.zeros(on.shape)
+        base[on] = pull.sum(axis=1)
+        pull *= rise
+        gain[on] = (pull * read).sum(axis=1)
+        own = [base @ session.basis, (base * past).sum(axis=1), gain.sum(axis=1)]
+        of_cells.append(np.column_stack(own))
         pull *= cell[-1] * slope
-        by_sum[:, :bins] += scale * pull.sum(axis=2)
-        by_scale += (pull * x).sum(axis=(1, 2))
+        by_sum[:, :bins][on] += scale * pull.sum(axis=1)
+        by_scale[on] += (pull * x).sum(axis=1)
     shared = {
-        name: by_scale if name == "nats_per_click"
+        name: by_scale.sum(axis=1) if name == "nats_per_click"
         else _by_shared(session, values, name, forward, behind, weighted, by_sum)
         for name in free
     }  # fmt: skip

@@ -47,7 +47,7 @@ SHARED = (
 )  # fmt: skip
 """Parameters that all cells share; those of adaptation are from Brunton et al. (2013)."""
 SCALE = Parameter(
-    "nats_per_click", 0.005, 2.0, 0.1, "input to a circuit per click, nats", scale="log"
+    "nats_per_click", 0.005, 5.0, 0.1, "log odds of the two sides per click, nats", scale="log"
 )
 WARM = 12
 """Iterations of the regression from which a search starts."""
@@ -162,15 +162,14 @@ class CellsLikelihood(Likelihood):
             design, spikes = np.column_stack([basis, past[on], read]), count[on]
             mean = max(float(spikes.mean()) / BIN_S, 0.1)
             numbers = np.zeros(design.shape[1])
-            numbers[:KNOTS] = mean if reading.linear else np.log(mean)
+            numbers[:KNOTS] = np.log(mean)
             for _ in range(WARM):
-                rate, rise = reading.rate(design @ numbers)
-                weight = BIN_S * rise**2 / rate
-                slope = design.T @ ((spikes / rate - BIN_S) * rise)
-                step = np.linalg.solve(
-                    (design.T * weight) @ design + 0.1 * np.eye(len(numbers)), slope
-                )
-                numbers = numbers + np.clip(step, *((-8, 8) if reading.linear else (-1, 1)))
+                base, drive = design[:, :-1] @ numbers[:-1], numbers[-1] * read
+                _, rate, rise = reading.rate(base, drive)
+                moved = np.column_stack([design[:, :-1], rise * read])
+                curve = BIN_S * (moved.T * rate) @ moved + 0.1 * np.eye(len(numbers))
+                step = np.linalg.solve(curve, moved.T @ (spikes - BIN_S * rate))
+                numbers = numbers + np.clip(step, -1, 1)
             found.append(numbers)
         return found
 
@@ -216,7 +215,9 @@ def drawn(
     for k in range(bins + 1):
         last = session.bins == k
         if last.any():
-            left, added = moved(values["leak_per_s"], values["noise"], session.end_s - past_s)
+            left, added = moved(
+                values["leak_per_s"], values["noise"], np.maximum(session.end_s - past_s, 0.0)
+            )
             final = np.where(last, left * n + np.sqrt(added) * rng.standard_normal(count), final)
         if k == bins:
             break
@@ -228,7 +229,8 @@ def drawn(
         read = reading.read(values.get(SCALE.name, 1.0) * (sums[:, k] + n))[0]
         for own, cell, now in zip(level, cells, found, strict=True):
             past = recent(own / share[k])
-            rate = reading.rate(session.basis[k] @ cell[:-2] + cell[-2] * past + cell[-1] * read)[0]
+            base = session.basis[k] @ cell[:-2] + cell[-2] * past
+            rate = reading.rate(base, cell[-1] * read)[1]
             now[:, k] = rng.poisson(rate * BIN_S) * session.on[:, k]
             own *= np.exp(-BIN_S / PAST_S)
             own += now[:, k] * np.exp(-BIN_S / 2 / PAST_S) / PAST_S
@@ -266,21 +268,19 @@ class RecordedCells:
     @property
     def shared(self) -> tuple[Parameter, ...]:
         """Parameters of the sum and of the choice."""
-        return SHARED if self.reading.curve is None else (*SHARED, SCALE)
+        return (*SHARED, SCALE) if self.reading.scaled else SHARED
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """All parameters: shared ones and those of each cell."""
-        most, sd, start = (400.0, 30.0, 5.0) if self.reading.linear else (15.0, 3.0, 1.0)
         own = []
         for session in sessions_of(self.trials):
             for cell in session.names:
                 *course, past, gain = numbers_of(cell)
-                own += [Parameter(x, -most, most, start, "Hz, or its log", prior=(start, sd))
-                        for x in course]  # fmt: skip
                 own += [
-                    Parameter(x, -most, most, 0.0, "", prior=(0.0, sd / 3)) for x in (past, gain)
+                    Parameter(x, -15.0, 15.0, 1.0, "log of Hz", prior=(1.0, 3.0)) for x in course
                 ]
+                own += [Parameter(x, -15.0, 15.0, 0.0, "", prior=(0.0, 1.0)) for x in (past, gain)]
         return (*self.shared, *own)
 
     def identity(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""How recorded cells read the sum of clicks: by a line, an exponential, a step, or a circuit."""
+"""How recorded cells read the sum of clicks: as log odds, posterior, step, or a nucleus."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.special import expit
 
 from bgmodel.integrators.given import checked_circuit, identity
 from bgmodel.support.arrays import Array
@@ -13,7 +14,8 @@ from circuits.circuit import Circuit
 from circuits.dynamics.fixed_point import solve, wired
 from circuits.errors import InputError, require
 
-FLOOR_HZ = 1e-3
+SHARPNESS, FLOOR, MOST_LOG = 8.0, 1e-4, 7.0
+"""Sharpness of the threshold of a linear reading, its least factor, and the largest log rate."""
 REACH_NATS, POINTS = 8.0, 321
 """Largest input for which a circuit is solved, on either side, and the number of inputs."""
 
@@ -28,8 +30,10 @@ class Reading:
         Its name.
     linear : bool
         Whether the rate is linear in the function of the sum (and 0 or more), or exponential.
-    step : float, optional
-        Clicks at which a step, a hyperbolic tangent, saturates; by default the line.
+    bent : float, optional
+        Input at which a hyperbolic tangent saturates; by default a line.
+    scaled : bool
+        Whether the input is in nats, with nats per click to be fitted, or in clicks.
     curve : (input (points,), nats; activity (points,)), optional
         The activity of a nucleus of a circuit in place of the line.
     circuit : Circuit, optional
@@ -38,7 +42,8 @@ class Reading:
 
     name: str
     linear: bool
-    step: float | None = None
+    bent: float | None = None
+    scaled: bool = False
     curve: tuple[Array, Array] | None = None
     circuit: Circuit | None = None
 
@@ -55,30 +60,38 @@ class Reading:
             below = place.astype(np.int64)
             rise = np.diff(rate)[below]
             return rate[below] + (place - below) * rise, rise / (at[1] - at[0])
-        if self.step is not None:
-            bent = np.tanh(x / self.step)
-            return bent, (1 - bent**2) / self.step
+        if self.bent is not None:
+            tanh = np.tanh(x / self.bent)
+            return tanh, (1 - tanh**2) / self.bent
         return x, np.ones_like(x)
 
-    def rate(self, predictor: Array) -> tuple[Array, Array]:
-        """Return the rate, Hz, and its derivative: a soft threshold at 0, or an exponential."""
+    def rate(self, base: Array, drive: Array) -> tuple[Array, Array, Array | float]:
+        """Return the logarithm of the rate, the rate, Hz, and the derivative of the log by drive.
+
+        The rate is exp(base) times 1 + drive, with a soft threshold at 0, or times exp(drive).
+        """
         if not self.linear:
-            found = np.exp(np.minimum(predictor, 7.0))
-            return found, found
-        small = np.exp(-np.abs(predictor))
-        rate = np.maximum(predictor, 0) + np.log1p(small) + FLOOR_HZ
-        return rate, np.where(predictor > 0, 1, small) / (1 + small)
+            log = np.minimum(base + drive, MOST_LOG)
+            return log, np.exp(log), 1.0
+        rise = SHARPNESS * (1 + drive)
+        factor = np.logaddexp(0, rise) / SHARPNESS + FLOOR
+        log = np.minimum(base + np.log(factor), MOST_LOG)
+        return log, np.exp(log), expit(rise) / factor
 
 
 READINGS = {
     each.name: each
     for each in (
         Reading("exponential", linear=False),
-        Reading("step", linear=False, step=1.0),
         Reading("linear", linear=True),
+        Reading("posterior", linear=False, bent=2.0, scaled=True),
+        Reading("step", linear=False, bent=1.0),
     )
 }
-"""Readings without a circuit."""
+"""Readings without a circuit.
+
+With log odds y of two sides, P of one less P of the other is tanh(y / 2).
+"""
 
 
 def reading_of(name: str) -> Reading:
@@ -105,5 +118,5 @@ def nucleus_reading(circuit: Circuit, nucleus: str, name: str) -> Reading:
     wiring = wired(circuit)
     drive = np.stack([lead / 2, -lead / 2], axis=1)
     rates = wiring.rates(solve(wiring, drive))[:, wiring.blocks_of(nucleus)][:, 0]
-    curve = (rates - rates[POINTS // 2]) / 10
-    return Reading(name, linear=True, curve=(lead, np.asarray(curve)), circuit=circuit)
+    activity = np.asarray((rates - rates[POINTS // 2]) / 10)
+    return Reading(name, linear=True, scaled=True, curve=(lead, activity), circuit=circuit)

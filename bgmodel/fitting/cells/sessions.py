@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Self
 
 import numpy as np
@@ -45,12 +45,12 @@ class Session:
     past: Array  # (cells, trials, bins), recent rate before each bin on a logarithmic scale
     basis: Array  # (bins, KNOTS)
 
-    @property
+    @cached_property
     def bins(self) -> Integers:
         """Number of bins of each trial, (trials,)."""
         return np.maximum((self.end_s / BIN_S + 1e-9).astype(np.int64), 1)
 
-    @property
+    @cached_property
     def on(self) -> Truths:
         """Whether a bin belongs to a trial, (trials, bins)."""
         return np.asarray(np.arange(self.counts.shape[2]) < self.bins[:, None])
@@ -72,18 +72,18 @@ class Session:
         Each click reduces the effect of the next ones to a share, ``adaptation``, from which it
         recovers (Brunton et al. 2013).
         """
+        when, seen = self._seen
         effect = self.click * _effects(self.click_s, adaptation, recovery_s)
-        bins = self.counts.shape[2]
+        grown = np.exp(leak_per_s * np.where(np.isfinite(self.click_s), self.click_s, 0.0))
+        total = np.pad((effect * grown).cumsum(axis=1), ((0, 0), (1, 0)))
+        return np.asarray(np.exp(-leak_per_s * when) * np.take_along_axis(total, seen, axis=1))
+
+    @cached_property
+    def _seen(self) -> tuple[Array, Integers]:
+        """Times of the sum, s, and the number of clicks until then, (trials, bins + 1)."""
         when = np.column_stack([np.tile(self.middles_s, (len(self.end_s), 1)), self.end_s])
-        found = np.zeros((len(self.end_s), bins + 1))
-        for k in range(self.click.shape[1]):
-            since = (
-                when - np.where(np.isfinite(self.click_s[:, k]), self.click_s[:, k], 1e9)[:, None]
-            )
-            seen = since >= 0
-            decay = np.exp(-leak_per_s * np.where(seen, since, 0.0))
-            found += np.where(seen, decay, 0.0) * effect[:, k, None]
-        return found
+        pairs = zip(self.click_s, when, strict=True)
+        return when, np.array([np.searchsorted(own, by, side="right") for own, by in pairs])
 
 
 def _effects(click_s: Array, adaptation: float, recovery_s: float) -> Array:

@@ -1,0 +1,105 @@
+"""Recorded striatal cells and choices: held-out nats of models and regressions, and controls."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from figures.cells.compared import (
+    CHOICES_ALONE,
+    MODELS,
+    NO_RECENT,
+    REFERENCE,
+    SHIPPED,
+    chosen_alone,
+    chosen_elsewhere,
+    controls,
+    courses,
+    recovered,
+    regressed,
+    scored,
+)
+from figures.pieces import Made, Piece, Score, main
+
+SEED, RECOVERY_SEED, TRIALS = 76_001, 76_002, 8601
+SESSIONS, SETS = (0, 3, 5, 8, 11), 10
+"""Sessions whose trials are simulated, and how often each."""
+Z90 = 1.6449
+
+
+def pieces(fast: bool, workers: int) -> Iterator[Piece]:
+    """Yield regressions with and without recent rates, models, and controls."""
+    for past in (True, False):
+        name = "recent rate" if past else "course"
+        yield Piece("regressed", name, TRIALS, 12, partial(regressed, SHIPPED, past))
+    yield Piece("scored", CHOICES_ALONE, TRIALS, 60, partial(chosen_alone, SHIPPED))
+    for model in (REFERENCE,) if fast else MODELS:
+        yield Piece("scored", model, TRIALS, 200, partial(scored, SHIPPED, model))
+    yield Piece("courses", REFERENCE, TRIALS, 110, partial(courses, SHIPPED))
+    yield Piece("controls", "spikes", TRIALS, 80, partial(controls, SHIPPED, SEED))
+    yield Piece("scored", "shuffled", TRIALS, 200, partial(chosen_elsewhere, SHIPPED, SEED))
+    for session in SESSIONS[:1] if fast else SESSIONS:
+        make = partial(recovered, SHIPPED, session, RECOVERY_SEED, 2 if fast else SETS)
+        yield Piece("recovered", f"session {session}", TRIALS, 60, make)
+
+
+def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
+    """Return nats by model and by cell, gains, courses, and recovery."""
+    scores, described = made["scored"], made["regressed"]
+    by_course, by_recent = (
+        _by(described[described["past"] == past], "cell", "apart") for past in (False, True)
+    )
+    regressions = pd.concat([
+        pd.DataFrame({"past": past, "nats": nats.sub(nats["psth"], axis=0).sum()}).reset_index()
+        for past, nats in ((False, by_course), (True, by_recent))
+    ])  # fmt: skip
+    cells = _by(scores[scores["cell"].notna()], "cell", "apart")
+    choices = _by(scores[scores["session"].notna()], "session", "choices")
+    models = []
+    for model, rows in scores.groupby("model", sort=False):
+        base = (by_course if model == NO_RECENT else by_recent)["psth"]
+        row: dict[Any, Any] = rows.drop(columns=["session", "cell", "apart"]).iloc[0].to_dict()
+        row |= rows[["together", "choices", "told"]].sum(min_count=1).to_dict()
+        row["together"] -= base.sum()
+        if model in cells:
+            row |= _against(cells[model] - base, "")
+            row |= _against(cells[model] - cells[REFERENCE], "_reference")
+        if rows["choices"].notna().any():
+            row |= _against(choices[model] - choices[CHOICES_ALONE], "_choices")
+        models.append(row)
+    both = pd.concat([cells.drop(columns=NO_RECENT, errors="ignore"), by_recent], axis=1)
+    each = both.drop(columns="psth").sub(by_recent["psth"], axis=0)
+    z = made["recovered"].groupby("number")["z"]
+    recovery = pd.DataFrame({
+        "covered": z.apply(lambda some: (some.abs() < Z90).mean()), "mean_z": z.mean(),
+        "intervals": z.size(),
+    })  # fmt: skip
+    return {
+        "regressions": ("regressed", regressions),
+        "models": ("scored", pd.DataFrame(models)),
+        "each": ("scored", each.melt(var_name="model", ignore_index=False).reset_index()),
+        "gains": ("controls", made["controls"]),
+        "courses": ("courses", made["courses"]),
+        "recovery": ("recovered", recovery.reset_index()),
+    }
+
+
+def _by(table: pd.DataFrame, unit: str, nats: str) -> pd.DataFrame:
+    """Return nats by cell or session, a column per model."""
+    return table.pivot(index=unit, columns="model", values=nats)
+
+
+def _against(apart: pd.Series[float], name: str) -> dict[str, float]:
+    """Return the sum of differences, and its standard error over cells or sessions."""
+    error = apart.std() * np.sqrt(apart.count())
+    return {f"nats{name}": float(apart.sum()), f"error{name}": float(error)}
+
+
+SCORE = Score("cells", SEED, (), pieces, tables, circuit="")
+
+if __name__ == "__main__":
+    main(SCORE)
