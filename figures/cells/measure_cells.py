@@ -28,7 +28,8 @@ from figures.pieces import Made, Piece, Score, main
 SEED, RECOVERY_SEED, TRIALS = 76_001, 76_002, 8601
 SESSIONS, SETS = (0, 3, 5, 8, 11), 10
 """Sessions whose trials are simulated, and how often each."""
-Z90 = 1.6449
+Z90, FEWEST_CELLS = 1.6449, 20
+"""Half of a 90 % interval in standard errors; fewest cells whose mean is shown."""
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
@@ -83,7 +84,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
         "models": ("scored", pd.DataFrame(models)),
         "each": ("scored", each.melt(var_name="model", ignore_index=False).reset_index()),
         "gains": ("controls", made["controls"]),
-        "courses": ("courses", made["courses"]),
+        "courses": ("courses", made["courses"][made["courses"]["cells"] >= FEWEST_CELLS]),
         "recovery": ("recovered", recovery.reset_index()),
     }
 
