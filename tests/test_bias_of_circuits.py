@@ -96,7 +96,7 @@ def test_parts_of_the_trials_add_up_with_a_bias_too(model):
 def test_stored_biases_are_read_back(tmp_path, monkeypatch):
     small = {"noise_nats": 2.0, "trials": 32, "folder": tmp_path}
     first = decided(Integrator(IDEAL, **small), 1.0, 0.3)
-    assert len([*tmp_path.glob("*.parquet")]) == 7  # none, and 0.2 to 0.6 to either response
+    assert len([*tmp_path.glob("*.npz")]) == 7  # none, and 0.2 to 0.6 to either response
     monkeypatch.setattr(CircuitModel, "_simulate", None)
     again = decided(Integrator(IDEAL, **small), 1.0, 0.3)
     np.testing.assert_array_equal(again, first)

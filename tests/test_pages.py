@@ -39,7 +39,6 @@ PARSED = {
     "bgmodel learn --task period_mm=2 --xi 50 --start 0.5 --save gaps": "the guide to evidence",
     "bgmodel touch": "it takes minutes or waits for images; tests of the commands do less",
     "bgmodel decide --task edge-turn": "there is no table of decoded taps",
-    "bgmodel fit trials.csv --strength contrast --columns": "tests of withheld responses fit one",
     "bgmodel fit trials.csv --strength contrast --formula": "tests of formulas fit one",
     "bgmodel fit search.csv": "there is no such table; a test of the command writes one",
     "bgmodel fit go_no_go.csv": "there is no such table; tests of trials without times make one",

@@ -27,7 +27,7 @@ FILTERS = {"catch_warnings", "simplefilter", "filterwarnings", "resetwarnings", 
 ALONE = {"bgmodel/tactile/onnx_file.py", "circuits/compiled_code.py"}
 """The module that silences another library, in a command that starts no thread; and the one that
 keeps another library from doing so."""
-DIRECT = {"circuits/errors.py", "circuits/compiled_code.py"}
+DIRECT = {"circuits/errors.py", "circuits/store.py"}
 """Modules that issue warnings themselves: that of the machine has no category of the package."""
 CELL = "MODEL.decide(STRONG, posterior=0.8)"
 

@@ -350,7 +350,9 @@ def courses(folder: str) -> pd.DataFrame:
             side = np.sign(gain)
             third = np.searchsorted(np.quantile(side * ends, (1 / 3, 2 / 3)), side * ends)
             preferred = np.where(side > 0, session.choice, 1 - session.choice)
-            for (clicks, choice), k in itertools.product(GROUPS, range(session.on.shape[1])[:SHOWN]):
+            for (clicks, choice), k in itertools.product(
+                GROUPS, range(session.on.shape[1])[:SHOWN]
+            ):
                 some = session.on[:, k] & (third == clicks) & (preferred == choice)
                 mean = count[session.on[:, k], k].mean()
                 if some.sum() >= FEWEST and mean > 0:

@@ -32,7 +32,13 @@ def draw(
                 color=color, mfc=color if choice else "w",
             )  # fmt: skip
     axes[0].set(xlabel="time from onset (s)", ylabel="rate / mean rate of the cell")
-    axes[0].legend(frameon=False, fontsize=7, title="clicks, preferred side", title_fontsize=7)
+    axes[0].legend(
+        frameon=False,
+        loc="lower left",
+        fontsize=7,
+        title="clicks, preferred side",
+        title_fontsize=7,
+    )
     letter(axes[0], "a  clicks and choice")
     fitted = read_table(models).dropna(subset=["nats"])
     fitted = fitted[fitted["model"] != "no recent rate"]

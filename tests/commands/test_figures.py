@@ -18,7 +18,7 @@ from tests.helpers import ROOT
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["fig99"], "L4, T1 or files in figures/out, got 'fig99'"),
+        (["fig99"], "S1, T1 or files in figures/out, got 'fig99'"),
         (["fig3", "all_of_them", "--fast"], "files in figures/fast, got 'all_of_them'"),
         (["figures/out/fig3.png", "--fast"], "files in figures/fast, got 'figures/out/fig3.png'"),
     ],
