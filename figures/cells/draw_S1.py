@@ -31,7 +31,9 @@ def draw(
                 rows["time_s"], rows["recorded"], rows["error"], fmt="o", ms=2.5, lw=0.6,
                 color=color, mfc=color if choice else "w",
             )  # fmt: skip
-    axes[0].set(xlabel="time from onset (s)", ylabel="rate / mean rate of the cell")
+    axes[0].set(
+        xlabel="time from onset (s)", ylabel="rate / mean rate of the cell", ylim=(0.2, 1.6)
+    )
     axes[0].legend(
         frameon=False,
         loc="lower left",
