@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -20,7 +21,8 @@ STOP_NATS, STOP_DELAY_MS, SIGNAL_MS = 1.0, 60.0, 150.0
 
 
 def rest_rows(task: Task, model: BasalGanglia, count: int) -> pd.DataFrame:
-    """Return the rates without evidence, for which a circuit needs no threshold."""
+    """Return the rates without evidence or courses, for which a circuit needs no threshold."""
+    model = replace(model, circuit=model.circuit.steady)
     silence = np.zeros((count, 1, task.channels))
     activity = model.run_drive(silence, REST_MS)
     parts = [

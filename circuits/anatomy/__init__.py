@@ -16,6 +16,7 @@ from circuits.anatomy.exact import appendix_b, bogacz_gurney, linear_gpe
 from circuits.anatomy.gpr import gpr
 from circuits.anatomy.humphries import humphries
 from circuits.anatomy.macaque import macaque
+from circuits.anatomy.macaque_tuned import macaque_tuned
 from circuits.anatomy.spiking_msprt import spiking_msprt
 from circuits.anatomy.stewart import stewart
 from circuits.circuit import Circuit
@@ -33,11 +34,12 @@ __all__ = [
     "linear_gpe",
     "load_circuit",
     "macaque",
+    "macaque_tuned",
     "spiking_msprt",
     "stewart",
 ]
 
-_TABLES = (bogacz_gurney, appendix_b, linear_gpe, macaque, spiking_msprt, gpr, humphries, stewart)
+_TABLES = (bogacz_gurney, appendix_b, linear_gpe, macaque, macaque_tuned, spiking_msprt, gpr, humphries, stewart)
 CIRCUITS: dict[str, Callable[..., Circuit]] = {table.__name__: table for table in _TABLES}
 """All tables by name; each takes the number of channels."""
 MOST_COMPARED = 12
