@@ -128,7 +128,12 @@ class Exam:
         results = Results(simulation, self.questions.tasks, seed)
         rows = [_row(number, included, results) for number in self.questions.numbers]
         circuits = {str(channels): identity(one) for channels, one in simulation.circuits.items()}
-        about = {"circuits": circuits, "share": share, "motifs": motifs, **_operating_point(simulation)}
+        about = {
+            "circuits": circuits,
+            "share": share,
+            "motifs": motifs,
+            **_operating_point(simulation),
+        }
         return self._record(model.name, rows, seed, about)
 
     def mark(

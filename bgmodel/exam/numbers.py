@@ -259,8 +259,8 @@ class NumberList:
 
 
 ORDER = (
-    "rest", "blocks", "activity", "conflict", "stimulation", "lesions", "dopamine", "beta", "stopping",
-    "alternatives", "times", "optimality",
+    "rest", "blocks", "losses", "activity", "conflict", "stimulation", "lesions", "dopamine",
+    "beta", "stopping", "alternatives", "times", "optimality",
 )  # fmt: skip
 """Files of the shipped list, in order."""
 

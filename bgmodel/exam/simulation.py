@@ -110,9 +110,7 @@ class Simulation:
             return replace(circuit.add(*motifs), unedited=circuit.unedited)
 
     @once
-    def tuned(
-        self, channels: int, motifs: tuple[str, ...] = ()
-    ) -> tuple[BasalGanglia, Tradeoff]:
+    def tuned(self, channels: int, motifs: tuple[str, ...] = ()) -> tuple[BasalGanglia, Tradeoff]:
         """Return the unedited model and its decisions on trials that are used for nothing else."""
         circuit = self.circuit(channels, motifs)
         engine = self.model.tuned(circuit, workers=self.workers)
@@ -142,9 +140,10 @@ class Simulation:
             )
         return float(nearest.settings[0])
 
-    def edited(self, task: Task) -> BasalGanglia:
-        """Return the model with the edits of a task."""
-        model, _ = self.tuned(task.channels, task.motifs)
+    def edited(self, task: Task, model: BasalGanglia | None = None) -> BasalGanglia:
+        """Return a model, by default the tuned one, with the edits of a task."""
+        if model is None:
+            model, _ = self.tuned(task.channels, task.motifs)
         if not task.edits:
             return model
         if any(line.startswith(("rebound", "compensate")) for line in task.edits):
@@ -219,7 +218,7 @@ class Simulation:
             self.circuit(task.channels)
             with quiet(), scored_errors():  # the gain has no effect without evidence
                 model = self.model.integrator(task.channels, gain=1.0, seed=self.seed, **recorded)
-                return rest_rows(task, model, count)
+                return rest_rows(task, self.edited(task, model), count)
         level = self.level(task.channels, task.accuracy, task.motifs)
         model = self.edited(task)
         evidence = drawn(task, count, self.seed)

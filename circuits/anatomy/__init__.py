@@ -39,7 +39,17 @@ __all__ = [
     "stewart",
 ]
 
-_TABLES = (bogacz_gurney, appendix_b, linear_gpe, macaque, macaque_tuned, spiking_msprt, gpr, humphries, stewart)
+_TABLES = (
+    bogacz_gurney,
+    appendix_b,
+    linear_gpe,
+    macaque,
+    macaque_tuned,
+    spiking_msprt,
+    gpr,
+    humphries,
+    stewart,
+)
 CIRCUITS: dict[str, Callable[..., Circuit]] = {table.__name__: table for table in _TABLES}
 """All tables by name; each takes the number of channels."""
 MOST_COMPARED = 12

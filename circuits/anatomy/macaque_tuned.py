@@ -1,48 +1,61 @@
-"""The macaque's circuit moved to the animal's rates at rest and to beta, without a change of OUT."""
+"""The macaque's circuit with the animal's resting rates and beta, which leave OUT = -ln P."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from circuits.anatomy.macaque import macaque
-from circuits.cells import Phase
+from circuits.anatomy.macaque import LIENARD, MOST_LEAD_NATS, macaque
 from circuits.circuit import Circuit
-from circuits.declaration.rows import GABA, Population, Projection
+from circuits.declaration.rows import Population, Projection
 from circuits.laws.members import moved
 
-CELLS = {"ctx": 1500, "D1": 12_000, "D2": 2000, "STN": 800, "GPe": 600, "SNr": 1200}
-RESTING = {
-    "ctx.gain_hz_per_nat": 16.0,
+RATES = {
+    "ctx.gain_hz_per_nat": 16.0,  # 36 Hz before the evidence
     "D1.gain_hz_per_nat": 2.56,
-    "D2.baseline_hz": 0.5, "D2.gain_hz_per_nat": 0.25,
-    "STN.gain_hz_per_nat": 12.44,
-    "SNr.baseline_hz": 40.0, "SNr.gain_hz_per_nat": 40.0,
-}  # fmt: skip
+    "D2.baseline_hz": 0.5,
+    "D2.gain_hz_per_nat": 0.5,
+    "STN.gain_hz_per_nat": 12.44,  # 16 Hz with two alternatives
+    # With STN's input, 2.6 nats at rest, blocked, SNr still fires, and without any input at 54 Hz.
+    "SNr.baseline_hz": 54.0,
+    "SNr.gain_hz_per_nat": 20.0,
+    "GPe.gain_hz_per_nat": 20.0,
+}
+"""Baselines and gains that are tuned to resting rates, also under block of receptors."""
 LOOP = {"STN.tau_ms": 14.0, "GPe->STN.tau_ms": 12.0, "GPe->STN.weight": -0.45, "Sigma0": 2.6}
+"""A stronger and slower loop, tuned to a peak of 8 to 15 Hz at half the dopamine."""
 LEGS = {
-    "ctx->D1.tau_ms": 2.0, "ctx->D2.tau_ms": 2.0, "ctx->STN.tau_ms": 2.0,
-    "D1->SNr.tau_ms": 4.0, "STN->SNr.tau_ms": 18.0,
-}  # fmt: skip
-FSI, D1_ABOVE_NATS = 0.15, 0.1
-import os
+    "ctx->D1.tau_ms": 2.0,
+    "ctx->D2.tau_ms": 2.0,
+    "ctx->STN.tau_ms": 2.0,
+    "D1->SNr.tau_ms": 4.0,
+    "STN->SNr.tau_ms": 18.0,
+}
+"""Synapses on the way from cortex to SNr, so that D1 and STN reach it at the same time."""
+CELLS = {"ctx": 1500, "D1": 10_000, "D2": 800, "STN": 800, "GPe": 1500, "SNr": 2400}
+"""Cells of a channel: where a nat is fewer Hz, more cells carry it with the same noise."""
+FROM_FSI, MORE_D1_NATS = 0.15, 0.1
+MACAQUE = ("rate tuned", "rate", "cells and rate", "range of rates tuned")
+
+
 def macaque_tuned(channels: int = 2) -> Circuit:
+    """Return the circuit ``macaque`` moved along the free directions of OUT = -ln P.
+
+    Rates in Hz, the time constants of the loop of STN and GPe, its share and Sigma at rest do not
+    enter OUT at the fixed point (``circuits.laws.family``). They are tuned to numbers of the exam:
+    resting rates, also with receptors blocked, beta after dopamine loss and cortex before the
+    response. Those of ``SNr`` are the published ones with two alternatives.
+
+    Striatal fast-spiking interneurons (FSI) of a channel subtract from D1 a part of the cortical
+    input, which the weight ctx->D1 adds, so that they cancel.
+    """
     circuit = macaque(channels)
+    rest = circuit.drive_gain * circuit.rest_drive
     for name, neurons in CELLS.items():
         circuit = circuit.with_population(name, neurons=neurons)
-    circuit = moved(circuit, {**RESTING, **LOOP, **LEGS})
-    for name in ("D1", "SNr"):
-        bias = circuit.population(name).bias_nats + D1_ABOVE_NATS
-        circuit = circuit.with_population(name, bias_nats=bias)
-    # Each channel's FSI subtract from D1 what its cortex adds beyond the weight that OUT needs.
-    more = circuit.pathway("ctx", "D1").weight + FSI if hasattr(circuit, "pathway") else None
+    circuit = moved(circuit, RATES | LOOP | LEGS)
     weight = next(p.weight for p in circuit.projections if p.pair == "ctx->D1")
-    rest = 2.2
-    circuit = circuit.with_projection("ctx", "D1", "", weight=weight + FSI)
-    circuit = circuit.with_population("D1", bias_nats=circuit.population("D1").bias_nats - FSI * rest)
-    circuit = circuit.add(
-        Population("FSI", Phase(0.5), baseline_hz=11.0, gain_hz_per_nat=5.0, transmitter=GABA, neurons=300,
-            bias_nats=-rest, heterogeneity=0.3, cite="assumed", published_hz=(7.8, 14.0)),
-        Projection("ctx", "FSI", 1.0, delay_ms=7, tau_ms=4, cite="assumed"),
-        Projection("FSI", "D1", -FSI, delay_ms=1, tau_ms=4, cite="assumed"),
-    )
-    return replace(circuit, name="macaque_tuned", unedited=None, exact=True, readout_tau_ms=16, default_gain=.65 , max_lead_nats=macaque(channels).max_lead_nats)
+    circuit = circuit.with_projection("ctx", "D1", weight=weight + FROM_FSI)
+    for name, more in (("D1", MORE_D1_NATS - FROM_FSI * rest), ("SNr", MORE_D1_NATS)):
+        bias = circuit.population(name).bias_nats + more
+        circuit = circuit.with_population(name, bias_nats=bias)
+    fsi, onto_fsi, *_ = motif(circuit)
