@@ -65,6 +65,7 @@ def load_circuit(name: str | Path, channels: int | None = None) -> Circuit:
         The path of a .toml file, or the name of a circuit:
 
         - "macaque": spiking basal ganglia of the macaque, driven by raw evidence;
+        - "macaque_tuned": the same computation with the animal's resting rates and beta;
         - "spiking_msprt": spiking cells that compute the MSPRT;
         - "bogacz_gurney": the exact circuit of Bogacz & Gurney (2007), where OUT = -ln P;
         - "appendix_b": the exact circuit with all pathways (their appendix B);

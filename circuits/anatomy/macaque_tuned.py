@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
 
-from circuits.anatomy.macaque import LIENARD, MOST_LEAD_NATS, macaque
+from circuits.anatomy.macaque import LIENARD, MOST_LEAD_NATS, OF_TWO, SHEN, macaque
 from circuits.circuit import Circuit
-from circuits.declaration.rows import Population, Projection
+from circuits.declaration.motifs import FEEDFORWARD, striatal_fsi
+from circuits.declaration.rows import Projection
 from circuits.laws.members import moved
 
 RATES = {
@@ -34,28 +36,43 @@ LEGS = {
 CELLS = {"ctx": 1500, "D1": 10_000, "D2": 800, "STN": 800, "GPe": 1500, "SNr": 2400}
 """Cells of a channel: where a nat is fewer Hz, more cells carry it with the same noise."""
 FROM_FSI, MORE_D1_NATS = 0.15, 0.1
-MACAQUE = ("rate tuned", "rate", "cells and rate", "range of rates tuned")
+"""What a channel's FSI take from D1, nats per nat, and how much higher D1 rests, nats."""
+TUNED_LOOP = f"delay {LIENARD}; tau, share tuned; D2 {SHEN}"
+TUNED_STN = f"{OF_TWO}; tau tuned; heterogeneity assumed; cells tuned"
 
 
 def macaque_tuned(channels: int = 2) -> Circuit:
     """Return the circuit ``macaque`` moved along the free directions of OUT = -ln P.
 
     Rates in Hz, the time constants of the loop of STN and GPe, its share and Sigma at rest do not
-    enter OUT at the fixed point (``circuits.laws.family``). They are tuned to numbers of the exam:
-    resting rates, also with receptors blocked, beta after dopamine loss and cortex before the
-    response. Those of ``SNr`` are the published ones with two alternatives.
+    enter OUT at the fixed point (``circuits.laws.family``). Here they are tuned to numbers of the
+    exam: resting rates of two alternatives, also with receptors blocked, beta after dopamine loss,
+    and the cortical rate of alternatives that are not chosen.
 
-    Striatal fast-spiking interneurons (FSI) of a channel subtract from D1 a part of the cortical
-    input, which the weight ctx->D1 adds, so that they cancel.
+    The striatal fast-spiking interneurons (FSI) of a channel take from D1 a part of the cortical
+    input, which a larger weight ctx->D1 restores.
     """
     circuit = macaque(channels)
-    rest = circuit.drive_gain * circuit.rest_drive
     for name, neurons in CELLS.items():
         circuit = circuit.with_population(name, neurons=neurons)
     circuit = moved(circuit, RATES | LOOP | LEGS)
     weight = next(p.weight for p in circuit.projections if p.pair == "ctx->D1")
     circuit = circuit.with_projection("ctx", "D1", weight=weight + FROM_FSI)
-    for name, more in (("D1", MORE_D1_NATS - FROM_FSI * rest), ("SNr", MORE_D1_NATS)):
+    circuit = circuit.with_projection("GPe", "STN", cite=TUNED_LOOP)
+    circuit = circuit.with_population("STN", cite=TUNED_STN, cite_more="")
+    less = FROM_FSI * circuit.rest_drive
+    for name, more in (("D1", MORE_D1_NATS - less), ("SNr", MORE_D1_NATS)):
         bias = circuit.population(name).bias_nats + more
         circuit = circuit.with_population(name, bias_nats=bias)
-    fsi, onto_fsi, *_ = motif(circuit)
+    cells, onto_cells, *_ = striatal_fsi(circuit)
+    to_d1 = Projection("FSI", "D1", -FROM_FSI, delay_ms=1, tau_ms=4, cite=FEEDFORWARD)
+    return replace(
+        circuit.add(cells, onto_cells, to_d1),
+        name="macaque_tuned",
+        about="basal ganglia of a macaque with its resting rates, also without STN's input, and beta",
+        unedited=None,
+        exact=True,
+        readout_tau_ms=16,
+        default_gain=0.65,
+        max_lead_nats=MOST_LEAD_NATS.get(channels, inf),
+    )
