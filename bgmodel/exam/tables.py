@@ -147,8 +147,8 @@ def _needs_unit(table: pd.DataFrame, bare: str, name: str, allowed: str) -> None
     """Refuse a table without the column, naming the unit if only that is missing."""
     if name in table:
         return
-    said = f"the column {bare} has no unit" if bare in table else f"there is no column {name}"
-    raise InputError(f"{said}: name it {allowed}", name)
+    problem = f"the column {bare} has no unit" if bare in table else f"there is no column {name}"
+    raise InputError(f"{problem}: name it {allowed}", name)
 
 
 def _known(table: pd.DataFrame, name: str, allowed: tuple[str, ...]) -> None:

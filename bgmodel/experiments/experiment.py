@@ -168,29 +168,29 @@ class Experiment(ExperimentRecord):
             weights = weights_of(evidence.trials, self.seed)
         else:
             weights = resampled(evidence.trials, RESAMPLES, stream(self.seed, "bootstrap"), groups)
-        found: list[dict[str, Any]] = []
+        per_condition: list[dict[str, Any]] = []
         trials, go = [], 0
         for (name, condition), model, drive in zip(both.items(), models, read, strict=True):
             key = None if kept is None else self._key(condition, model)
             behave = partial(condition.behaviour, model, drive)
             behaviour = memory.once("behaviour", key, behave)
             _check_decided(name, behaviour, self.waited_ms)
-            found.append(memory.once("measures", key, partial(behaviour.measures, weights)))
+            per_condition.append(memory.once("measures", key, partial(behaviour.measures, weights)))
             about = f"{model.circuit.name} {model.engine}"
             decided = behaviour.in_time()
             table = trial_table(decided, given, seed=self.seed, model=about, condition=name)
             trials.append(table.assign(**behaviour.columns()))
             go = int(behaviour.go.sum())
-        measures = _table(found, go, evidence.trials - go)
+        measures = _table(per_condition, go, evidence.trials - go)
         if unchanged(measures):
             EditWarning.warn(
                 f"{UNCHANGED}: the manipulation has no effect on the {self.engine} engine, or none "
                 "within a trial; check its units and times"
             )
-        if said := uncalibrated(self, measures):
-            CalibrationWarning.warn(said)
-        whole = pd.concat(trials, ignore_index=True)
-        return Outcome(self, given, tuple(models), measures, whole)
+        if warning := uncalibrated(self, measures):
+            CalibrationWarning.warn(warning)
+        all_trials = pd.concat(trials, ignore_index=True)
+        return Outcome(self, given, tuple(models), measures, all_trials)
 
     def _key(self, condition: Observed, model: BasalGanglia) -> Hashable:
         """Return what the behaviour of a condition depends on; None if it is not to be kept."""
@@ -251,7 +251,7 @@ class Outcome(Facts):
     def facts(self) -> dict[str, str]:
         """Return the number of trials, the circuit, and each condition's accuracy and mean time."""
         model, values = self.models[0], self.measures.set_index(["condition", "measure"])["value"]
-        found = {
+        facts = {
             "trials": f"{self.given.evidence.trials} per condition",
             "circuit": model.circuit.name,
             "engine": model.engine.id,
@@ -262,17 +262,21 @@ class Outcome(Facts):
         for condition in CONDITIONS:
             sign = "+" if condition == "change" else ""
             accuracy, mean_ms = values[condition, "accuracy"], values[condition, "mean_ms"]
-            found[condition] = f"accuracy {accuracy:{sign}.3f} in {mean_ms:{sign}.0f} ms"
-        return found
+            facts[condition] = f"accuracy {accuracy:{sign}.3f} in {mean_ms:{sign}.0f} ms"
+        return facts
 
     def summary(self) -> pd.DataFrame:
         """Return a readable table of each measure in both conditions, and of its change."""
         shown = self.measures[self.measures["condition"].isin(CONDITIONS)]
-        found: dict[str, pd.Series] = {}
+        columns: dict[str, pd.Series] = {}
         for name in CONDITIONS:
             rows = shown[shown["condition"] == name].set_index("measure")
-            found |= {name: rows["value"], f"{name}_low": rows["low"], f"{name}_high": rows["high"]}
-        return Readable(found).round(3)
+            columns |= {
+                name: rows["value"],
+                f"{name}_low": rows["low"],
+                f"{name}_high": rows["high"],
+            }
+        return Readable(columns).round(3)
 
     def verdicts(self) -> pd.DataFrame:
         """Return each prediction with the observed change, the verdict and its reason."""
@@ -319,14 +323,14 @@ class Outcome(Facts):
         return forest(self.measures, self.verdicts(), self.published(), title)
 
 
-def _table(found: list[dict[str, Any]], trials: int, stops: int) -> pd.DataFrame:
+def _table(per_condition: list[dict[str, Any]], trials: int, stops: int) -> pd.DataFrame:
     """Return the measures of both conditions and of their change as a table."""
-    control, manipulation = found
+    control, manipulation = per_condition
     change = {name: manipulation[name] - control[name] for name in control}
     # The change in per cent is undefined for a control of 0.
     of = {name: np.where(control[name] == 0, np.nan, control[name]) for name in RELATIVE}
     percent = {name: 100 * change[name] / of[name] for name in RELATIVE}
-    counts = [int(values["decided"][0]) for values in found]
+    counts = [int(values["decided"][0]) for values in per_condition]
     behind = dict.fromkeys(OF_STOP, stops)
     rows = [
         (

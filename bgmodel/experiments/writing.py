@@ -47,10 +47,10 @@ def python_text(experiment: ExperimentRecord) -> str:
 
 def _changed(record: Any) -> Iterator[tuple[str, Any]]:
     """Yield the fields of a record that differ from their defaults, plain ones before records."""
-    found = [
+    changed = [
         (f.name, getattr(record, f.name)) for f in fields(record) if not _is_default(f, record)
     ]
-    yield from sorted(found, key=lambda pair: _is_table(pair[1]))
+    yield from sorted(changed, key=lambda pair: _is_table(pair[1]))
 
 
 def _is_default(field: Field[Any], record: Any) -> bool:

@@ -36,9 +36,9 @@ class LoweredGain(float):
     """A default gain that was lowered to fit evidence; other trials of the task vary a little."""
 
 
-def gain_of(circuit: Circuit, given: float | None = None) -> float:
+def gain_of(circuit: Circuit, asked: float | None = None) -> float:
     """Return the given gain, or by default that of the circuit, 1 for an exact circuit."""
-    gain = circuit.default_gain if given is None else given
+    gain = circuit.default_gain if asked is None else asked
     if gain is None and (circuit.unedited or circuit).exact:
         return 1.0  # the output of an exact table is -ln P at any gain
     if gain is None:

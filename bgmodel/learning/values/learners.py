@@ -231,13 +231,13 @@ LEARNERS: dict[str, Callable[[], Learner]] = {
 """Learners by name, with their default options."""
 
 
-def learner_of(given: Learner | str) -> Learner:
+def learner_of(learner: Learner | str) -> Learner:
     """Return a learner, given as such or by name; ValueError for an unknown name."""
-    if isinstance(given, Learner):
-        return given
-    if given not in LEARNERS:
-        raise InputError.of("learner", f"must be one of {', '.join(LEARNERS)}", given)
-    return LEARNERS[given]()
+    if isinstance(learner, Learner):
+        return learner
+    if learner not in LEARNERS:
+        raise InputError.of("learner", f"must be one of {', '.join(LEARNERS)}", learner)
+    return LEARNERS[learner]()
 
 
 def check_option(name: str, value: Any, low: float, high: float) -> None:
