@@ -79,6 +79,6 @@ class Work(NamedTuple):
     own_input: Any  # (own_input cells,) filtered activity, divided by the scale of its own input
     scale: Any  # (own_inputs,) common to all cells of an own input
     sums: Any  # (most cells of a block,) arrivals in a tick
-    found: Any  # (ring * blocks * most,) cells that fired in the last ticks
-    found_n: Any  # (ring * blocks,) their number
+    spiked: Any  # (ring * blocks * most,) cells that fired in the last ticks
+    spiked_n: Any  # (ring * blocks,) their number
     low_pass: Any  # (channels,) low-passed rates of the read-out, Hz
