@@ -136,8 +136,9 @@ def tune(
     Raises
     ------
     InputError
-        For an id that is unknown, given twice, or both tuned and held out; if nothing is held out
-        or free; for a seed that both tunes and scores; or for an unknown direction.
+        For an id that is unknown, given twice, or both tuned and held out; without held-out
+        numbers or free directions; for a seed that both tunes and scores; or for an unknown
+        direction.
     """
     exam = Exam.shipped() if exam is None else exam
     lists = {TUNED: list(numbers), HELD_OUT: list(held_out)}

@@ -118,7 +118,7 @@ class Experiment(ExperimentRecord):
         self,
         *,
         workers: int = 1,
-        given: NamedEvidence | None = None,
+        named: NamedEvidence | None = None,
         kept: Latest | None = None,
     ) -> Outcome:
         """Run control and manipulation on the same evidence with the same noise.
@@ -127,7 +127,7 @@ class Experiment(ExperimentRecord):
         ----------
         workers : int
             Number of threads, for engines that can use several; it does not affect results.
-        given : NamedEvidence, optional
+        named : NamedEvidence, optional
             The result of ``given()``, to avoid computing it twice.
         kept : Latest, optional
             What earlier runs have computed already; results of this run are added. For programs
@@ -147,8 +147,8 @@ class Experiment(ExperimentRecord):
             no decision differs between the conditions, or posteriors at the decision differ from
             the proportion correct.
         """
-        given = given or self.given()
-        evidence = given.evidence
+        named = named or self.given()
+        evidence = named.evidence
         check_trials(evidence.trials)
         control, manipulation = self.conditions
         manipulation.check(control)
@@ -157,7 +157,7 @@ class Experiment(ExperimentRecord):
             condition.model(evidence.hypotheses, workers=workers, rates=False).adapted_to(evidence)
             for condition in both.values()
         ]
-        read = self.heard(models, given)
+        read = self.heard(models, named)
         models[0].warn_beyond_range(read[0])
         models[0].warn_of_noise(control.threshold_nats)
         groups = self.groups(evidence.trials)
@@ -178,7 +178,7 @@ class Experiment(ExperimentRecord):
             per_condition.append(memory.once("measures", key, partial(behaviour.measures, weights)))
             about = f"{model.circuit.name} {model.engine}"
             decided = behaviour.in_time()
-            table = trial_table(decided, given, seed=self.seed, model=about, condition=name)
+            table = trial_table(decided, named, seed=self.seed, model=about, condition=name)
             trials.append(table.assign(**behaviour.columns()))
             go = int(behaviour.go.sum())
         measures = _table(per_condition, go, evidence.trials - go)
@@ -190,7 +190,7 @@ class Experiment(ExperimentRecord):
         if warning := uncalibrated(self, measures):
             CalibrationWarning.warn(warning)
         all_trials = pd.concat(trials, ignore_index=True)
-        return Outcome(self, given, tuple(models), measures, all_trials)
+        return Outcome(self, named, tuple(models), measures, all_trials)
 
     def _key(self, condition: Observed, model: BasalGanglia) -> Hashable:
         """Return what the behaviour of a condition depends on; None if it is not to be kept."""

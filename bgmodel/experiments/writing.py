@@ -25,8 +25,7 @@ TO_PREDICT = """
 def toml_text(experiment: ExperimentRecord) -> str:
     """Return an experiment as the text of a file; settings at their defaults are left out.
 
-    Paths are written as they are in the record, so a relative path is seen from the folder of the
-    new file.
+    Paths are written unchanged, so a relative path is read from the folder of the new file.
     """
     import tomlkit
 

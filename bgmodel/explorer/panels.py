@@ -114,7 +114,7 @@ def _behaviour(state: State, memory: Memory, workers: int) -> Iterator[Panel]:
     """Run the experiment, and return the panels of behaviour."""
     with collected() as notes:
         outcome = state.experiment.run(
-            workers=workers, given=memory.evidence(state), kept=memory.conditions
+            workers=workers, named=memory.evidence(state), kept=memory.conditions
         )
     memory.outcome = state.key, outcome
     if state.alike:

@@ -110,7 +110,7 @@ def _counts(row: Row) -> dict[str, int]:
 
 
 def too_few(cells: pd.DataFrame) -> str:
-    """Return a sentence on cells with too few errors for quantiles; empty if there are none."""
+    """Return a sentence on cells with too few errors for quantiles, or an empty text."""
     rows = cells.to_dict("records")
     few = [n for row in rows if (n := _counts(row)["wrong"]) < FEWEST]
     if not few or cells["mean_s"].isna().all():

@@ -88,7 +88,7 @@ class FromReward(Facts):
     # weights run, hypothesis, unit, weight.
     table: pd.DataFrame
     cautions: tuple[str, ...]  # what limits the result, usually empty
-    found: CircuitLearned | LearnedWeights | dict[str, Any]
+    details: CircuitLearned | LearnedWeights | dict[str, Any]
     scored: Features | None = None
 
     @property
@@ -136,8 +136,8 @@ class FromReward(Facts):
         """
         from bgmodel.plots import acquisition
 
-        if isinstance(self.found, LearnedWeights) and self.scored is not None:
-            return self.found.plot(self.scored)
+        if isinstance(self.details, LearnedWeights) and self.scored is not None:
+            return self.details.plot(self.scored)
         figure, ax = one_panel(None)
         every = self.table[self.table["episode"] % max(1, len(self.table) // 4000) == 0]
         wide = every.pivot(index="run", columns="episode", values="mean")

@@ -69,7 +69,7 @@ def load(path: str | Path) -> Any:
 
 
 def unpacked(arrays: Arrays, name: str = "the record") -> Any:
-    """Return the record of ``packed``; an InputError with the name if there is none."""
+    """Return the record of ``packed``; InputError, with the name, for arrays without one."""
     if TREE not in arrays:
         raise InputError(f"{name} is not a result that .save wrote", "path", name)
     tree = from_json(arrays[TREE].tobytes())

@@ -84,7 +84,7 @@ def read_events(path: Path, columns: Mapping[str, str] | None = None) -> pd.Data
 
 
 def _files(path: Path) -> list[Path]:
-    """Return the files of events, sorted; ValueError if there are none, or of several tasks.
+    """Return the files of events, sorted; ValueError without any, or for several tasks.
 
     Hidden and empty files, and copies under derivatives or sourcedata or with "desc-" in their
     name, are no data.

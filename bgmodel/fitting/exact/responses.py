@@ -182,7 +182,7 @@ class Observed:
         return mass / total[:, None, None], missing / total
 
     def drawn(self, density: Array, rng: np.random.Generator) -> tuple[Array, Integers]:
-        """Return times, s, and responses of new trials, (trials,); NaN and -1 if there is none."""
+        """Return times, s, and responses of new trials, (trials,); NaN and -1 for no response."""
         mass, missing = self.outcomes(density)
         bins = self.grid.bins
         below = np.cumsum(np.column_stack([mass.reshape(len(mass), -1), missing]), axis=1)

@@ -83,8 +83,7 @@ class Expansion:
 
         With standard scores z of its people, parameters are linear in the group's mean m and
         standard deviations s, ``x = m + s z + offsets``, so that an expansion in x is one in (m,
-        s), (2 * parameters,); of these, those at ``which`` are drawn, and others stay as they are
-        ``now``.
+        s), (2 * parameters,); those at ``which`` are drawn, the others keep their values ``now``.
         """
         both = np.stack([np.ones(scores.shape), scores], axis=1)  # people, (m, s), parameters
         size = 2 * scores.shape[1]

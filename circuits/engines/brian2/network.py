@@ -212,7 +212,7 @@ class Network:
 
 
 def object_name(name: str) -> str:
-    """Return a population's name as Brian2 allows it: "STN" stays as it is."""
+    """Return a name that Brian2 allows for a population; "STN" is unchanged."""
     plain = re.sub(r"\W", "_", name, flags=re.ASCII)
     return plain if plain[0].isalpha() and not iskeyword(plain) else f"n_{plain}"
 

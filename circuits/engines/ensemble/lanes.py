@@ -444,7 +444,7 @@ def listed(fired, cells, places):
 def add_row(sums, connections, row, cells):
     """Add the connections of one spike, a row of bits, to the one-byte counts of target cells.
 
-    Bit ``8 i + k`` of a word stands for cell ``8 k + i`` of its 64.
+    Bit ``8 i + k`` of a word is the connection to cell ``8 k + i`` of its 64.
     """
     eight = sums.view(np.uint64)
     for m in range(cells // LANES):

@@ -76,7 +76,7 @@ class Work(NamedTuple):
     fired: Any  # (4, most cells of a block / 64) uint64: a bit for each cell that fired
     unit: Any  # (units,) filtered activity before the transfer
     passed: Any  # (units, window) and after it
-    own_input: Any  # (own_input cells,) filtered activity, divided by the scale of its own input
+    own_input: Any  # (own_input cells,) filtered activity, divided by the scale of its input
     scale: Any  # (own_inputs,) common to all cells of an own input
     sums: Any  # (most cells of a block,) arrivals in a tick
     spiked: Any  # (ring * blocks * most,) cells that fired in the last ticks
