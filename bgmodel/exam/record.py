@@ -162,8 +162,6 @@ def _line(row: dict[Any, Any]) -> str:
     mark = "A" if row["mark"] == "abstract" else ""
     mark += "*" if row["set_by"] == "set by" else ""
     name = f"{row['id']} {mark}".strip()
-    reason = f"  ({row['reason']})" if row["reason"] else ""
+    why = f"  ({row['reason']})" if row["reason"] else ""
     unit = str(row["unit"])
-    return (
-        f"  {name:24} {row['published']:>22} {value:>18} {unit:11} {z:8} {row['outcome']}{reason}"
-    )
+    return f"  {name:24} {row['published']:>22} {value:>18} {unit:11} {z:8} {row['outcome']}{why}"

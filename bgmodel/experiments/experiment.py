@@ -268,15 +268,11 @@ class Outcome(Facts):
     def summary(self) -> pd.DataFrame:
         """Return a readable table of each measure in both conditions, and of its change."""
         shown = self.measures[self.measures["condition"].isin(CONDITIONS)]
-        columns: dict[str, pd.Series] = {}
+        table: dict[str, pd.Series] = {}
         for name in CONDITIONS:
             rows = shown[shown["condition"] == name].set_index("measure")
-            columns |= {
-                name: rows["value"],
-                f"{name}_low": rows["low"],
-                f"{name}_high": rows["high"],
-            }
-        return Readable(columns).round(3)
+            table |= {name: rows["value"], f"{name}_low": rows["low"], f"{name}_high": rows["high"]}
+        return Readable(table).round(3)
 
     def verdicts(self) -> pd.DataFrame:
         """Return each prediction with the observed change, the verdict and its reason."""

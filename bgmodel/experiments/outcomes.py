@@ -234,21 +234,18 @@ def beside_published(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.Da
     rows = []
     for effect in experiment.effects:
         condition = PERCENT if effect.unit == PERCENT else CONDITIONS[2]
-        simulated = table[table["condition"] == condition].set_index("measure")
-        simulated = simulated[["value", "low", "high"]].astype(float).reindex([*MEASURES, *OF_STOP])
+        ours = table[table["condition"] == condition].set_index("measure")
+        ours = ours[["value", "low", "high"]].astype(float).reindex([*MEASURES, *OF_STOP])
 
         def judged(
-            name: str,
-            shift: float = 0.0,
-            effect: Effect = effect,
-            simulated: pd.DataFrame = simulated,
+            name: str, shift: float = 0.0, effect: Effect = effect, ours: pd.DataFrame = ours
         ) -> str:
             if effect.unit == PERCENT:
                 shift *= 100 / control[name]
-            return _held(effect, *(simulated.loc[name].to_numpy(dtype=float) + shift))
+            return _held(effect, *(ours.loc[name].to_numpy(dtype=float) + shift))
 
         verdict, why = _verdict(experiment, table, effect.measure, judged)
-        numbers = (effect.value, *effect.interval, *map(float, simulated.loc[effect.measure]))
+        numbers = (effect.value, *effect.interval, *map(float, ours.loc[effect.measure]))
         rows.append((condition, effect.measure, *numbers, effect.source, verdict, why))
     names = ["condition", "measure", "published", "published_low", "published_high"]
     names += ["value", "low", "high", "effect_source", "comparison", "comparison_reason"]

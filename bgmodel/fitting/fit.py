@@ -108,21 +108,19 @@ class Fit(Facts):
         and high (central 0.9 of the posterior, widened by the simulation error; NaN if none),
         at_bound.
         """
-        simulation_errors = self.simulation.parameters
+        errors = self.simulation.parameters
         columns = {
             "parameter": self.optimum.likelihood.freedom.names,
             "value": self.optimum.vector,
-            "standard_error": np.hypot(
-                self.directions.standard_errors, np.nan_to_num(simulation_errors)
-            ),
-            "simulation_error": simulation_errors,
+            "standard_error": np.hypot(self.directions.standard_errors, np.nan_to_num(errors)),
+            "simulation_error": errors,
             "low": np.nan,
             "high": np.nan,
             "at_bound": self.optimum.at_bound,
         }
         table = pd.DataFrame(columns)
         if self.posterior is not None:
-            table["low"], table["high"] = widened(self.posterior, simulation_errors)
+            table["low"], table["high"] = widened(self.posterior, errors)
         return table
 
     def cells(self) -> pd.DataFrame:

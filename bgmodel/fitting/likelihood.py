@@ -128,12 +128,8 @@ class Likelihood:
 
     def height(self, vector: Array) -> float:
         """Return what a fit maximises: log likelihood plus log prior."""
-        log_likelihood = self(vector)
-        return (
-            log_likelihood + self.freedom.log_prior(vector)
-            if np.isfinite(log_likelihood)
-            else log_likelihood
-        )
+        nats = self(vector)
+        return nats + self.freedom.log_prior(vector) if np.isfinite(nats) else nats
 
     def heights(self, vectors: Array) -> Array:
         """Return ``height`` at several vectors, (vectors,), from one call of ``many``."""
@@ -401,10 +397,8 @@ def likelihood_of(
     _warn_of_later(model, design)
     unit = design.strength.max() if largest is None else largest
     names = ("low", "high", "start")
-    sensitivity = replace(
-        SENSITIVITY, **{name: getattr(SENSITIVITY, name) / unit for name in names}
-    )
-    known = [sensitivity if each is SENSITIVITY else each for each in model.parameters]
+    scaled = replace(SENSITIVITY, **{name: getattr(SENSITIVITY, name) / unit for name in names})
+    known = [scaled if each is SENSITIVITY else each for each in model.parameters]
     if not design.timed:
         known = _without_times(model, known, [*(free or ()), *(vary or ()),
                                               *(each.parameter for each in formulas)])  # fmt: skip

@@ -194,13 +194,13 @@ class ParameterSpace:
     @cached_property
     def _priors(self) -> tuple[Integers, Array, Array]:
         """Places, medians and standard deviations, on the scale, of the numbers with a prior."""
-        with_prior = [(k, each.parameter) for k, each in enumerate(self.moved)
+        pairs = [(k, each.parameter) for k, each in enumerate(self.moved)
                if each.parameter.prior is not None and not each.effect]  # fmt: skip
         priors = [
-            (float(p.scaled(p.prior[0])), p.prior[1]) for _, p in with_prior if p.prior is not None
+            (float(p.scaled(p.prior[0])), p.prior[1]) for _, p in pairs if p.prior is not None
         ]
         medians, spreads = np.reshape(priors, (-1, 2)).T
-        return np.array([k for k, _ in with_prior], dtype=np.int64), medians, spreads
+        return np.array([k for k, _ in pairs], dtype=np.int64), medians, spreads
 
     def log_prior(self, vector: Array) -> float:
         """Return the log prior density on the scale, up to a constant; 0 without priors."""

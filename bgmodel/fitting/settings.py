@@ -216,7 +216,7 @@ class FitSettings:
         return replace(self, free=(*self.free, *more), vary=vary, formula=formula)
 
     def _freed(
-        self, known: Mapping[str, Parameter], name_in_model: Callable[[str], str]
+        self, known: Mapping[str, Parameter], name_of: Callable[[str], str]
     ) -> list[str] | None:
         """Return the names of free parameters of a model; None for those that are by default."""
         added = [name.startswith(ADDED) for name in self.free]
@@ -224,7 +224,7 @@ class FitSettings:
             must = "must have a plus before all names (in addition to the default) or before none"
             raise InputError.of("free", must, self.free)
         plus = ADDED if any(added) else ""
-        named = [name_in_model(each) for each in self.named if name_in_model(each) in known]
+        named = [name_of(each) for each in self.named if name_of(each) in known]
         return [plus + each for each in dict.fromkeys(named)] or None
 
     def read(self, data: str | Path | pd.DataFrame | Trials) -> Trials:
@@ -353,25 +353,21 @@ class FitSettings:
 
     def freedom(self, model: AnyModel) -> dict[str, Any]:
         """Return arguments of ``likelihood_of``, without parameters that only other models have."""
-        known, name_in_model = (
-            {each.name: each for each in model.parameters},
-            partial(own_name, model=model),
-        )
-        fixed = {name_in_model(k): v for k, v in self.fixed.items()}
-        vary = {name_in_model(k): v for k, v in self.varied.items()}
+        known = {each.name: each for each in model.parameters}
+        name_of = partial(own_name, model=model)
+        fixed = {name_of(k): v for k, v in self.fixed.items()}
+        vary = {name_of(k): v for k, v in self.varied.items()}
         if len(vary) < len(self.varied):
-            message = (
-                f"threshold is {name_in_model('threshold')} here, which varies with two columns"
-            )
+            message = f"threshold is {name_of('threshold')} here, which varies with two columns"
             raise InputError(message, "vary", self.vary)
         return {
-            "free": self._freed(known, name_in_model),
+            "free": self._freed(known, name_of),
             "fixed": {k: v for k, v in fixed.items() if k in known},
             "vary": {k: v for k, v in vary.items() if k in known},
             "formulas": [
-                replace(each, parameter=name_in_model(name))
+                replace(each, parameter=name_of(name))
                 for name, each in self.formulas.items()
-                if name_in_model(name) in known
+                if name_of(name) in known
             ],
         }
 

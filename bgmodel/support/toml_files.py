@@ -99,18 +99,16 @@ def as_toml(text: str) -> Any:
     return int(value) if integral else value  # type: ignore[arg-type]
 
 
-def value(setting: Any, kind: Any, name: str) -> Any:
+def value(raw: Any, kind: Any, name: str) -> Any:
     """Return a single value of a file or of the terminal as a type; ValueError naming it."""
     from pydantic import ValidationError
 
-    several = get_origin(kind) is tuple and not isinstance(setting, list)
+    several = get_origin(kind) is tuple and not isinstance(raw, list)
     try:
-        return _adapter(kind).validate_json(
-            json.dumps([setting] if several else setting), strict=True
-        )
+        return _adapter(kind).validate_json(json.dumps([raw] if several else raw), strict=True)
     except ValidationError as error:
         says = error.errors(include_url=False)[0]["msg"].removeprefix("Input ")
-        raise InputError.of(name, says, setting) from None
+        raise InputError.of(name, says, raw) from None
 
 
 @cache

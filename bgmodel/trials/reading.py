@@ -359,10 +359,8 @@ def _stop_signals(
     warn_of_twins(who, rt_s, np.isnan(ssd_s).astype(np.int8))
     for each in np.unique(who).tolist():
         if not np.isnan(ssd_s[who == each]).any():
-            message = (
-                f"ssd must be empty in some trials of {each}, the go trials: it is given in all"
-            )
-            raise InputError(message, "ssd")
+            text = f"ssd must be empty in some trials of {each}, the go trials: it is given in all"
+            raise InputError(text, "ssd")
     right = np.ones(len(rt_s), bool) if correct is None else correct
     chosen = np.where(np.isnan(rt_s), NO_RESPONSE, right).astype(np.int8)
     if not columns.restore_delays:
@@ -475,11 +473,9 @@ def _table(source: str | Path | pd.DataFrame, columns: Columns) -> tuple[str, pd
     if str(source) in READ:
         return str(source), shipped_table(str(source))[0]
     if is_events(path):
-        user_columns = {name: getattr(columns, name) for name in ("trial_type", "rt", "ssd")}
-        events = read_events(
-            path, {n: each for n, each in user_columns.items() if each is not None}
-        )
-        ours = {ours: theirs for theirs, ours in user_columns.items() if ours is not None}
+        named = {name: getattr(columns, name) for name in ("trial_type", "rt", "ssd")}
+        events = read_events(path, {n: each for n, each in named.items() if each is not None})
+        ours = {ours: theirs for theirs, ours in named.items() if ours is not None}
         return path.name, events.rename(columns={v: k for k, v in ours.items()})
     if not path.suffix:
         must = f"must be a .csv, .tsv or .parquet or one of {', '.join(READ)}"

@@ -134,10 +134,8 @@ class Trials(Facts):
     @property
     def kind(self) -> str:
         """What was done in these trials; a name in ``KINDS``."""
-        contents = (self.spikes, self.readings, self.ssd_s, self.reward)
-        return next(
-            (k for k, x in zip(KINDS[1:], contents, strict=True) if x is not None), KINDS[0]
-        )
+        parts = (self.spikes, self.readings, self.ssd_s, self.reward)
+        return next((k for k, x in zip(KINDS[1:], parts, strict=True) if x is not None), KINDS[0])
 
     @property
     def timed(self) -> bool:

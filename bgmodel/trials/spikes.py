@@ -222,14 +222,14 @@ def read_nwb(path: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
                 "spike_times",
             )
         first, last = (np.searchsorted(times, x) for x in (start - BEFORE_S, stop + AFTER_S))
-        per_trial = [
+        trains = [
             (k, times[a:b] - start[k]) for k, (a, b) in enumerate(zip(first, last, strict=True))
         ]
-        count = [len(each) for _, each in per_trial]
+        count = [len(each) for _, each in trains]
         if sum(count) == 0:
             DataWarning.warn(f"unit {name} has no spikes in any trial: it is left out")
-        columns = {"cell": str(name), "trial": np.repeat(np.arange(len(per_trial)), count)}
-        rows.append(pd.DataFrame({**columns, "time_s": np.concatenate([x for _, x in per_trial])}))
+        columns = {"cell": str(name), "trial": np.repeat(np.arange(len(trains)), count)}
+        rows.append(pd.DataFrame({**columns, "time_s": np.concatenate([x for _, x in trains])}))
     table = pd.DataFrame(trials).assign(trial=np.arange(len(start)), stimulus_s=stop - start)
     return table, pd.concat(rows, ignore_index=True)
 

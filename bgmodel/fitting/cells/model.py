@@ -273,17 +273,17 @@ class RecordedCells:
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """All parameters: shared ones and those of each cell."""
-        of_cells = []
+        cells = []
         for session in sessions_of(self.trials):
             for cell in session.names:
                 *course, past, gain = numbers_of(cell)
-                of_cells += [
+                cells += [
                     Parameter(x, -15.0, 15.0, 1.0, "log of Hz", prior=(1.0, 3.0)) for x in course
                 ]
-                of_cells += [
+                cells += [
                     Parameter(x, -15.0, 15.0, 0.0, "", prior=(0.0, 1.0)) for x in (past, gain)
                 ]
-        return (*self.shared, *of_cells)
+        return (*self.shared, *cells)
 
     def identity(self) -> dict[str, Any]:
         """Return all that its predictions depend on; see ``likelihood.identity_of``."""

@@ -50,16 +50,14 @@ class Control:
         bound = np.polyval(self.bound_of_odds, odds)
         place = float(np.interp(-bound, levels, np.arange(len(levels))))
         rows = interpolated(place, len(levels))
-        probability = read([(self.walks, 1.0)], rows, drift)[: self.walks.ends]
+        excess = read([(self.walks, 1.0)], rows, drift)[: self.walks.ends]
         for row, weight in rows:
-            probability -= weight * exact(
-                -float(levels[row]), self.walks.ends, tuple(drift.tolist())
-            )
-        late = np.zeros((bins, *probability.shape[1:]))
+            excess -= weight * exact(-float(levels[row]), self.walks.ends, tuple(drift.tolist()))
+        late = np.zeros((bins, *excess.shape[1:]))
         whole_bins, part = divmod(max(self.lag, 0.0), 1.0)
         for shift, weight in ((int(whole_bins), 1 - part), (int(whole_bins) + 1, part)):
-            few = max(min(bins - shift, len(probability)), 0)
-            late[shift : shift + few] += weight * probability[:few]
+            few = max(min(bins - shift, len(excess)), 0)
+            late[shift : shift + few] += weight * excess[:few]
         return SHARE * late
 
 

@@ -127,20 +127,20 @@ class StopRace:
     def p_respond(self, trials: Trials, values: Mapping[str, Array]) -> Array:
         """Return the probability of a response in each stop trial, (..., stop trials)."""
         data = laid(trials, self.slowing_ms)
-        at_stops = {name: each[..., data.stop] for name, each in values.items()}
+        stops = {name: each[..., data.stop] for name, each in values.items()}
         first: Integers = np.arange(len(data.stop))
         back = first
-        if all((each == each[..., :1]).all() for each in at_stops.values()):
+        if all((each == each[..., :1]).all() for each in stops.values()):
             first, back = data.alike
-        at_stops = {name: each[..., first] for name, each in at_stops.items()}
-        effect = data.shown_ms[first] + at_stops["ssrt_ms"] + self.latency_ms(at_stops[STRENGTH])
+        stops = {name: each[..., first] for name, each in stops.items()}
+        effect = data.shown_ms[first] + stops["ssrt_ms"] + self.latency_ms(stops[STRENGTH])
         share = np.empty(effect.shape)
-        for strength in set(at_stops[STRENGTH].ravel().tolist()):
-            here = at_stops[STRENGTH] == strength
+        for strength in set(stops[STRENGTH].ravel().tolist()):
+            here = stops[STRENGTH] == strength
             times_ms, weights = responses(self, trials, strength)
             away = effect[here][:, None] - times_ms
-            share[here] = ndtr(away / at_stops["ssrt_sd_ms"][here][:, None]) @ weights
-        probability = at_stops["failures"] * data.responded + (1 - at_stops["failures"]) * share
+            share[here] = ndtr(away / stops["ssrt_sd_ms"][here][:, None]) @ weights
+        probability = stops["failures"] * data.responded + (1 - stops["failures"]) * share
         return np.asarray(probability[..., back])
 
     def log_density(self, trials: Trials, values: Mapping[str, Array]) -> Array:
@@ -149,11 +149,9 @@ class StopRace:
         p, failed = self.p_respond(trials, values), ~np.isnan(data.rt_ms)
         outcome = np.where(failed, p, 1 - p)
         if self.times:
-            at_stops = {name: each[..., data.stop] for name, each in values.items()}
-            left = (
-                data.ssd_ms + at_stops["ssrt_ms"] + self.latency_ms(at_stops[STRENGTH]) - data.rt_ms
-            )
-            f, late = at_stops["failures"], ndtr(left / at_stops["ssrt_sd_ms"])
+            stops = {name: each[..., data.stop] for name, each in values.items()}
+            left = data.ssd_ms + stops["ssrt_ms"] + self.latency_ms(stops[STRENGTH]) - data.rt_ms
+            f, late = stops["failures"], ndtr(left / stops["ssrt_sd_ms"])
             outcome = np.where(failed, f + (1 - f) * late, outcome)
         logs = np.zeros((*p.shape[:-1], trials.trials))
         logs[..., data.stop] = np.log(np.maximum(outcome, TINY))
@@ -167,17 +165,17 @@ class StopRace:
         drawn = rng.integers(len(data.go_ms), size=trials.trials)
         go_ms, response = data.go_ms[drawn] + data.slower_ms, data.go_response[drawn]
         rt_ms = np.where(np.isnan(go_ms), np.inf, np.maximum(go_ms, 1.0))
-        at_stops = {name: each[data.stop] for name, each in values.items()}
-        ssrt = at_stops["ssrt_ms"] + at_stops["ssrt_sd_ms"] * rng.standard_normal(len(data.stop))
-        effect = data.ssd_ms + ssrt + self.latency_ms(at_stops[STRENGTH])
-        stopped = (rt_ms[data.stop] > effect) & (rng.random(len(data.stop)) >= at_stops["failures"])
-        weak = stopped & np.isfinite(rt_ms[data.stop]) & (at_stops[STRENGTH] < self.threshold)
+        stops = {name: each[data.stop] for name, each in values.items()}
+        ssrt = stops["ssrt_ms"] + stops["ssrt_sd_ms"] * rng.standard_normal(len(data.stop))
+        effect = data.ssd_ms + ssrt + self.latency_ms(stops[STRENGTH])
+        stopped = (rt_ms[data.stop] > effect) & (rng.random(len(data.stop)) >= stops["failures"])
+        weak = stopped & np.isfinite(rt_ms[data.stop]) & (stops[STRENGTH] < self.threshold)
         rt_ms[data.stop[stopped]] = np.inf
         for k in np.flatnonzero(weak):
             place = data.stop[k]
             left_ms = np.arange(0.0, data.end_ms - effect[k] + data.slower_ms[place], STEP_MS)
             since_ms = np.full(len(left_ms), effect[k] - data.slower_ms[place])
-            chance = self.later(at_stops[STRENGTH][k], since_ms, left_ms)
+            chance = self.later(stops[STRENGTH][k], since_ms, left_ms)
             beyond = np.searchsorted(chance, rng.random())
             if beyond < len(left_ms):
                 rt_ms[place] = effect[k] + left_ms[beyond]
