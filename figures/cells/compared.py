@@ -1,7 +1,7 @@
 """Held-out spikes and choices under models of recorded cells, and under descriptive regressions.
 
 Everything is summed over five folds of trials, the same for all. Spikes of a trial are given its
-clicks and choice, and the recent rate of their own cell. A regression has no noise of the sum: the
+clicks and choice, and the recent rate of the same cell. A regression has no noise of the sum: the
 course of a cell (PSTH), its recent rate, and the sum of clicks or the choice over time.
 """
 
