@@ -56,7 +56,7 @@ TEST, CIRCUIT = "MSPRT", "circuit"
 
 @dataclass(frozen=True)
 class Demo:
-    """What reward taught, and one trial decided with it by spikes and by the test.
+    """A threshold learned from reward, and one trial decided with it by spikes and by the test.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def demo(seed: int = 1) -> Demo:
 
 @styled
 def draw(demo: Demo) -> Figure:
-    """Draw what reward taught, evidence, OUT with -ln P, and the spikes of every nucleus."""
+    """Draw the learned threshold, evidence, OUT with -ln P, and the spikes of every nucleus."""
     figure, grid = panels(
         3 + len(NUCLEI), size=(6.4, 9.0), height_ratios=[1.7, 1.5, 2.0] + [1] * len(NUCLEI)
     )

@@ -107,7 +107,7 @@ class Question:
         return kind.likelihoods(asked, self, model)
 
     def predictors(self, likelihoods: Mapping[str, Likelihood]) -> Predictors:
-        """Return what differs between people and moves parameters of a hierarchy."""
+        """Return the predictors between people that shift parameters of a hierarchy."""
         if not self.between:
             return ALIKE
         return self.asked.predictors(self.between, self.trials, likelihoods)

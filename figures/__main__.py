@@ -19,7 +19,7 @@ STEPS = ("measure", "draw", "page")
 
 
 def scores(some: list[Room]) -> list[Score]:
-    """Return what the modules of rooms measure."""
+    """Return the scores of the modules of rooms."""
     names = [f"figures.{room.name}.{module}" for room in some for module in room.modules("measure")]
     return [import_module(name).SCORE for name in names]
 

@@ -28,7 +28,7 @@ from figures.rooms import OUT, write
 TABLE = "spiking_msprt"
 """The circuit that most scores are of."""
 Made = dict[str, pd.DataFrame]
-"""What was found, by kind of piece."""
+"""Tables of results, by kind of piece."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Score:
-    """A score: its pieces, and what pages show of them.
+    """A score: its pieces, and the tables that pages show.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ class Score:
 
 
 def run(score: Score, pieces: Sequence[Piece], folder: Path, fast: bool, only: str) -> None:
-    """Compute what is left of a score, and write its tables once all of it is there."""
+    """Compute the remaining pieces of a score, and write its tables when all are present."""
     for piece in pieces:
         entry = score.entry(piece, folder, fast)
         if only in entry.title and entry.get() is None:
@@ -151,7 +151,7 @@ def write_tables(score: Score, pieces: Sequence[tuple[Piece, pd.DataFrame]], fas
 
 
 def main(*scores: Score, arguments: Sequence[str] | None = None) -> None:
-    """Say how long it takes, then compute what is left of some scores."""
+    """Print the expected time, then compute the remaining pieces of some scores."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--fast", action="store_true", help="the coarse form: fewer trials")
     parser.add_argument("--only", default="", help="pieces whose file's name contains this")

@@ -177,14 +177,14 @@ def table_path(name: str, folder: Path = FOLDER) -> Path:
 
 
 def read_metadata(folder: Path) -> dict[str, dict[str, Any]]:
-    """Return what each table of a folder was made from, by its name; empty without a file."""
+    """Return the parameters, seed and versions of each table, by name; empty without a file."""
     path = folder / METADATA
     metadata: dict[str, dict[str, Any]] = json.loads(path.read_text()) if path.is_file() else {}
     return metadata
 
 
 def origin(path: Path) -> dict[str, Any]:
-    """Return what a table of a room was made from: parameters, seed and versions.
+    """Return the parameters, seed and versions that a table of a room was made from.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def origin(path: Path) -> dict[str, Any]:
 
 
 def write(rows: pd.DataFrame, path: Path, *, seed: int | None = None, **parameters: Any) -> Path:
-    """Write a table of a room and what it was made from, both or neither."""
+    """Write a table of a room and its metadata, both or neither."""
     path.parent.mkdir(parents=True, exist_ok=True)
     known = read_metadata(path.parent) | {path.stem: provenance(seed, **parameters)}
     with replacing(path) as partial, replacing(path.with_name(METADATA)) as beside:

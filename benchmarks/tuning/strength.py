@@ -32,7 +32,7 @@ ALTERNATIVES = (2, 3, 4, 5, 6, 7, 8, 10, 12)
 
 
 def variants(table: Circuit) -> dict[str, Circuit]:
-    """Return the table, and what changes one of the suspects at a time."""
+    """Return the table, and variants that change one possible cause at a time."""
     loop = ("set STN->GPe.delay_ms 1", "set GPe->STN.delay_ms 1")
     short = (*loop, "set STN->GPe.tau_ms 1", "set GPe->STN.tau_ms 1")
     return {

@@ -115,7 +115,7 @@ def _arguments(targets: tuple[str, ...], fast: bool, unlock: bool, workers: int)
 
 
 def _say(targets: tuple[str, ...], folder: Path) -> None:
-    """Report what is drawn."""
+    """Report which figures are drawn."""
     asked = [
         name
         for name in _names()

@@ -1,4 +1,4 @@
-"""The command that lets reward teach a threshold, a level of dopamine, or what readings mean."""
+"""The command for learning a threshold, a level of dopamine, or weights of readings from reward."""
 
 from __future__ import annotations
 

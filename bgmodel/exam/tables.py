@@ -57,7 +57,7 @@ class NotApplicable(Exception):
 
 
 class Failed(Exception):
-    """The circuit does not do what the number is about: it never decides by evidence, say."""
+    """The circuit lacks the behaviour that is measured: it never decides by evidence, say."""
 
 
 @dataclass(frozen=True)

@@ -321,7 +321,7 @@ def _setting(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
 
 
 def _learned(experiment: ExperimentRecord) -> str:
-    """Return what each condition learned before the trials that count, or an empty string."""
+    """Describe the likelihoods of each condition, learned or exact; empty if both are exact."""
     texts = ["exact likelihoods" if one is None else one.text() for one in experiment.learnings]
     if texts[0] == texts[1]:
         return "" if experiment.learnings[0] is None else f"{texts[0]}; "

@@ -129,7 +129,7 @@ class Fit(Facts):
 
 
 def _impossible(fitted: Optimum) -> list[str]:
-    """Return a warning if the fitted model rules trials out: the search may not have begun well."""
+    """Return a warning if trials are impossible under the fitted model: a sign of a poor start."""
     seen, log = fitted.likelihood.design.observed, fitted.likelihood.each(fitted.vector)
     out = np.flatnonzero(log <= np.log(TINY))
     if not len(out):

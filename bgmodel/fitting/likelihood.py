@@ -1,4 +1,4 @@
-"""The likelihood of one person's trials under a model: what every search and sampler works on.
+"""The likelihood of one person's trials under a model, for every search and sampler.
 
 Models come in two kinds. A model of decisions gives the distribution of decision times in each cell
 of a design (``exact.algorithms.Model``): its responses follow with a non-decision time and lapses,
@@ -127,7 +127,7 @@ class Likelihood:
         return float(self.each(vector).sum()) if self.freedom.inside(vector) else -np.inf
 
     def height(self, vector: Array) -> float:
-        """Return what a fit maximises: log likelihood plus log prior."""
+        """Return the quantity that a fit maximises: log likelihood plus log prior."""
         nats = self(vector)
         return nats + self.freedom.log_prior(vector) if np.isfinite(nats) else nats
 

@@ -74,7 +74,7 @@ UNITS = {THRESHOLD: "boundary separation (nats)", DOPAMINE: "level of dopamine",
 
 @dataclass(frozen=True, repr=False)
 class FromReward(Facts):
-    """What reward taught, scored on trials that were not used for learning."""
+    """The result of learning from reward, scored on trials that were not used for learning."""
 
     what: str  # "threshold", "dopamine" or "weights"
     unit: str  # what the values are, with their unit
@@ -93,11 +93,11 @@ class FromReward(Facts):
 
     @property
     def regret(self) -> float:
-        """Regret of what was learned, mean over runs, per cent."""
+        """Regret of the learned values, mean over runs, per cent."""
         return float(self.regrets.loc["learned", "value"])  # type: ignore[arg-type]
 
     def facts(self) -> dict[str, str]:
-        """Return what was learned, the result in a sentence, and cautions."""
+        """Return the learned quantity, the result in a sentence, and cautions."""
         facts = {"learned": self.unit, "result": self.verdict()}
         return facts | {f"caution {k}": text for k, text in enumerate(self.cautions, 1)}
 
@@ -232,7 +232,7 @@ def planned(
     taps: Any = None,
     **more: Any,
 ) -> Callable[[], FromReward]:
-    """Check all arguments of ``learn``, and return what learns."""
+    """Check all arguments of ``learn``, and return the function that learns."""
     require(isinstance(task, Task), "task", "must be a task, such as bg.SameDifferent()", task)
     right = model is None or isinstance(model, BasalGanglia)
     require(right, "model", "must be a bg.BasalGanglia or None, for the test", model)
@@ -439,7 +439,7 @@ def _weights(
 def _features(
     task: Drawn, source: dict[str, Any], units: int
 ) -> tuple[Any, Callable[..., Features]]:
-    """Return what sensory units see while learning, and how trials to score are drawn."""
+    """Return the features for learning, and a function that draws those of trials to score."""
     timing: dict[str, Any] = {"t_max": task.t_max, "step_ms": task.step_ms}
     if isinstance(task, Gaussian):
         drawn = GaussianFeatures(task.d_prime, task.channels, units, **timing)

@@ -109,7 +109,7 @@ def _plain(value: Any, arrays: list[npt.NDArray[Any]]) -> Any:
 
 
 def _restored(value: Any, arrays: dict[str, npt.NDArray[Any]]) -> Any:
-    """Return what ``_plain`` made JSON of."""
+    """Invert ``_plain``: return the value of a JSON tree."""
     match value:
         case {"array": int(place), "of": str(kind)}:
             array = arrays[str(place)]

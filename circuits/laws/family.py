@@ -56,7 +56,7 @@ OFFSET = "offset"
 
 
 class Constraint(NamedTuple):
-    """One constraint, what it asks, and by how much a circuit fails it."""
+    """One constraint, its requirement, and by how much a circuit fails it."""
 
     name: str
     must: str
@@ -144,7 +144,7 @@ def reduced(circuit: CircuitTable) -> Reduced:
 
 
 def _terms(p: Projection, delivered: Array, tone: float, stn: str) -> tuple[float, float, float]:
-    """Return the coefficients of Sigma, ln Sigma and 1 in what one pathway's synapses sum."""
+    """Return the coefficients of Sigma, ln Sigma and 1 in the sum of one pathway's synapses."""
     if p.source != stn:
         must = f"must be linear, as only the sum over {stn} may be bent"
         require(p.transfer == "linear", "transfer", must, p.transfer, owner=p.name)

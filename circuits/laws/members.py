@@ -65,7 +65,7 @@ def directions(circuit: CircuitTable) -> list[Direction]:
 
 
 def loop(circuit: CircuitTable) -> dict[str, float]:
-    """Return what a member's free weights amount to in the loop of STN and GPe.
+    """Return the properties of the loop of STN and GPe that follow from a member's free weights.
 
     The loop gain is ``w v (Sigma0 - 1)`` at rest, the loop share is the part ``w v`` of the bent
     sum that returns to STN, and the indirect share is the part ``w omega`` of the evidence that
@@ -188,6 +188,6 @@ def _resting(circuit: Table, reference: Table, sigma0: float) -> Table:
 
 
 def _at(wiring: Wiring, p: Projection, units: Array) -> float:
-    """Return what a pathway adds to its target's input, before its weight."""
+    """Return the input that a pathway adds to its target, before its weight."""
     here = [u for u, row in enumerate(wiring.projections) if row.name == p.name]
     return float(transfer.named(p.transfer)(units[here]).mean())

@@ -271,7 +271,7 @@ def controls(folder: str, seed: int) -> pd.DataFrame:
 
 
 def chosen_elsewhere(folder: str, seed: int) -> pd.DataFrame:
-    """Return what spikes tell about choices, held out, if choices are those of other trials.
+    """Return the held-out information of spikes about choices that are exchanged between trials.
 
     One row per session, nats. The model is fitted to the shuffled choices.
     """

@@ -1,4 +1,4 @@
-"""What additions to the sequential test are worth, in monkeys and people, and how it misses errors.
+"""Gains of additions to the sequential test in monkeys and people, and the misfit of errors.
 
 A bias, starts and drifts that vary across trials, and gaps that fall in three shapes are added to
 the test with a constant gap, alone and together. Every model is fitted to the same trials.
@@ -104,7 +104,7 @@ def person(data: str, who: str, names: tuple[str, ...]) -> pd.DataFrame:
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Go through what the score is made of; threads are not used."""
+    """Yield the pieces of the score; threads are not used."""
     names = FAST if fast else tuple(MODELS)
     for data in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005"):
         choices = read_trials(data, strength="coherence")

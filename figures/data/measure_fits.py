@@ -106,7 +106,7 @@ def _means(design: Design) -> pd.DataFrame:
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Go through what the score is made of."""
+    """Yield the pieces of the score."""
     trials = COARSE_TRIALS if fast else TRIALS
     for data in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005"):
         choices = read_trials(data, strength="coherence")

@@ -51,7 +51,7 @@ MOVES: dict[str, tuple[Mechanism, dict[str, str]]] = {
 
 
 def patient(recorded: Trials, who: str, trials: int) -> pd.DataFrame:
-    """Return what stimulation moves: predictions of left-out trials, and the four means."""
+    """Return the effects of stimulation: predictions of left-out trials, and the four means."""
     design = design_of(recorded.where(recorded.participant == who), STIMULATED)
     left_out: dict[str, Predicted] = {}
     rows = []
@@ -89,7 +89,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the fitted means of each patient, and what each move predicts over all of them."""
+    """Return the fitted means of each patient, and the predictions of each move for all."""
     cells = made["patients"]
     return {"cells": ("patients", cells), "moves": ("patients", _moves(cells))}
 

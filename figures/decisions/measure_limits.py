@@ -90,7 +90,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return r of times in each case, the circuit's with itself, and what both make of it."""
+    """Return r of times in each case, that of the circuit with itself, and the attenuated r."""
     rows = made["times"]
     rows = rows[(rows["measure"] == "pearson_r") & (rows["model"] == CIRCUIT)]
     against_test = rows[rows["reference"] == MSPRT_AT_GAIN]

@@ -86,7 +86,7 @@ def _beside(swept: Tradeoff, other: Tradeoff, k: int) -> dict[str, float]:
 
 
 def decisions(channels: int, d_prime: float, trials: int, workers: int) -> pd.DataFrame:
-    """Return accuracy and times of each engine, and how far each lies from spikes."""
+    """Return accuracy and times of each engine, and its difference from spikes."""
     rows, shown = [], evidence(channels, d_prime, trials)
     assert shown.truth is not None
     by_engine = {

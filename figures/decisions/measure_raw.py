@@ -89,7 +89,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return a row per evidence, engine, what it was given, and accuracy; and the decoder's."""
+    """Return a row per evidence, its form, engine and accuracy; and rows of the decoder."""
     rows = made["decisions"]
     rows = rows[rows["accuracy"].notna()]
     spiking = rows[(rows["engine"] == "ensemble") & (rows["reference"] == MSPRT_AT_GAIN)]

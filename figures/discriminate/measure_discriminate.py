@@ -105,7 +105,7 @@ def found(pair: Pair, fast: bool, workers: int) -> pd.DataFrame:
 
 
 def recorded(count: int, trials: int, workers: int) -> pd.DataFrame:
-    """Return what spikes of each nucleus tell of a tenth of STN lost, in trials without a probe."""
+    """Return the information of each nucleus's spikes on a loss of a tenth of STN; no probe."""
     rows = []
     for nucleus in NUCLEI:
         result = discriminate(

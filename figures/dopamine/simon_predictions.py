@@ -1,4 +1,4 @@
-"""What the circuit predicts for people on and off medication, and how people compare with it.
+"""The circuit's predictions for people on and off medication, and the comparison with people.
 
 A prediction is a range. In contrasts that involve patients off medication it spans the levels of
 dopamine that are assumed for them; for all others it is a tolerance around the circuit's value, the

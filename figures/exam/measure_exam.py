@@ -101,7 +101,7 @@ def judged(table: pd.DataFrame) -> pd.Series:
 
 
 def ranks(domains: pd.DataFrame) -> pd.DataFrame:
-    """Return where each control ranks in its domain, by the mean share over seeds."""
+    """Return the rank of each control in its domain, by the mean share over seeds."""
     mean = domains.groupby(["domain", "examinee"], sort=False)["share"].mean()
     rows = []
     for name, (domain, _) in CONTROLS.items():

@@ -60,7 +60,7 @@ EVIDENCE = ("log_likelihood", "time_s", "lengths")
 
 @dataclass(frozen=True)
 class Fitted:
-    """The optimum of a model on known evidence, with what Bayes factors need."""
+    """The optimum of a model on known evidence, with the quantities for Bayes factors."""
 
     optimum: Optimum
 
@@ -232,7 +232,7 @@ def preferred(kind: str, who: str, trials: int, observers: int, seed: int) -> pd
 
 
 def recovered(kind: str, trials: int, observers: int, seed: int) -> pd.DataFrame:
-    """Return parameters that are put into tests and found in their trials.
+    """Return true parameters of simulated tests, and their estimates.
 
     Columns evidence, parameter, true, trials, observers, mean, error (of the mean), spread (between
     observers), within (share of observers whose 90 % interval covers the true value).

@@ -95,7 +95,7 @@ def equal(taps: str, seed: int) -> pd.DataFrame:
 
 
 def learned(taps: str, seed: int) -> pd.DataFrame:
-    """Return decisions of test, populations and spikes at what reward taught each."""
+    """Return decisions of test, populations and spikes with what each learned from reward."""
     source = readings(taps)
     evidence = source.draw(TRIALS, T_MAX, rng=stream(seed, "chain, learned"), step_ms=STEP_MS)
     outcome = chain(source, _model(evidence, seed), evidence, Learner(), seed, 1, SPIKING)

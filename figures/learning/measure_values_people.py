@@ -128,7 +128,7 @@ def estimates(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def expected(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return what was expected before the data were looked at, and what was found."""
+    """Return the ranges expected before the data were analysed, with the values obtained."""
     out = rows.pivot(index="participant_id", columns="model", values="left_out")
     people = len(out)
     known = people_of(people)

@@ -161,7 +161,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return what was found, unchanged."""
+    """Return the tables unchanged."""
     return {kind: (kind, table) for kind, table in made.items()}
 
 

@@ -37,7 +37,7 @@ def mean_and_error(values: Sequence[float] | Array) -> tuple[float, float]:
 
 
 def predicted(fit: Optimum, seed: int, name: str) -> tuple[Array, Array, Array]:
-    """Return what a fit predicts for every trial, given all earlier ones.
+    """Return a fit's predictions for every trial, given all earlier ones.
 
     Returns
     -------

@@ -73,7 +73,7 @@ def evidence(task: Task, conflict: float, trials: int, seed: int = SCORING_SEED)
 
 
 def lesioned(task: Task) -> dict[tuple[float, str, float], Circuit]:
-    """Return the circuits by what is lost, how long ago, and the rebound in nats."""
+    """Return the circuits by share of STN lost, state (acute or recovered), and rebound in nats."""
     table = load_circuit(DEFAULT, task.channels)
     circuits = {(0.0, INTACT, 0.0): table}
     for lost in LOST:
@@ -99,7 +99,7 @@ def decided(
 
 
 def measures(decisions: Tradeoff, truth: Array, weights: Array) -> dict[str, Array]:
-    """Return each measure for weights of trials (B, trials); what is late is forced then."""
+    """Return each measure for weights of trials (B, trials); late decisions are forced."""
     share = weights / weights.sum(axis=1, keepdims=True)
     each = {
         "accuracy": decisions.choice[0] == truth,

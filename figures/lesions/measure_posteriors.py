@@ -40,7 +40,7 @@ SECONDS = 0.0015
 
 
 def cases() -> Iterator[tuple[str, Circuit, tuple[float, ...]]]:
-    """Yield what is lost, the circuit after that, and the posteriors that are asked."""
+    """Yield the share lost, the circuit after the loss, and its posteriors."""
     table = load_circuit(DEFAULT)
     yield "nothing", table, ASKED
     for name in ("STN", "GPe"):

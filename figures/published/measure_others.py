@@ -75,7 +75,7 @@ class Expected(NamedTuple):
 
 
 class Edit(NamedTuple):
-    """A change of a circuit or of its evidence, its source, and what is expected of it."""
+    """A change of a circuit or of its evidence, its source, and the expected effect."""
 
     published: str
     edited: Callable[[Circuit], Circuit]
@@ -218,7 +218,7 @@ def differences(
 
 
 def verdict(row: Mapping[str, Any], expected: Expected) -> str:
-    """Return whether a change is as expected, or why its row does not tell."""
+    """Return whether a change is as expected, or why its row leaves this open."""
     if row["forced"] > MOST_FORCED:
         return NEVER
     if row["premature"] > WITHOUT_EVIDENCE_SHARE:
@@ -227,7 +227,7 @@ def verdict(row: Mapping[str, Any], expected: Expected) -> str:
 
 
 def outcome(expected: Expected, low: float, high: float) -> str:
-    """Return whether the interval of a change lies beyond the least change that counts."""
+    """Compare the interval of a change with the least change that counts."""
     if expected.direction < 0:
         low, high = -high, -low
     if not np.isfinite([low, high]).all():

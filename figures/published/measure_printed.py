@@ -96,7 +96,7 @@ def stewart(seeds: int) -> Iterator[dict[str, Any]]:
 
 
 def exact(seeds: int) -> Iterator[dict[str, Any]]:
-    """Yield what is exact: OUT of Bogacz & Gurney, and the state of rest of Gurney et al."""
+    """Yield exact values: OUT of Bogacz & Gurney, and the resting state of Gurney et al."""
     y = stream(SCORING_SEED, "printed").normal(0, 1, (200, 1, 4))
     y -= y.mean(axis=2, keepdims=True)
     out = run(anatomy.bogacz_gurney(4), y, engine="algebra", step_ms=1.0).output_nats[:, 0]

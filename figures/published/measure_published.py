@@ -68,7 +68,7 @@ Draw = Callable[[int, int], Evidence]
 def times(
     models: Mapping[str, Integrator], draw: Draw, trials: int, accuracy: float
 ) -> pd.DataFrame:
-    """Return the mean time of each test at an accuracy, and what it takes longer than the first.
+    """Return the mean time of each test at an accuracy, and its excess over that of the first.
 
     Intervals of 95 % by a bootstrap over trials, that of the threshold in them.
     """

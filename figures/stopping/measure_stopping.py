@@ -150,7 +150,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def _of_observer(trials: int, fewer: int) -> Iterator[Piece]:
-    """Yield what involves the ideal observer."""
+    """Yield the pieces with the ideal observer."""
     spikes = 1000 // fewer
     for channels in (2, 4):
         for prior in SHARES:

@@ -172,7 +172,7 @@ def late_delays(people: Mapping[str, StopTrials]) -> Array:
 
 
 def sequence(people: Mapping[str, StopTrials]) -> pd.DataFrame:
-    """Return what depends on the order of trials, one row per participant.
+    """Return effects of the order of trials, one row per participant.
 
     Columns p_first, p_odd, p_even, p_after_stop, p_after_go, odd_after_stop, even_after_stop and
     last_quarter_ms; a first stop trial is odd.
@@ -208,7 +208,7 @@ def mean_and_error(values: pd.Series | Array) -> tuple[float, float, int]:
 def predictions(
     fit: GroupFit, likelihoods: Mapping[str, StopLikelihood], left: Mapping[str, Integers]
 ) -> dict[str, pd.DataFrame]:
-    """Return what a fit predicts of stop trials of the same people that were not fitted.
+    """Return a fit's predictions of held-out stop trials of the same people.
 
     Parameters
     ----------

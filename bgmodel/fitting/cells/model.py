@@ -87,7 +87,7 @@ class CellsLikelihood(Likelihood):
         return self._ordered([done.log_density for _, done in self._passed(vector, None)])
 
     def _ordered(self, parts: list[Array]) -> Array:
-        """Return what sessions have for their trials in the order of the trials of the design."""
+        """Return values of each session's trials in the order of the trials of the design."""
         order = np.argsort(np.concatenate([each.trials for each in self.sessions]))
         return np.concatenate(parts)[order]
 

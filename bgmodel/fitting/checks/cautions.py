@@ -1,4 +1,4 @@
-"""What a fit warns of: numbers at bounds, late responses, short chains, errors."""
+"""Warnings of a fit: numbers at bounds, late responses, short chains, errors."""
 
 from __future__ import annotations
 

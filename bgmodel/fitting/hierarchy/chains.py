@@ -162,7 +162,7 @@ class _Chains:
         return _Kept(guide, kept.states, [], kept.made + 1)
 
     def reported(self, kept: _Kept) -> Agreement:
-        """Return the diagnostics, and tell them."""
+        """Return the diagnostics, and report them."""
         diagnostics = agreement(kept.draws)
         self.tell(
             f"{len(kept.draws[0])} draws in each of {CHAINS} chains, effective sample size "

@@ -109,7 +109,7 @@ class GroupFit(Facts):
         return changes
 
     def effects(self) -> pd.DataFrame:
-        """Return what predictors between people do: median, low, high (0.9), above_zero."""
+        """Return the effects of predictors between people: median, low, high (0.9), above_zero."""
         rows = {}
         for name, draws in self.slopes.items():
             middle = {key: float(x[0]) for key, x in _middle(draws[..., None], MIDDLE).items()}
@@ -201,7 +201,7 @@ class GroupFit(Facts):
         return summary | {"above_zero": float((draws > 0).mean())}
 
     def cautions(self) -> list[str]:
-        """Return warnings: of misfit, of what choices alone leave open, of short chains."""
+        """Return warnings of misfit, parameters that choices leave open, and short chains."""
         first = next(iter(self.typical.values()))
         timed = first.likelihood.design.timed
         alike = [] if timed else directions(first.likelihood, first.vector).cautions()

@@ -19,7 +19,7 @@ nobody differs visibly, and not 0, so that the same moves reach all parameters."
 
 @dataclass(frozen=True)
 class Predictors:
-    """What differs between people and moves their parameters, such as patients and controls."""
+    """Variables that differ between people and shift their parameters, such as a diagnosis."""
 
     names: tuple[str, ...]  # names of slopes, such as ``bound[group[T.patient]]``.
     # (slopes, people), with mean 0 over people, so that slopes do not depend on means

@@ -114,7 +114,7 @@ class LogitQ(QLearning):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Confidence(Learner):
-    """The confidence rule: the error is the reward less what the learner's own confidence expects.
+    """The confidence rule: the error is the reward minus that expected from confidence.
 
     The confidence that the chosen arm is the better one is ``P_c = softmax(w)_c``, and the expected
     reward ``low + (high - low) P_c``, an affine critic. The weights of both arms move apart by the

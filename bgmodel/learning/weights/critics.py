@@ -44,7 +44,7 @@ class Critic:
     """Whether it assumes that feedback is always valid."""
 
     def start(self, runs: int) -> Array:
-        """Return what is learned, (runs, p)."""
+        """Return the learned parameters, (runs, p)."""
         return np.zeros((runs, 0))
 
     def expected(self, state: Array, trial: Trial) -> Array:

@@ -71,7 +71,7 @@ def _scale(first, window, factors, row):
 
 @part
 def _arrivals(first, window, units, sources, factors, ring, state, passed):
-    """Filter what arrives at each unit in the ticks of a window (step 1 of the scheme)."""
+    """Filter the input of each unit in the ticks of a window (step 1 of the scheme)."""
     mask = ring.shape[1] - 1
     for q in range(len(units)):
         unit, row, u = units[q], passed[q], state[q]
