@@ -274,5 +274,5 @@ def shipped_list() -> NumberList:
 
 def read_numbers(path: str | Path) -> tuple[Number, ...]:
     """Read the numbers of one domain from a TOML file."""
-    found = toml_files.read(path, _OfDomain)
-    return tuple(replace(one, domain=found.domain) for one in found.numbers)
+    contents = toml_files.read(path, _OfDomain)
+    return tuple(replace(one, domain=contents.domain) for one in contents.numbers)

@@ -57,7 +57,7 @@ class NotApplicable(Exception):
 
 
 class Failed(Exception):
-    """The circuit does not do what the number is about: it never decides by evidence, say."""
+    """The circuit lacks the behaviour that is measured: it never decides by evidence, say."""
 
 
 @dataclass(frozen=True)
@@ -147,8 +147,8 @@ def _needs_unit(table: pd.DataFrame, bare: str, name: str, allowed: str) -> None
     """Refuse a table without the column, naming the unit if only that is missing."""
     if name in table:
         return
-    said = f"the column {bare} has no unit" if bare in table else f"there is no column {name}"
-    raise InputError(f"{said}: name it {allowed}", name)
+    problem = f"the column {bare} has no unit" if bare in table else f"there is no column {name}"
+    raise InputError(f"{problem}: name it {allowed}", name)
 
 
 def _known(table: pd.DataFrame, name: str, allowed: tuple[str, ...]) -> None:

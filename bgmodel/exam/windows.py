@@ -81,14 +81,14 @@ def _means(values: Array, inside: Truths) -> Array:
 
 def _roles(window: str, means: Array, choice: Integers, stop: bool) -> dict[str, Array]:
     """Return the mean over channels, and those of the chosen and of the other alternatives."""
-    found = {"all": means.mean(axis=1)}
+    by_role = {"all": means.mean(axis=1)}
     made = choice != UNDECIDED
     if window == "signal" and stop:
-        found["failed"] = np.where(made, found["all"], np.nan)
-        found["successful"] = np.where(made, np.nan, found["all"])
+        by_role["failed"] = np.where(made, by_role["all"], np.nan)
+        by_role["successful"] = np.where(made, np.nan, by_role["all"])
     elif window != "signal" and means.shape[1] > 1:
         chosen = means[np.arange(len(means)), np.maximum(choice, 0)]
         others = (means.sum(axis=1) - chosen) / (means.shape[1] - 1)
-        found["chosen"] = np.where(made, chosen, np.nan)
-        found["other"] = np.where(made, others, np.nan)
-    return found
+        by_role["chosen"] = np.where(made, chosen, np.nan)
+        by_role["other"] = np.where(made, others, np.nan)
+    return by_role

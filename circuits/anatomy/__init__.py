@@ -116,17 +116,18 @@ def is_included(circuit: Circuit) -> bool:
         return False
 
 
-def _own(found: Circuit, path: Path) -> Circuit:
+def _own(circuit: Circuit, path: Path) -> Circuit:
     """Return the circuit of a file under a name that no included circuit has."""
-    if found.name not in CIRCUITS or is_included(found):
-        return found
-    make = CIRCUITS[found.name]
+    if circuit.name not in CIRCUITS or is_included(circuit):
+        return circuit
+    make = CIRCUITS[circuit.name]
     for channels in range(2, MOST_COMPARED + 1):
-        if channels != found.channels and make(channels).populations == found.populations:
+        if channels != circuit.channels and make(channels).populations == circuit.populations:
             EditWarning.warn(
-                f"{path.name} is for {found.channels} channels, but its rows, whose biases depend "
-                f"on that number, are those of {found.name} for {channels}: write the file again "
-                f"with `bgmodel circuit show {found.name} --channels {found.channels} --save`"
+                f"{path.name} is for {circuit.channels} channels, but its rows, whose biases "
+                f"depend on that number, are those of {circuit.name} for {channels}: write the "
+                f"file again with `bgmodel circuit show {circuit.name} --channels "
+                f"{circuit.channels} --save`"
             )
             break
-    return replace(found, name=path.stem)
+    return replace(circuit, name=path.stem)

@@ -15,7 +15,7 @@ RATES = {
     "ctx.gain_hz_per_nat": 16.0,  # 36 Hz before the evidence
     "D1.gain_hz_per_nat": 2.56,
     "D2.baseline_hz": 0.5,
-    "D2.gain_hz_per_nat": 0.5,
+    "D2.gain_hz_per_nat": 0.25,  # not silent while OUT is read
     "STN.gain_hz_per_nat": 12.44,  # 16 Hz with two alternatives
     # With STN's input, 2.6 nats at rest, blocked, SNr still fires, and without any input at 54 Hz.
     "SNr.baseline_hz": 54.0,
@@ -33,7 +33,7 @@ LEGS = {
     "STN->SNr.tau_ms": 18.0,
 }
 """Synapses on the way from cortex to SNr, so that D1 and STN reach it at the same time."""
-CELLS = {"ctx": 1500, "D1": 10_000, "D2": 800, "STN": 800, "GPe": 1500, "SNr": 2400}
+CELLS = {"ctx": 1500, "D1": 10_000, "D2": 2000, "STN": 800, "GPe": 1500, "SNr": 2400}
 """Cells of a channel: where a nat is fewer Hz, more cells carry it with the same noise."""
 FROM_FSI, MORE_D1_NATS = 0.15, 0.1
 """What a channel's FSI take from D1, nats per nat, and how much higher D1 rests, nats."""
@@ -69,7 +69,7 @@ def macaque_tuned(channels: int = 2) -> Circuit:
     return replace(
         circuit.add(cells, onto_cells, to_d1),
         name="macaque_tuned",
-        about="basal ganglia of a macaque with its resting rates, also without STN's input, and beta",
+        about="basal ganglia of a macaque with its rates at rest and its beta without dopamine",
         unedited=None,
         exact=True,
         readout_tau_ms=16,

@@ -57,10 +57,10 @@ nuclei fire at their resting rates."""
 
 def examinees() -> dict[str, Examinee]:
     """Return every examinee by name."""
-    found = {name: examinee(name) for name in CIRCUITS}
+    by_name = {name: examinee(name) for name in CIRCUITS}
     for name, (_, edit) in CONTROLS.items():
-        found[name] = Examinee(name, partial(_edited, edit))
-    return found
+        by_name[name] = Examinee(name, partial(_edited, edit))
+    return by_name
 
 
 def _edited(edit: Callable[[Circuit], Circuit], channels: int) -> Circuit:
@@ -101,7 +101,7 @@ def judged(table: pd.DataFrame) -> pd.Series:
 
 
 def ranks(domains: pd.DataFrame) -> pd.DataFrame:
-    """Return where each control ranks in its domain, by the mean share over seeds."""
+    """Return the rank of each control in its domain, by the mean share over seeds."""
     mean = domains.groupby(["domain", "examinee"], sort=False)["share"].mean()
     rows = []
     for name, (domain, _) in CONTROLS.items():
@@ -112,15 +112,15 @@ def ranks(domains: pd.DataFrame) -> pd.DataFrame:
             "worse": int((others < here[name]).sum()),
             "tied": int((others == here[name]).sum()),
         }
-        whole = mean.unstack("examinee")
-        kept = whole.index[whole[name] >= whole[DEFAULT] - ROUNDING].tolist()
+        shares = mean.unstack("examinee")
+        kept = shares.index[shares[name] >= shares[DEFAULT] - ROUNDING].tolist()
         rows.append(row | {"of": len(here), "as_good_as_default": "; ".join(kept)})
     return pd.DataFrame(rows)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return the list, every answer, domains, stability over seeds, controls, and cost."""
-    whole = made["exam"]
+    answers = made["exam"]
     about = [
         (one.id, one.domain, one.about, one.published(), one.unit, one.species, one.mark,
          one.source, one.weight, one.how)
@@ -129,16 +129,16 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     names = ["id", "domain", "about", "published", "unit", "species", "mark", "source", "weight"]
     kept = ["examinee", "sitting", "id", "domain", "value", "se", "z", "outcome", "set_by"]
     parts = []
-    for (name, seed), part in whole.groupby(["examinee", "sitting"], sort=False):
+    for (name, seed), part in answers.groupby(["examinee", "sitting"], sort=False):
         parts.append(totals(part).assign(examinee=name, sitting=seed))
     domains = pd.concat(parts, ignore_index=True)
-    stable = judged(whole).rename("stability").reset_index()
-    cost = whole.groupby(["examinee", "sitting"], sort=False)[["engine", "cpu_s"]].first()
-    reasons = whole[["examinee", "sitting", "id", "outcome", "reason"]].dropna(subset="reason")
+    stable = judged(answers).rename("stability").reset_index()
+    cost = answers.groupby(["examinee", "sitting"], sort=False)[["engine", "cpu_s"]].first()
+    reasons = answers[["examinee", "sitting", "id", "outcome", "reason"]].dropna(subset="reason")
     reasons = reasons[reasons["sitting"] == SEED].drop(columns="sitting")
     return {
         "list": ("exam", pd.DataFrame(about, columns=[*names, "how"])),
-        "numbers": ("exam", whole[kept]),
+        "numbers": ("exam", answers[kept]),
         "domains": ("exam", domains),
         "stability": ("exam", stable),
         "controls": ("exam", ranks(domains)),
