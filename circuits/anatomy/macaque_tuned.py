@@ -15,7 +15,7 @@ RATES = {
     "ctx.gain_hz_per_nat": 16.0,  # 36 Hz before the evidence
     "D1.gain_hz_per_nat": 2.56,
     "D2.baseline_hz": 0.5,
-    "D2.gain_hz_per_nat": 0.25,  # not silent while OUT is read
+    "D2.gain_hz_per_nat": 0.3,  # not silent while OUT is read
     "STN.gain_hz_per_nat": 12.44,  # 16 Hz with two alternatives
     # With STN's input, 2.6 nats at rest, blocked, SNr still fires, and without any input at 54 Hz.
     "SNr.baseline_hz": 54.0,
@@ -33,7 +33,7 @@ LEGS = {
     "STN->SNr.tau_ms": 18.0,
 }
 """Synapses on the way from cortex to SNr, so that D1 and STN reach it at the same time."""
-CELLS = {"ctx": 1500, "D1": 10_000, "D2": 2000, "STN": 800, "GPe": 1500, "SNr": 2400}
+CELLS = {"ctx": 3000, "D1": 9000, "D2": 3500, "STN": 2000, "GPe": 2000, "SNr": 4500}
 """Cells of a channel: where a nat is fewer Hz, more cells carry it with the same noise."""
 FROM_FSI, MORE_D1_NATS = 0.15, 0.1
 """What a channel's FSI take from D1, nats per nat, and how much higher D1 rests, nats."""
@@ -72,7 +72,5 @@ def macaque_tuned(channels: int = 2) -> Circuit:
         about="basal ganglia of a macaque with its rates at rest and its beta without dopamine",
         unedited=None,
         exact=True,
-        readout_tau_ms=16,
-        default_gain=0.65,
         max_lead_nats=MOST_LEAD_NATS.get(channels, inf),
     )
