@@ -1,9 +1,9 @@
-"""Largest usable strength of evidence: where decisions of the macaque's table stop speeding up.
+"""Largest usable strength of evidence: where decisions of the macaque's tables stop speeding up.
 
-``python -m benchmarks.tuning.strength [--trials 200]`` prints three tables: the stability of the
+``python -m benchmarks.tuning.strength [--circuit macaque] [--trials 200]`` prints three tables: the stability of the
 loop of STN and GPe against its activity, decision times against d' with one part of the circuit
 changed at a time, and the share of late decisions by number of alternatives, from which
-``circuits.anatomy.macaque.MOST_LEAD_NATS`` is taken.
+``MOST_LEAD_NATS`` of ``macaque`` and ``macaque_tuned`` is taken.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.simulated_evidence import gaussian_evidence
-from circuits.anatomy import macaque
+from circuits.anatomy import load_circuit
 from circuits.circuit import Circuit
 from circuits.dynamics.fixed_point import solve, wired
 from circuits.laws.stability import growth
@@ -28,6 +28,7 @@ SEED = 1004
 LATE_MS = 400.0
 READINGS = 40
 STRENGTHS = (0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
+LEADS = (0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5)
 ALTERNATIVES = (2, 3, 4, 5, 6, 7, 8, 10, 12)
 
 
@@ -90,10 +91,12 @@ def drawn(d_prime: float, channels: int, trials: int, readings: int = READINGS) 
 def main() -> None:
     """Print the three tables."""
     asked = argparse.ArgumentParser(description=__doc__)
+    asked.add_argument("--circuit", default="macaque")
     asked.add_argument("--trials", type=int, default=200)
-    trials = asked.parse_args().trials
+    chosen = asked.parse_args()
+    name_of_table, trials = chosen.circuit, chosen.trials
     warnings.simplefilter("ignore")
-    table = macaque(2)
+    table = load_circuit(name_of_table, 2)
     print("S above rest, Sigma, growth (1/s), Hz: the loop of STN and GPe alone")
     for row in stability(table, (0.0, 0.5, 1.0, 1.5, 1.6, 2.0, 2.5, 3.0)):
         print("  " + " ".join(f"{value:8.2f}" for value in row))
@@ -113,9 +116,9 @@ def main() -> None:
         print(f"  {name:32s}" + " ".join(f"{cell:>12s}" for cell in cells), flush=True)
     print("late share at posterior 0.9 by alternatives and lead per 100 ms")
     for channels in ALTERNATIVES:
-        table, cells = macaque(channels), []
+        table, cells = load_circuit(name_of_table, channels), []
         gain = gain_of(table)
-        for d_prime in (1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5):
+        for d_prime in LEADS:
             evidence = drawn(d_prime, channels, min(trials, 250), 60)
             exact = decided(table, "algebra", evidence, gain, 0.9)
             decision = decided(table, "population", evidence, gain, 0.9)

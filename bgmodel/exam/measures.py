@@ -230,7 +230,7 @@ def _ssrt(table: pd.DataFrame) -> float:
 @measure
 def rate(results: Results, nucleus: str, window: str, task: str, role: str = "all") -> Estimate:
     """Return the mean rate of a nucleus in a window, Hz."""
-    check_hz(results, nucleus)
+    _check_hz(results, nucleus)
     values = results.tables.rates_of(task, nucleus, window, role)
     return _mean_of(values.to_numpy())
 
@@ -248,7 +248,7 @@ def rate_change(
     unit: str = "Hz",
 ) -> Estimate:
     """Return a rate minus another, in Hz or percent; ``minus_`` arguments default to the same."""
-    check_hz(results, nucleus)
+    _check_hz(results, nucleus)
     new = results.tables.rates_of(task, nucleus, window, role)
     place = (minus_task or task, nucleus, minus_window or window, minus_role or role)
     old = results.tables.rates_of(*place)
@@ -262,8 +262,7 @@ def rate_change(
     )
 
 
-def check_hz(results: Results, nucleus: str) -> None:
-    """Raise NotApplicable if the number is in Hz and the activity of a nucleus is abstract."""
+def _check_hz(results: Results, nucleus: str) -> None:
     if results.in_hz and nucleus in results.tables.abstract:
         raise NotApplicable(f"the activity of {nucleus} is abstract, not a rate of cells in Hz")
 
