@@ -1,9 +1,9 @@
 """Largest usable strength of evidence: where decisions of the macaque's tables stop speeding up.
 
-``python -m benchmarks.tuning.strength [--circuit macaque] [--trials 200]`` prints three tables: the stability of the
-loop of STN and GPe against its activity, decision times against d' with one part of the circuit
-changed at a time, and the share of late decisions by number of alternatives, from which
-``MOST_LEAD_NATS`` of ``macaque`` and ``macaque_tuned`` is taken.
+``python -m benchmarks.tuning.strength [--circuit macaque] [--trials 200]`` prints three tables: the
+stability of the loop of STN and GPe against its activity, decision times against d' with one part
+of the circuit changed at a time, and the share of late decisions by number of alternatives, from
+which ``MOST_LEAD_NATS`` of ``macaque`` and ``macaque_tuned`` is taken.
 """
 
 from __future__ import annotations

@@ -41,8 +41,7 @@ TUNED_STN, ALIKE = f"{OF_TWO}; tau, cells tuned", "heterogeneity assumed"
 MOST_LEAD_NATS = {
     2: 3.4, 3: 3.1, 4: 2.5, 5: 1.5, 6: 0.8, 7: 0.75, 8: 0.6, 9: 0.4, 10: 0.3, 11: 0.25, 12: 0.23,
 }  # fmt: skip
-"""As in ``macaque``; with two and three alternatives, the largest that was tried. The slower loop of
-STN and GPe does not oscillate where that of ``macaque`` does."""
+"""As in ``macaque``; with two and three alternatives, the largest that was tried."""
 
 
 def macaque_tuned(channels: int = 2) -> Circuit:

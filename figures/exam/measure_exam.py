@@ -55,12 +55,18 @@ CONTROLS: dict[str, tuple[str, Callable[[Circuit], Circuit]]] = {
 nuclei fire at their resting rates."""
 
 
+NO_MOTIFS = ("macaque", "macaque_tuned")
+"""Circuits that also sit without the motifs of tasks, with a constant criterion."""
+WITHOUT = ", no motifs"
+"""What their names then end with."""
+
+
 def examinees() -> dict[str, Examinee]:
     """Return every examinee by name."""
     by_name = {name: examinee(name) for name in CIRCUITS}
     for name, (_, edit) in CONTROLS.items():
         by_name[name] = Examinee(name, partial(_edited, edit))
-    return by_name
+    return by_name | {f"{name}{WITHOUT}": by_name[name] for name in NO_MOTIFS}
 
 
 def _edited(edit: Callable[[Circuit], Circuit], channels: int) -> Circuit:
@@ -70,7 +76,13 @@ def _edited(edit: Callable[[Circuit], Circuit], channels: int) -> Circuit:
 def sat(name: str, seed: int, share: float, workers: int) -> pd.DataFrame:
     """Return the rows of an exam, and the CPU time that it took."""
     begun = time.process_time()
-    record = Exam.shipped().take(examinees()[name], seed=seed, share=share, workers=workers)
+    record = Exam.shipped().take(
+        examinees()[name],
+        seed=seed,
+        share=share,
+        motifs=not name.endswith(WITHOUT),
+        workers=workers,
+    )
     taken = time.process_time() - begun
     engine = record.parameters.get("engine", "")
     return record.table.assign(examinee=name, sitting=seed, engine=engine, cpu_s=taken)
