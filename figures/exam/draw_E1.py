@@ -33,7 +33,7 @@ def draw(settings: Settings, numbers: Path, domains: Path, *, output: Path) -> F
     table, shares = read_table(numbers), read_table(domains)
     names = [name for name in FIRST if name in set(table["examinee"])]
     names += [name for name in table["examinee"].unique() if name not in names]
-    figure = plt.figure(figsize=(7.4, 9.2), layout="constrained")
+    figure = plt.figure(figsize=(7.4, 12.5), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1, 0.8))
     first = table[table["sitting"] == table["sitting"].min()]
     _answers(left, first, names)
