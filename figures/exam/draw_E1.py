@@ -23,7 +23,10 @@ COLOURS = {
     "not answered": "white",
 }
 """Colour of each outcome."""
-FIRST = ("macaque", "spiking_msprt", "bogacz_gurney")
+FIRST = (
+    "macaque_tuned", "macaque_tuned, no motifs", "macaque", "macaque, no motifs", "spiking_msprt",
+    "bogacz_gurney",
+)  # fmt: skip
 """Circuits drawn first; others follow in the order of the table."""
 SIGNS = {"agrees": "✓", "disagrees": "×", "left open": "?"}
 
