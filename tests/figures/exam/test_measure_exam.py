@@ -7,11 +7,20 @@ import pytest
 from bgmodel.exam.numbers import shipped_list
 from circuits.anatomy import CIRCUITS, DEFAULT, load_circuit
 from circuits.dynamics.fixed_point import resting_hz
-from figures.exam.measure_exam import CONTROLS, examinees, judged, noise_alone, ranks
+from figures.exam.measure_exam import (
+    CONTROLS,
+    NO_MOTIFS,
+    WITHOUT,
+    examinees,
+    judged,
+    noise_alone,
+    ranks,
+)
 
 
 def test_every_circuit_and_four_controls_are_examined():
-    assert list(examinees()) == [*CIRCUITS, *CONTROLS]
+    without = [f"{name}{WITHOUT}" for name in NO_MOTIFS]
+    assert list(examinees()) == [*CIRCUITS, *CONTROLS, *without]
     assert {domain for domain, _ in CONTROLS.values()} <= set(shipped_list().domains)
 
 
