@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,7 @@ from bgmodel.exam.exam import Model as Examinee
 from bgmodel.exam.exam import model_of as examinee
 from bgmodel.exam.numbers import SEED, shipped_list
 from bgmodel.exam.record import MOST_Z, totals
+from bgmodel.experiments.predictions import AGREES
 from circuits.anatomy import CIRCUITS, DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from circuits.laws.controls import shuffled_stn
@@ -59,6 +61,17 @@ NO_MOTIFS = ("macaque", "macaque_tuned")
 """Circuits that also sit without the motifs of tasks, with a constant criterion."""
 WITHOUT = ", no motifs"
 """What their names then end with."""
+OTHERS_RATES = Path(__file__).parent / "others"
+"""Rates of circuits of other people, a table each; SOURCES.md says whose."""
+TUNED = "macaque_tuned"
+GAMES = {
+    "SNr barely changes its rate": ("set SNr.gain_hz_per_nat 6", "set SNr.baseline_hz 63.7"),
+    "D2 barely changes its rate": ("set D2.gain_hz_per_nat 0.05",),
+    "D1 barely changes its rate": ("set D1.gain_hz_per_nat 0.3",),
+    "OUT falls in every task": ("add SNr amount=-0.5 rise_ms=1000",),
+    "cortex bursts in every task": ("add ctx amount=1.2 to_ms=120 rise_ms=20 decay_ms=120",),
+}
+"""Edits of ``macaque_tuned`` that might raise its score without a meaning."""
 
 
 def examinees() -> dict[str, Examinee]:
@@ -96,6 +109,37 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
             make = partial(sat, name, seed, share, workers)
             file = name.replace("->", " to ")
             yield Piece("exam", f"{file}, seed {seed}", round(1000 * share), SECONDS, make)
+    for name in GAMES:
+        make = partial(gamed, name, SEED, share, workers)
+        yield Piece("games", name, round(1000 * share), SECONDS, make)
+    yield Piece("others", "rates", 1, 1, others)
+
+
+def gamed(name: str, seed: int, share: float, workers: int) -> pd.DataFrame:
+    """Return the rows of an exam of ``macaque_tuned`` with edits that might raise its score."""
+    exam = Exam.shipped()
+    record = exam.take(TUNED, edits=GAMES[name], seed=seed, share=share, workers=workers)
+    return record.table.assign(edit=name)
+
+
+def others() -> pd.DataFrame:
+    """Return the rows of an exam of each circuit in ``others``."""
+    parts = []
+    for path in sorted(OTHERS_RATES.glob("*.csv")):
+        record = Exam.shipped().mark(rates=path, name=path.stem)
+        parts.append(record.table.assign(circuit=path.stem))
+    return pd.concat(parts, ignore_index=True)
+
+
+def games(tried: pd.DataFrame, plain: pd.DataFrame) -> pd.DataFrame:
+    """Return what edits win and lose against the circuit without them."""
+    before = plain.set_index("id")["outcome"] == AGREES
+    rows = []
+    for name, part in tried.groupby("edit", sort=False):
+        after = part.set_index("id")["outcome"] == AGREES
+        won, lost = (", ".join(before.index[k]) for k in (after & ~before, before & ~after))
+        rows.append((name, int(after.sum() - before.sum()), won, lost))
+    return pd.DataFrame(rows, columns=["edit", "more", "won", "lost"])
 
 
 def judged(table: pd.DataFrame) -> pd.Series:
@@ -131,8 +175,10 @@ def ranks(domains: pd.DataFrame) -> pd.DataFrame:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the list, every answer, domains, stability over seeds, controls, and cost."""
+    """Return the list, all answers, domains, stability, controls, cost, games, others' rates."""
     answers = made["exam"]
+    plain = answers[(answers["examinee"] == TUNED) & (answers["sitting"] == SEED)]
+    asked = made["others"][made["others"]["outcome"] != "not answered"]
     about = [
         (one.id, one.domain, one.about, one.published(), one.unit, one.species, one.mark,
          one.source, one.weight, one.how)
@@ -156,6 +202,8 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
         "controls": ("exam", ranks(domains)),
         "reasons": ("exam", reasons[reasons["outcome"].isin([FAILS, "not answered"])]),
         "cost": ("exam", cost.reset_index()),
+        "games": ("games", games(made["games"], plain)),
+        "others": ("others", asked[["circuit", "id", "published", "value", "se", "z", "outcome"]]),
     }
 
 
