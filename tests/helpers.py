@@ -123,9 +123,9 @@ def unwarned():
         yield
 
 
-def told(call, *given, **named):
+def told(call, *arguments, **named):
     """Return all that a call warns of, as texts."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        call(*given, **named)
+        call(*arguments, **named)
     return [str(one.message) for one in caught]

@@ -259,13 +259,13 @@ def test_trials_of_people_one_after_the_other_are_those_that_were_read():
         for k in (0, 1)
     )
     rewarded = bg.read_trials("pedersen_frank_2020")
-    for whole in (
+    for trials in (
         bg.read_trials(data, evidence=evidence, forced=True),
         bg.read_trials(stop_table(2)),
         rewarded.where(np.isin(rewarded.participant, ["3", "4"])),
         bg.read_trials("roitman_shadlen_2002", strength="coherence"),
     ):
-        assert joined(list(whole.by_participant().values())).checksum == whole.checksum
+        assert joined(list(trials.by_participant().values())).checksum == trials.checksum
 
 
 def test_every_kind_of_trials_is_simulated_for_every_person():

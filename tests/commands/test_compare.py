@@ -49,7 +49,7 @@ def test_compare_draws_a_figure_and_warns_next_to_the_verdict(tmp_path, capsys):
 
 
 def test_a_comparison_says_before_it_starts_what_runs(tmp_path, refusal, capsys, monkeypatch):
-    def stop(*given, **named):
+    def stop(*arguments, **named):
         raise ValueError("started")
 
     monkeypatch.setattr("bgmodel.commands.compare.comparing.compare", stop)

@@ -50,19 +50,19 @@ def test_what_is_asked_for_is_drawn_and_nothing_else_and_all_without_a_word(
     for name in ("Snakefile", "room/draw_2.py", "room/draw_3.py", "room/draw_4.py"):
         (tmp_path / "figures" / name).touch()
     ran = []
-    monkeypatch.setattr(figures, "run_snakemake", lambda given: ran.append(given) or 0)
+    monkeypatch.setattr(figures, "run_snakemake", lambda targets: ran.append(targets) or 0)
     assert main(["figures", *arguments]) == 0
     (command,) = ran
     assert command[command.index("--") + 1 :] == asked
     assert command[command.index("--config") + 1] == f"fast={int('--fast' in arguments)}"
-    said = capsys.readouterr().out
-    assert f": {count}, already there: 0" in said
+    printed = capsys.readouterr().out
+    assert f": {count}, already there: 0" in printed
     folder = tmp_path / "figures" / ("fast" if "--fast" in arguments else "out")
     folder.mkdir()
     (folder / "fig2.png").touch()
     assert main(["figures", *arguments]) == 0
-    said = capsys.readouterr().out
-    assert f": {count}, already there: 1" in said
+    printed = capsys.readouterr().out
+    assert f": {count}, already there: 1" in printed
 
 
 @pytest.mark.parametrize("folder", ["010", "1e3", "true", "a' b"])
@@ -183,9 +183,9 @@ def test_a_live_run_refuses_a_second_and_one_that_is_stopped_goes_on(checkout):
     assert checkout.said().endswith("`bgmodel figures --unlock`\n")
     os.killpg(command.pid, signal.SIGINT)
     assert command.wait(HANG_S) == 130
-    said = (checkout.folder / "said0").read_text()
-    assert said.endswith("bgmodel: stopped. The same command resumes where it stopped.\n")
-    assert "Traceback" not in said
+    message = (checkout.folder / "said0").read_text()
+    assert message.endswith("bgmodel: stopped. The same command resumes where it stopped.\n")
+    assert "Traceback" not in message
     assert not psutil.wait_procs(others, timeout=HANG_S)[1]
     checkout.assert_goes_on()
 

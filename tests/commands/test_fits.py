@@ -54,14 +54,14 @@ def mine(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def whole():
+def thorough():
     """Search and draw as for users."""
 
 
 @pytest.fixture(autouse=True)
 def brief(request, monkeypatch):
     """Search coarsely and draw nothing: tests of optima and figures are elsewhere."""
-    if "whole" not in request.fixturenames:
+    if "thorough" not in request.fixturenames:
         monkeypatch.setattr(optimum, "TOLERANCE_NATS", 0.5)
         monkeypatch.setattr(optimum, "POPULATION", 8)
         monkeypatch.setattr(fitted, "save_figure", lambda figure, path: path.touch())
@@ -185,7 +185,7 @@ def test_a_table_of_somebody_else_is_not_written_over(tmp_path, capsys):
     )
 
 
-def test_each_participant_gets_a_row_per_number_and_a_figure(whole, tmp_path, capsys):
+def test_each_participant_gets_a_row_per_number_and_a_figure(thorough, tmp_path, capsys):
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK) == 0
     shown = capsys.readouterr().out
     assert "mine.csv: 160 trials of 2 participants" in shown
@@ -406,12 +406,12 @@ def test_an_interrupted_fit_goes_on_where_it_was(capsys, monkeypatch):
     asked += ["--simulation", "engine=rate", "trials=16"]
     real, done = module.optimum, []
 
-    def searched(likelihood, **given):
+    def searched(likelihood, **options):
         if len(done) == 3:
             likelihood(likelihood.freedom.start)
             raise KeyboardInterrupt
         done.append(likelihood)
-        return real(likelihood, **given)
+        return real(likelihood, **options)
 
     monkeypatch.setattr(module, "optimum", searched)
     assert run("fit", *asked) == 130
@@ -476,7 +476,7 @@ def known():
         table.to_csv(f"{name}.csv", index=False)
 
 
-def test_fits_on_known_evidence_write_the_same_tables_and_their_own_figure(known, whole, capsys):
+def test_fits_on_known_evidence_write_the_same_tables_and_their_own_figure(known, thorough, capsys):
     asked = [*KNOWN, "forced=true", "--compare"]
     assert run("fit", *asked, "--json") == 0
     printed = json.loads(capsys.readouterr().out)
@@ -491,7 +491,7 @@ def test_fits_on_known_evidence_write_the_same_tables_and_their_own_figure(known
     assert run("fit", *KNOWN) == 2  # the last reading forces nothing here
 
 
-def test_learners_are_fitted_to_rewarded_choices(whole, capsys):
+def test_learners_are_fitted_to_rewarded_choices(thorough, capsys):
     asked = ["pedersen_frank_2020", "--participant", "3", "--models", "q", "no learning"]
     assert run("fit", *asked, "--compare", "--json") == 0
     records = json.loads(capsys.readouterr().out)["records"]

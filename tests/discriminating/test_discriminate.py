@@ -137,7 +137,7 @@ def test_a_plan_of_two_circuits_or_of_a_test_is_refused(tests):
 
 
 @pytest.mark.parametrize(
-    ("given", "field"),
+    ("arguments", "field"),
     [
         ({"first": "macaque"}, "second"),
         ({"first": "msprt", "second": "msprt"}, "second"),
@@ -151,9 +151,9 @@ def test_a_plan_of_two_circuits_or_of_a_test_is_refused(tests):
         ({"first": "macaque", "second": "msprt", "seed": 99_201}, "check_seed"),
     ],
 )
-def test_what_cannot_be_searched_is_refused_in_one_sentence(given, field):
+def test_what_cannot_be_searched_is_refused_in_one_sentence(arguments, field):
     with pytest.raises(bg.InputError) as caught:
-        bg.discriminate(**given)
+        bg.discriminate(**arguments)
     assert caught.value.field == field
     assert "\n" not in str(caught.value)
 

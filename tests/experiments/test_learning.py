@@ -39,21 +39,21 @@ def test_trials_are_divided_among_the_runs():
     features = QUICK.features(replace(GRATINGS, trials=6), seed=1)
     weights = np.random.default_rng(2).normal(size=(2, 2, features.units))
     learned = LearnedWeights(weights, features.names)
-    found = heard(learned, features).log_likelihood
+    log_likelihood = heard(learned, features).log_likelihood
     for run in range(2):
         same = learned.log_likelihoods(features, run)
-        assert found[run::2] == pytest.approx(same[run::2])
+        assert log_likelihood[run::2] == pytest.approx(same[run::2])
 
 
 def test_both_conditions_decide_on_what_was_learned():
     taught = replace(PLAIN, learning=QUICK)
-    given = taught.given()
+    drawn = taught.given()
     models = [condition.model(2) for condition in taught.conditions]
-    control, manipulation = taught.heard(models, given)
+    control, manipulation = taught.heard(models, drawn)
     # Learned at the fixed point: the edit changes the decisions, not the weights.
     assert np.array_equal(control.log_likelihood, manipulation.log_likelihood)
-    assert not np.allclose(control.log_likelihood, given.evidence.log_likelihood)
-    assert np.array_equal(control.truth, given.evidence.truth)
+    assert not np.allclose(control.log_likelihood, drawn.evidence.log_likelihood)
+    assert np.array_equal(control.truth, drawn.evidence.truth)
     done = taught.run()
     times = done.measures.set_index(["condition", "measure"])["value"]
     assert times["change", "mean_ms"] > 0
@@ -63,17 +63,17 @@ def test_both_conditions_decide_on_what_was_learned():
 def test_a_condition_without_learning_decides_on_the_exact_likelihoods():
     one = replace(PLAIN, manipulation=Changes(learning=QUICK))
     one.check_differs()
-    given = one.given()
-    control, manipulation = one.heard([c.model(2) for c in one.conditions], given)
-    assert control is given.evidence
+    drawn = one.given()
+    control, manipulation = one.heard([c.model(2) for c in one.conditions], drawn)
+    assert control is drawn.evidence
     assert not np.allclose(control.log_likelihood, manipulation.log_likelihood)
 
 
 def test_a_truth_selects_the_same_trials_for_both():
     one = replace(PLAIN, manipulation=Changes(learning=QUICK), truth=1)
-    given = one.given()
-    _, learned = one.heard([c.model(2) for c in one.conditions], given)
-    assert learned.trials == given.evidence.trials == 60
+    drawn = one.given()
+    _, learned = one.heard([c.model(2) for c in one.conditions], drawn)
+    assert learned.trials == drawn.evidence.trials == 60
     assert (learned.truth == 1).all()
 
 

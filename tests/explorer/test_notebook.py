@@ -30,19 +30,19 @@ def test_an_experiment_a_name_and_nothing_are_opened():
     assert state_of("").experiment.circuit == "macaque"
 
 
-@pytest.mark.parametrize("given", [3, None, ["macaque"]])
-def test_anything_else_is_refused(given):
+@pytest.mark.parametrize("value", [3, None, ["macaque"]])
+def test_anything_else_is_refused(value):
     with pytest.raises(InputError) as refused:
-        state_of(given)
+        state_of(value)
     assert refused.value.field == "what"
 
 
 @pytest.mark.filterwarnings("ignore")
 def test_a_notebook_gets_a_layout_with_its_state():
     pytest.importorskip("panel", reason="the explorer needs Panel: pip install '.[explore]'")
-    found = bg.explore("bogacz_gurney")
-    assert found.explorer.state.experiment.circuit == "bogacz_gurney"
-    found.explorer.runs.stop(wait=True)
+    layout = bg.explore("bogacz_gurney")
+    assert layout.explorer.state.experiment.circuit == "bogacz_gurney"
+    layout.explorer.runs.stop(wait=True)
 
 
 def test_without_panel_one_sentence_says_what_to_install():

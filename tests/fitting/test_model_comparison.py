@@ -45,13 +45,13 @@ def score(trials, person=None, without=None):
 
 
 def test_a_model_without_sensitivity_is_told_from_the_right_one(some, right):
-    found = compare_fits({"right": right, "blind": fitted(some, sensitivity=0.1)})
-    assert found.best == "right"
-    assert found.table.loc["blind", "verdict"] == "right predicts better"
-    assert found.table.loc["right", "difference"] == 0
-    assert found.table.loc["blind", "difference"] < -10
+    comparison = compare_fits({"right": right, "blind": fitted(some, sensitivity=0.1)})
+    assert comparison.best == "right"
+    assert comparison.table.loc["blind", "verdict"] == "right predicts better"
+    assert comparison.table.loc["right", "difference"] == 0
+    assert comparison.table.loc["blind", "difference"] < -10
     # A larger BIC is worse, and it includes the number of parameters.
-    assert found.table.loc["blind", "bic"] > found.table.loc["right", "bic"]
+    assert comparison.table.loc["blind", "bic"] > comparison.table.loc["right", "bic"]
 
 
 def test_held_out_trials_are_less_likely_than_fitted_ones_by_about_a_nat_per_parameter(twice):
@@ -62,9 +62,9 @@ def test_held_out_trials_are_less_likely_than_fitted_ones_by_about_a_nat_per_par
 
 
 def test_the_same_model_twice_cannot_be_told_apart(twice):
-    found = twice
-    assert found.table["difference"].tolist() == [0, 0]
-    assert found.table["verdict"].tolist()[1].startswith("cannot tell")
+    comparison = twice
+    assert comparison.table["difference"].tolist() == [0, 0]
+    assert comparison.table["verdict"].tolist()[1].startswith("cannot tell")
 
 
 def test_error_is_over_people_if_there_are_several():
@@ -89,9 +89,9 @@ def test_simulated_trials_are_part_of_the_error():
 
 
 def test_scores_of_a_hierarchy_are_near_the_log_likelihood(group):
-    found = compare_fits({"one": group, "two": group})
-    assert found.method == "PSIS-LOO"
-    score = found.scores["one"]
+    comparison = compare_fits({"one": group, "two": group})
+    assert comparison.method == "PSIS-LOO"
+    score = comparison.scores["one"]
     per_person = np.bincount(score.person, score.trials)
     highest = group.log_likelihood.max(axis=(0, 1))
     assert (per_person < highest).all()

@@ -46,12 +46,12 @@ def written(table, folder, ending):
     return path
 
 
-def seen(found):
+def seen(data):
     """Return people and times of what a reader returns."""
-    if isinstance(found, dict):
-        times = {who: getattr(one, "rt_s", None) for who, one in found.items()}
-        return {who: found[who].rt_ms / 1000 if t is None else t for who, t in times.items()}
-    return {who: found.rt_s[found.participant == who] for who in found.people()}
+    if isinstance(data, dict):
+        times = {who: getattr(one, "rt_s", None) for who, one in data.items()}
+        return {who: data[who].rt_ms / 1000 if t is None else t for who, t in times.items()}
+    return {who: data.rt_s[data.participant == who] for who in data.people()}
 
 
 @pytest.mark.parametrize("kind", READERS)

@@ -55,9 +55,9 @@ def test_other_names_can_be_given(tmp_path):
     path = written(tmp_path, text)
     with refused("rt must be a column, called response_time or ReactionTime"):
         read_people(path)
-    found = read_people(path, columns=Columns(rt="Key.RT", ssd="lag"))["sub-01"]
+    person = read_people(path, columns=Columns(rt="Key.RT", ssd="lag"))["sub-01"]
     np.testing.assert_array_equal(
-        found.rt_ms, read_people(written(tmp_path, GENERIC))["sub-01"].rt_ms
+        person.rt_ms, read_people(written(tmp_path, GENERIC))["sub-01"].rt_ms
     )
     table = tmp_path / "mine.csv"
     table.write_text("participant_id,RT,delay\na,0.4,\na,,0.2\n")

@@ -10,7 +10,7 @@ from circuits.errors import InputError
 
 def trials(**more):
     """Return four trials of two participants, the last without a response."""
-    given = {
+    columns = {
         "participant": np.array(["a", "a", "b", "b"]),
         "rt_s": np.array([0.5, 0.6, 0.7, np.nan]),
         "response": np.array([1, 0, 1, -1], np.int8),
@@ -18,7 +18,7 @@ def trials(**more):
         "conditions": pd.DataFrame({"cue": ["x", "y", "x", "y"]}),
         "deadline_s": 2.0,
     }
-    return Trials(**{**given, **more})
+    return Trials(**{**columns, **more})
 
 
 def test_hssm_gets_a_code_for_a_missing_time_and_numbers_within_participants():

@@ -76,10 +76,10 @@ def test_predictions_are_read_as_they_were_written(tmp_path):
 
 
 def test_the_committed_predictions_are_complete():
-    found = told()
-    assert [each.kind for each in found.models] == list(KINDS)
+    committed = told()
+    assert [each.kind for each in committed.models] == list(KINDS)
     for kind in KINDS:
-        mine = [(p.contrast, p.measure) for p in found.predictions if p.kind == kind]
+        mine = [(p.contrast, p.measure) for p in committed.predictions if p.kind == kind]
         assert mine == lines(kind)
     assert set(MEASURES) == set(CONTRASTS)
 

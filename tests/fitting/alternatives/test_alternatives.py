@@ -24,8 +24,8 @@ def mine(tmp_path, monkeypatch):
 
 
 def test_models_are_fitted_and_recorded(tmp_path):
-    found = ["search.csv", "--columns", "stimulus=shown", "--strength", "contrast"]
-    run("fit", *found, "--models", "msprt", "race", *QUICK)
+    options = ["search.csv", "--columns", "stimulus=shown", "--strength", "contrast"]
+    run("fit", *options, "--models", "msprt", "race", *QUICK)
     written = pd.read_csv(tmp_path / "fits/search/parameters.csv")
     assert set(written["model"]) == {"msprt", "race"}
     behind = read_provenance(tmp_path / "fits/search/parameters.csv")["parameters"]

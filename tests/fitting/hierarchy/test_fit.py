@@ -18,11 +18,11 @@ GAP = {"model": "constant_gap", "strength": "strength", "fix": FIXED}
 
 
 def test_there_is_one_row_per_parameter_of_the_group(group):
-    found = group.summary()
-    assert found.index.tolist() == ["sensitivity", "bound", "t0_s"]
-    assert (found["low"] < found["median"]).all()
-    assert (found["median"] < found["high"]).all()
-    assert (found["between_people"] > 0).all()
+    summary = group.summary()
+    assert summary.index.tolist() == ["sensitivity", "bound", "t0_s"]
+    assert (summary["low"] < summary["median"]).all()
+    assert (summary["median"] < summary["high"]).all()
+    assert (summary["between_people"] > 0).all()
     assert group.group.shape == (CHAINS, MOST, 3)
 
 
@@ -33,15 +33,15 @@ def test_true_parameters_are_within_wide_intervals(group):
 
 
 def test_there_is_one_row_per_person_and_parameter(group):
-    found = group.to_dataframe()
-    assert found["participant"].unique().tolist() == list(PEOPLE)
-    assert len(found) == 12
-    assert (found["low"] < found["high"]).all()
+    rows = group.to_dataframe()
+    assert rows["participant"].unique().tolist() == list(PEOPLE)
+    assert len(rows) == 12
+    assert (rows["low"] < rows["high"]).all()
 
 
 def test_a_difference_of_a_parameter_with_itself_is_zero(group):
-    found = group.difference("bound", "bound")
-    assert found == {"median": 0.0, "low": 0.0, "high": 0.0, "above_zero": 0.0}
+    difference = group.difference("bound", "bound")
+    assert difference == {"median": 0.0, "low": 0.0, "high": 0.0, "above_zero": 0.0}
     assert group.difference("sensitivity", "bound")["above_zero"] == 1.0
     with pytest.raises(InputError) as error:
         group.difference("bound", "drift")
@@ -50,8 +50,8 @@ def test_a_difference_of_a_parameter_with_itself_is_zero(group):
 
 def test_short_chains_are_named_as_such(group):
     assert not group.agreement.reached
-    (said,) = group.cautions()
-    assert f"{group.agreement.rhat.max():.3f}" in said
+    (caution,) = group.cautions()
+    assert f"{group.agreement.rhat.max():.3f}" in caution
     assert LARGEST_RHAT == 1.01
 
 
@@ -63,13 +63,13 @@ def test_log_likelihood_of_a_draw_is_that_of_its_parameters(group):
 
 def test_cells_are_those_at_the_medians_of_each_person(group):
     medians = group.to_dataframe().pivot(index="participant", columns="parameter", values="median")
-    found = group.cells().set_index("participant")
+    cells = group.cells().set_index("participant")
     for who, likelihood in group.likelihoods.items():
         vector = medians.loc[who, group.parameters].to_numpy()
         likelihood = likelihood.complete(vector)
         expected = cells_of(likelihood.design, likelihood.density(vector))
-        assert found.loc[who, "model_mean_s"] == pytest.approx(expected["model_mean_s"][0])
-        assert found.loc[who, "accuracy"] == expected["accuracy"][0]
+        assert cells.loc[who, "model_mean_s"] == pytest.approx(expected["model_mean_s"][0])
+        assert cells.loc[who, "accuracy"] == expected["accuracy"][0]
 
 
 def test_guesses_are_warned_of():
@@ -93,16 +93,16 @@ def test_same_seed_same_bytes(group):
 def test_a_formula_has_a_coefficient_of_the_group_and_of_each_person():
     """Blocks do not differ here: the data cannot make the difference large."""
     with short_chains(), pytest.warns(FitWarning, match="converged"):
-        found = fit(
+        fitted = fit(
             table({"anna": 8.0, "ben": 9.0, "cleo": 10.0}, trials=40), "constant_gap",
             strength="strength", fix={**FIXED, "t0_s": 0.3},
             formula="bound ~ C(block, contr.sum)", most_draws=MOST, hierarchical=True)  # fmt: skip
-    assert found.parameters == ["sensitivity", "bound[Intercept]", *found.parameters[2:]]
-    assert len(found.parameters) == 3
-    half = found.group[..., 2]
+    assert fitted.parameters == ["sensitivity", "bound[Intercept]", *fitted.parameters[2:]]
+    assert len(fitted.parameters) == 3
+    half = fitted.group[..., 2]
     assert np.abs(np.median(half)) < 4 * half.std()
     assert np.median(np.abs(half)) < 0.2
-    assert np.median(found.group[..., 1]) == pytest.approx(0.5, abs=0.2)
+    assert np.median(fitted.group[..., 1]) == pytest.approx(0.5, abs=0.2)
 
 
 def test_too_few_people_are_refused():
@@ -155,20 +155,20 @@ def two_groups(shift, seed=11):
 
 def test_a_predictor_between_people_finds_the_difference_of_their_groups():
     table = two_groups(0.3)
-    given = {"strength": "strength", "fix": FIXED, "hierarchical": True}
-    found = fit(table, "constant_gap", formula=["bound ~ kind", "sensitivity ~ kind"], **given)
-    assert found.agreement.reached
-    effects = found.effects()
+    settings = {"strength": "strength", "fix": FIXED, "hierarchical": True}
+    fitted = fit(table, "constant_gap", formula=["bound ~ kind", "sensitivity ~ kind"], **settings)
+    assert fitted.agreement.reached
+    effects = fitted.effects()
     bound = effects.loc["bound by kind[T.patient]"]
     assert bound["low"] < 0.3 < bound["high"]
     assert bound["above_zero"] > 0.99
     none = effects.loc["sensitivity by kind[T.patient]"]
     assert none["low"] < 0 < none["high"]
-    assert "bound by kind[T.patient]" in found.to_datatree()["posterior"]
+    assert "bound by kind[T.patient]" in fitted.to_datatree()["posterior"]
 
 
 @pytest.mark.parametrize(
-    ("given", "field"),
+    ("settings", "field"),
     [
         ({"formula": "bound ~ kind"}, "kind"),
         ({"vary": {"bound": "kind"}, "hierarchical": True}, "kind"),
@@ -176,8 +176,8 @@ def test_a_predictor_between_people_finds_the_difference_of_their_groups():
         ({"formula": "bound ~ 0 + kind", "hierarchical": True}, "formula"),
     ],
 )
-def test_predictors_between_people_that_cannot_be_fitted_are_refused(given, field):
+def test_predictors_between_people_that_cannot_be_fitted_are_refused(settings, field):
     table = two_groups(0.3).assign(block=lambda t: np.where(np.arange(len(t)) % 2, "a", "b"))
     with pytest.raises(InputError) as error:
-        fit(table, "constant_gap", strength="strength", fix=FIXED, **given)
+        fit(table, "constant_gap", strength="strength", fix=FIXED, **settings)
     assert error.value.field == field

@@ -42,9 +42,9 @@ def made(model, true, people=1, seed=1, trials=60, **changes):
     return simulated(model, values, trials=trials, seed=seed).by_participant()
 
 
-def vector(own, **changes):
+def vector(fitted, **changes):
     """Return the true parameters in the order of a likelihood."""
-    return np.array([(TRUE | changes)[name] for name in own.freedom.names])
+    return np.array([(TRUE | changes)[name] for name in fitted.freedom.names])
 
 
 @pytest.fixture(scope="module")

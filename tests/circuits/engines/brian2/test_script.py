@@ -82,12 +82,14 @@ def test_a_script_and_a_network_have_the_spikes_and_the_out_of_the_engine(name, 
         monitor = network[f"spikes_{nucleus}"]
         tick = np.round(np.array(monitor.t / monitor.clock.dt)).astype(int) - 20
         kept = (tick >= 0) & (tick < 120)
-        found = pd.DataFrame({"cell": np.array(monitor.i)[kept], "time_ms": (tick[kept] + 1) * 0.1})
+        spikes = pd.DataFrame(
+            {"cell": np.array(monitor.i)[kept], "time_ms": (tick[kept] + 1) * 0.1}
+        )
         ours = ran.spikes[nucleus]
         cells = circuit[nucleus].neurons * ours["channel"] + ours["neuron"]
         both = [
             t.sort_values(["cell", "time_ms"]).to_numpy()
-            for t in (found, ours.assign(cell=cells)[["cell", "time_ms"]])
+            for t in (spikes, ours.assign(cell=cells)[["cell", "time_ms"]])
         ]
         npt.assert_array_equal(*both)
 

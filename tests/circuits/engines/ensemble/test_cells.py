@@ -56,13 +56,13 @@ def test_types_of_ones_own_with_sparse_connections_spike_as_in_the_plain_engine(
 def test_another_window_or_recording_changes_no_spike_of_a_type_of_ones_own(monkeypatch):
     from circuits.engines.ensemble import kernel
 
-    given = GIVEN | {"step_ms": 20.1, "sample_ms": 0.3, "settle_ms": 20.3}
-    whole = run(WITH_ADEX, DRIVE, engine="ensemble", spikes=NAMES, **given)
-    unrecorded = run(WITH_ADEX, DRIVE, engine="ensemble", **given)
+    settings = GIVEN | {"step_ms": 20.1, "sample_ms": 0.3, "settle_ms": 20.3}
+    recorded = run(WITH_ADEX, DRIVE, engine="ensemble", spikes=NAMES, **settings)
+    unrecorded = run(WITH_ADEX, DRIVE, engine="ensemble", **settings)
     monkeypatch.setattr(kernel, "WINDOW", 1)
-    one = run(WITH_ADEX, DRIVE, engine="ensemble", spikes=NAMES, **given)
+    one = run(WITH_ADEX, DRIVE, engine="ensemble", spikes=NAMES, **settings)
     for other in (unrecorded, one):
-        assert other.output_nats.tobytes() == whole.output_nats.tobytes()
+        assert other.output_nats.tobytes() == recorded.output_nats.tobytes()
 
 
 @pytest.mark.parametrize(
