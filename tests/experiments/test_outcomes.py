@@ -55,7 +55,7 @@ def test_the_threshold_alone_moves_what_it_must(by_threshold):
     assert verdicts["drift"] != DISAGREES
     assert changes(table).loc["mean_ms", "low"] > 0
     shown = page(experiment, table)
-    assert re.search(r"boundary_separation up, by 0\.005 .*the model agrees", shown)
+    assert re.search(r"boundary_separation up, by 0[.]005 .*the model agrees", shown)
     # No trial is missed: measures of all trials are those of decided ones.
     assert {name for name in MEASURES if name not in shown} == {*OF_ALL}
     for measure, form in (("mean_ms", r"\d+"), ("decided", r"\d+"), ("accuracy", r"0\.\d{3}")):

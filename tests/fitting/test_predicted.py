@@ -47,7 +47,7 @@ def likelihood(choices, **held):
 
 @pytest.fixture(scope="module")
 def predictions(some):
-    """Return predictions of the right model and of one that hears nothing, and what was told."""
+    """Return predictions of the right and of an insensitive model, and the reported progress."""
     told = []
     hearing = predicted(likelihood(some), folds=3, tell=told.append)
     return hearing, predicted(likelihood(some, sensitivity=0.06), folds=3), told

@@ -1,4 +1,4 @@
-"""Simulated participants of the stop-signal task: what they are made with is found in them."""
+"""Estimates recover the parameters of simulated participants of the stop-signal task."""
 
 from dataclasses import replace
 

@@ -61,7 +61,7 @@ FEW = 40
 
 @pytest.fixture
 def short(monkeypatch):
-    """Make blocks and the warm-up short: their length changes nothing of how runs go on."""
+    """Make blocks and the warm-up short: runs resume in the same way for any length."""
     monkeypatch.setattr(chains, "BLOCK", FEW)
     monkeypatch.setattr(chains, "WARM_UP", FEW)
 

@@ -1,4 +1,4 @@
-"""A trial as a Brian2 network and as a script to go on from: the spikes of the engine."""
+"""A trial exported as a Brian2 network and as a script has the spikes of the engine."""
 
 import ast
 import subprocess
@@ -129,7 +129,7 @@ def test_words_of_a_users_table_stay_text_in_a_script():
 
 
 def test_a_network_goes_on_whatever_the_users_code_generator_is():
-    """A group of the user's joins it; the run needs no preference, and leaves it as it was."""
+    """A group of the user's joins it; the run neither needs nor changes the preference."""
     before = brian2.prefs.codegen.target
     assert before != "numpy"
     network = WHOLE.to_brian2(DRIVE, **given(WHOLE))
