@@ -43,9 +43,8 @@ def test_a_difference_of_a_parameter_with_itself_is_zero(group):
     difference = group.difference("bound", "bound")
     assert difference == {"median": 0.0, "low": 0.0, "high": 0.0, "above_zero": 0.0}
     assert group.difference("sensitivity", "bound")["above_zero"] == 1.0
-    with pytest.raises(InputError) as error:
+    with refused("second"):
         group.difference("bound", "drift")
-    assert error.value.field == "second"
 
 
 def test_short_chains_are_named_as_such(group):
@@ -107,9 +106,8 @@ def test_a_formula_has_a_coefficient_of_the_group_and_of_each_person():
 
 def test_too_few_people_are_refused():
     few = table({"anna": 8.0, "ben": 9.0}, trials=20)
-    with pytest.raises(InputError) as error:
+    with refused("participant"):
         fit(few, **GAP, hierarchical=True)
-    assert error.value.field == "participant"
 
 
 def test_people_with_too_few_trials_are_named():
@@ -129,15 +127,13 @@ def test_what_people_cannot_share_is_refused(group):
 def test_people_who_lack_a_level_are_named():
     some = table(trials=40)
     some = some[(some["participant_id"] != "dora") | (some["block"] == "early")]
-    with pytest.raises(InputError, match="dora") as error:
+    with refused("vary dora"):
         fit(some, **GAP, vary={"bound": "block"}, hierarchical=True)
-    assert error.value.field == "vary"
 
 
 def test_pooling_makes_no_sense_here():
-    with pytest.raises(InputError) as error:
+    with refused("pooled"):
         fit(table(trials=20), **GAP, pooled=True, hierarchical=True)
-    assert error.value.field == "pooled"
 
 
 def two_groups(shift, seed=11):
@@ -178,6 +174,5 @@ def test_a_predictor_between_people_finds_the_difference_of_their_groups():
 )
 def test_predictors_between_people_that_cannot_be_fitted_are_refused(settings, field):
     table = two_groups(0.3).assign(block=lambda t: np.where(np.arange(len(t)) % 2, "a", "b"))
-    with pytest.raises(InputError) as error:
+    with refused(field):
         fit(table, "constant_gap", strength="strength", fix=FIXED, **settings)
-    assert error.value.field == field
