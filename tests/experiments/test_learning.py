@@ -84,39 +84,34 @@ def test_a_circuit_learns_with_its_own_edits():
     assert not np.array_equal(control.log_likelihood, manipulation.log_likelihood)
 
 
+EXPECTED = Gaussian(expectancy_nats=1.0, expectancy_ms=100.0)
+ALIKE = replace(PLAIN, learning=QUICK, manipulation=Changes(learning=QUICK))
+
+
 @pytest.mark.parametrize(
-    ("task", "says"),
+    ("call", "says"),
     [
-        (Gaussian(conflict=0.3), "conflict must be 0"),
-        (Gaussian(expectancy_nats=1.0, expectancy_ms=100.0), "expectancy_nats must be 0"),
+        (lambda: replace(PLAIN, task=Gaussian(conflict=0.3), learning=QUICK), "conflict must be 0"),
+        (lambda: replace(PLAIN, task=EXPECTED, learning=QUICK), "expectancy_nats must be 0"),
+        (lambda: QUICK.check(EvidenceTable("mine.csv")), "learning .*no sensory units"),
+        (lambda: replace(QUICK, posterior=0.0).check(GRATINGS), "posterior"),
+        (lambda: replace(QUICK, posterior=0.5).check(GRATINGS), "posterior"),
+        (lambda: replace(QUICK, posterior=1.0).check(GRATINGS), "posterior"),
+        (lambda: Learning(rule=["q"]), "rule"),
+        (lambda: Learning(critic=["q"]), "critic"),
+        (lambda: Learning(in_circuit="yes"), "in_circuit"),
+        (ALIKE.check_differs, "manipulation .*changes nothing"),
     ],
 )
-def test_tasks_without_sensory_units_are_refused(task, says):
+def test_learning_that_makes_no_sense_is_refused(call, says):
     with refused(says):
-        replace(PLAIN, task=task, learning=QUICK)
-
-
-def test_an_evidence_table_has_no_sensory_units():
-    with refused("learning .*no sensory units"):
-        QUICK.check(EvidenceTable("mine.csv"))
-
-
-@pytest.mark.parametrize("posterior", [0.0, 0.5, 1.0])
-def test_learning_stops_above_chance_and_below_certainty(posterior):
-    with refused("posterior"):
-        replace(QUICK, posterior=posterior).check(GRATINGS)
+        call()
 
 
 def test_learning_too_large_for_memory_is_refused_before_the_run():
     for huge in ({"trials": 10**12}, {"units": 10**9}):
         with pytest.raises(ValueError, match="memory"):
             replace(QUICK, **huge).check(GRATINGS)
-
-
-@pytest.mark.parametrize("wrong", [{"rule": ["q"]}, {"critic": ["q"]}, {"in_circuit": "yes"}])
-def test_types_of_learning_are_checked(wrong):
-    with refused(next(iter(wrong))):
-        Learning(**wrong)
 
 
 def test_every_setting_reaches_the_learner(monkeypatch):
@@ -129,11 +124,6 @@ def test_every_setting_reaches_the_learner(monkeypatch):
     assert (seen["rule"], seen["critic"], seen["runs"], seen["seed"]) == ("q", "mean", 3, 4)
     assert (seen["decider"].criterion, seen["feedback"].valid) == (0.7, 0.8)
     assert seen["source"].units == 5
-
-
-def test_learning_that_is_alike_changes_nothing():
-    with refused("manipulation .*changes nothing"):
-        replace(PLAIN, learning=QUICK, manipulation=Changes(learning=QUICK)).check_differs()
 
 
 def test_the_guide_has_every_key_with_its_default():

@@ -98,16 +98,11 @@ def test_scores_of_a_hierarchy_are_near_the_log_likelihood(group):
     assert (per_person > highest - 8).all()
 
 
-@pytest.mark.parametrize("wrong", [{}, {"one": 1, "two": 2}], ids=["none", "numbers"])
-def test_what_is_no_fit_is_refused(wrong):
-    with refused("fits"):
-        compare_fits(wrong)
-
-
-def test_fits_to_other_trials_are_refused(some, right):
+def test_what_is_no_fit_to_the_same_trials_is_refused(some, right):
     other = fitted(some.where(np.arange(some.trials) < 180))
-    with refused("fits"):
-        compare_fits({"one": right, "two": other})
+    for wrong in ({}, {"one": 1, "two": 2}, {"one": right, "two": other}):
+        with refused("fits"):
+            compare_fits(wrong)
 
 
 def test_the_figure_has_a_row_for_each_model(twice):

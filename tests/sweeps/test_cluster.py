@@ -18,20 +18,16 @@ def install(tmp_path, monkeypatch):
     return installed
 
 
-@pytest.mark.parametrize("sinfo", [None, 1])
-def test_a_machine_that_reaches_no_slurm_is_refused(install, tmp_path, sinfo):
+@pytest.mark.parametrize(
+    ("sinfo", "sacct", "says"),
+    [(None, 0, "sinfo"), (1, 0, "sinfo"), (0, 1, "sacct: no database")],
+)
+def test_a_machine_without_slurm_or_its_accounts_is_refused(install, tmp_path, sinfo, sacct, says):
+    """Without accounts, jobs would be submitted and waited for without end."""
     if sinfo is not None:
         install("sinfo", sinfo)
-    install("sacct", 0)
-    with refused("on sinfo"):
-        check_slurm(tmp_path)
-
-
-def test_a_slurm_without_accounts_is_refused_with_its_own_words(install, tmp_path):
-    """Jobs would be submitted, and waited for without end."""
-    install("sinfo", 0)
-    install("sacct", 1)
-    with refused("on sacct: no database"):
+    install("sacct", sacct)
+    with refused(f"on {says}"):
         check_slurm(tmp_path)
 
 

@@ -150,9 +150,6 @@ def test_each_mistake_has_a_field(change, field):
     with refused(field) as error:
         read_known(*change(*tables()))
     assert "\n" not in str(error.value)
-
-
-def test_a_step_is_only_for_steps():
     with refused("step_ms"):
         read_known(*tables(), step_ms=50.0)
 

@@ -11,6 +11,7 @@ from bgmodel.fitting.model_comparison import compare_fits
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.trials.reading import Columns, read_trials
+from circuits.anatomy import load_circuit
 from circuits.errors import DataWarning
 from tests.fitting.alternatives.drawn import TRUTH, design, table
 from tests.helpers import refused
@@ -84,6 +85,8 @@ def test_lapses_are_correct_in_one_of_n():
         ("msprt", {"fix": {"start": 0.1}, "columns": THREE}, "start"),
         ("race", {"free": "+drift_sd", "columns": THREE}, "drift_sd"),
         ("macaque", {"mechanism": "dopamine"}, "mechanism"),
+        (load_circuit("macaque", 2), {}, "circuit"),
+        (load_circuit("macaque", 4), {}, "circuit"),
         ("lca", {"trials": 20}, "trials"),
         ("msprt", {"evidence": "evidence.csv"}, "stimulus"),
     ],
@@ -96,15 +99,6 @@ def test_what_cannot_be_fitted_is_named(trials, model, options, field):
 def test_there_are_at_most_twelve_alternatives():
     with refused("alternatives"):
         Columns(alternatives=13)
-
-
-def test_a_circuit_of_another_number_of_channels_is_refused(trials):
-    from circuits.anatomy import load_circuit
-
-    with refused("circuit"):
-        fit(trials, load_circuit("macaque", 2), **SMALL)
-    with refused("circuit"):
-        fit(trials, load_circuit("macaque", 4), **SMALL)
 
 
 def test_a_hierarchy_is_of_two_alternatives(trials):

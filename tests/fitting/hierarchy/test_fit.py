@@ -9,7 +9,7 @@ from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.hierarchy.chains import CHAINS, LARGEST_RHAT
 from bgmodel.fitting.hierarchy.fit import fit_group
-from circuits.errors import FitWarning, InputError
+from circuits.errors import FitWarning
 from tests.drawn import drawn
 from tests.fitting.conftest import FIXED, MOST, PEOPLE, SEED, short_chains, table
 from tests.helpers import refused
@@ -104,36 +104,29 @@ def test_a_formula_has_a_coefficient_of_the_group_and_of_each_person():
     assert np.median(fitted.group[..., 1]) == pytest.approx(0.5, abs=0.2)
 
 
-def test_too_few_people_are_refused():
-    few = table({"anna": 8.0, "ben": 9.0}, trials=20)
-    with refused("participant"):
-        fit(few, **GAP, hierarchical=True)
+TRIALS_OF = {"ben": 12, "cleo": 16}
 
 
-def test_people_with_too_few_trials_are_named():
-    some = table(trials=60)
-    number = some.groupby("participant_id").cumcount()
-    few = some["participant_id"].map({"ben": 12, "cleo": 16}).fillna(60)
-    with pytest.raises(InputError, match=r"ben \(12\), cleo \(16\)"):
-        fit(some[number < few], **GAP, hierarchical=True)
+@pytest.mark.parametrize(
+    ("change", "options", "says"),
+    [
+        (lambda t: t[t["participant_id"].isin(["anna", "ben"])], {}, "participant"),
+        (lambda t: t[t.groupby("participant_id").cumcount() < t["participant_id"].map(TRIALS_OF)
+                     .fillna(60)], {}, r"data .*ben \(12\), cleo \(16\)"),
+        (lambda t: t[(t["participant_id"] != "dora") | (t["block"] == "early")],
+         {"vary": {"bound": "block"}}, "vary .*dora"),
+        (lambda t: t, {"pooled": True}, "pooled"),
+    ],
+)  # fmt: skip
+def test_people_who_do_not_fit_into_a_hierarchy_are_refused(change, options, says):
+    with refused(says):
+        fit(change(table(trials=60)), **GAP, **options, hierarchical=True)
 
 
 def test_what_people_cannot_share_is_refused(group):
     for name in ("t0_sd_s", "gap"):  # one is fixed, the other is no parameter
         with refused("shared"):
             fit_group(group.likelihoods, shared=[name])
-
-
-def test_people_who_lack_a_level_are_named():
-    some = table(trials=40)
-    some = some[(some["participant_id"] != "dora") | (some["block"] == "early")]
-    with refused("vary dora"):
-        fit(some, **GAP, vary={"bound": "block"}, hierarchical=True)
-
-
-def test_pooling_makes_no_sense_here():
-    with refused("pooled"):
-        fit(table(trials=20), **GAP, pooled=True, hierarchical=True)
 
 
 def two_groups(shift, seed=11):
