@@ -33,8 +33,7 @@ def known(likelihood, values):
 
 
 @pytest.mark.parametrize(
-    ("case", "seed"),
-    [("constant", 1), ("constant", 2), ("constant", 3), ("falling", 4)],
+    ("case", "seed"), [("constant", 1), ("constant", 2), ("constant", 3), ("falling", 4)]
 )
 def test_parameters_that_made_the_data_are_found_within_their_errors(case, seed):
     model, values, trials = CASES[case]

@@ -212,14 +212,7 @@ def tactile_default():
 )
 def test_dopamine_learns_the_level_of_a_circuit_that_touches(request, outcomes, start):
     tactile = request.getfixturevalue(outcomes)
-    learned = learn_level(
-        tactile,
-        xi=XI,
-        start_level=start,
-        runs=3,
-        seed=SEED,
-        name="tactile",
-    )
+    learned = learn_level(tactile, xi=XI, start_level=start, runs=3, seed=SEED, name="tactile")
     assert regret(start, tactile, XI) > 0.1
     assert regret(learned.learned, tactile, XI).max() < 0.05
     # Tonic and phasic are two quantities: one has settled, the other has not.

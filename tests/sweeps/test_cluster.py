@@ -19,8 +19,7 @@ def install(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("sinfo", "sacct", "says"),
-    [(None, 0, "sinfo"), (1, 0, "sinfo"), (0, 1, "sacct: no database")],
+    ("sinfo", "sacct", "says"), [(None, 0, "sinfo"), (1, 0, "sinfo"), (0, 1, "sacct: no database")]
 )
 def test_a_machine_without_slurm_or_its_accounts_is_refused(install, tmp_path, sinfo, sacct, says):
     """Without accounts, jobs would be submitted and waited for without end."""

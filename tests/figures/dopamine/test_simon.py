@@ -170,10 +170,7 @@ def test_too_few_trials_give_nan_and_not_a_number_from_some(trials):
 
 @pytest.mark.parametrize(
     ("change", "field"),
-    [
-        (lambda t: t.drop(columns="pair"), "trials"),
-        (lambda t: t.assign(session=1), "medication"),
-    ],
+    [(lambda t: t.drop(columns="pair"), "trials"), (lambda t: t.assign(session=1), "medication")],
 )
 def test_tables_that_are_no_simon_task_are_refused(trials, change, field):
     with refused(field):

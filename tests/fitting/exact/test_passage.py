@@ -165,12 +165,7 @@ def test_from_any_start_a_bound_that_does_not_fall_is_constant(share):
 def of_pyddm(bound, fall_s, drift, dt):
     """Return both masses and the mean time that PyDDM finds at a step."""
     from pyddm import Model
-    from pyddm.models import (
-        BoundCollapsingExponential,
-        DriftConstant,
-        NoiseConstant,
-        OverlayNone,
-    )
+    from pyddm.models import BoundCollapsingExponential, DriftConstant, NoiseConstant, OverlayNone
 
     solved = Model(
         drift=DriftConstant(drift=drift),

@@ -69,8 +69,7 @@ def test_a_window_that_is_asked_for_leaves_out_what_lies_outside_and_says_how_ma
 
 
 @pytest.mark.parametrize(
-    "window",
-    [(0.5, 0.2), (-0.1, 2.0), (np.nan, 2.0), (0.2, np.nan), (0.3, 0.3), (0.2,), (9, 10)],
+    "window", [(0.5, 0.2), (-0.1, 2.0), (np.nan, 2.0), (0.2, np.nan), (0.3, 0.3), (0.2,), (9, 10)]
 )
 def test_a_window_that_is_none_or_has_hardly_a_response_is_refused(window):
     with refused(f"rt_window {'at least 10 responses' if window[0] == 9 else 'earliest'}"):
