@@ -165,6 +165,7 @@ def arms(monkeypatch, control, manipulation, predictions, effects=()):
 
 UP = Prediction("accuracy", "up", 0.005)
 SLOWER = Prediction("mean_ms", "up", 30.0)
+MOST, LATER = (0.95, 0.0, 600.0), (0.95, 0.0, 601.0)
 
 
 @pytest.mark.parametrize(
@@ -209,24 +210,34 @@ def test_a_verdict_holds_whatever_the_missed_trials_would_have_been(
 
 
 @pytest.mark.parametrize(
-    ("missed", "times", "verdict"),
+    ("control", "manipulation", "prediction", "verdict"),
     [
-        ((0.0, 0.3), (600.0, 700.0), AGREES),  # the missed ones would be later still
-        ((0.3, 0.0), (600.0, 700.0), OPEN),
-        ((0.0, 0.3), (600.0, 500.0), OPEN),
+        ((0.8, 0.0, 600.0), (0.8, 0.3, 700.0), SLOWER, AGREES),  # the missed would be later still
+        ((0.8, 0.3, 600.0), (0.8, 0.0, 700.0), SLOWER, OPEN),
+        ((0.8, 0.0, 600.0), (0.8, 0.3, 500.0), SLOWER, OPEN),
         # Both miss many: those of either might take longer than the deadline by any time.
-        ((0.1, 0.1), (600.0, 500.0), OPEN),
-        ((0.4, 0.45), (600.0, 700.0), OPEN),
-        ((0.04, 0.04), (600.0, 500.0), DISAGREES),
-        ((0.3, 0.0), (600.0, 500.0), DISAGREES),
+        ((0.8, 0.1, 600.0), (0.8, 0.1, 500.0), SLOWER, OPEN),
+        ((0.8, 0.4, 600.0), (0.8, 0.45, 700.0), SLOWER, OPEN),
+        ((0.8, 0.04, 600.0), (0.8, 0.04, 500.0), SLOWER, DISAGREES),
+        ((0.8, 0.3, 600.0), (0.8, 0.0, 500.0), SLOWER, DISAGREES),
+        # The control leaves no room for the change.
+        (MOST, LATER, Prediction("accuracy", "up", 0.1), OPEN),
+        ((0.8, 0.0, 600.0), (0.8, 0.0, 601.0), Prediction("accuracy", "up", 0.1), DISAGREES),
+        (MOST, LATER, Prediction("accuracy", "down", 0.1), DISAGREES),
+        (MOST, LATER, Prediction("mean_ms", "down", 700.0), OPEN),
+        (MOST, LATER, Prediction("mean_ms", "down", 300.0), DISAGREES),
+        (MOST, LATER, Prediction("mean_ms", "up", 700.0), DISAGREES),
+        (MOST, LATER, Prediction("missed", "down", 0.1), OPEN),
     ],
 )
-def test_times_count_missed_trials_at_the_deadline(monkeypatch, missed, times, verdict):
-    both = [(0.8, lost, time_ms) for lost, time_ms in zip(missed, times, strict=True)]
-    experiment, table = arms(monkeypatch, *both, (SLOWER,))
+def test_times_count_missed_trials_and_a_control_without_room_leaves_a_change_open(
+    monkeypatch, control, manipulation, prediction, verdict
+):
+    experiment, table = arms(monkeypatch, control, manipulation, (prediction,))
     row = outcomes(experiment, table).iloc[0]
     assert row["outcome"] == verdict
     assert bool(row["reason"]) == (verdict == OPEN)
+    assert ("leaves no room" in row["reason"]) == (verdict == OPEN and control == MOST)
 
 
 def test_an_effect_is_left_open_where_missed_trials_could_undo_it(monkeypatch):
@@ -244,28 +255,6 @@ def test_an_effect_is_left_open_where_missed_trials_could_undo_it(monkeypatch):
         held = beside_published(experiment, table)
         assert list(held["comparison"]) == verdicts
         assert list(held["comparison_reason"] != "") == [word == OPEN for word in verdicts]
-
-
-@pytest.mark.parametrize(
-    ("control", "prediction", "verdict"),
-    [
-        (0.95, Prediction("accuracy", "up", 0.1), OPEN),
-        (0.80, Prediction("accuracy", "up", 0.1), DISAGREES),
-        (0.95, Prediction("accuracy", "down", 0.1), DISAGREES),
-        (0.95, Prediction("mean_ms", "down", 700.0), OPEN),
-        (0.95, Prediction("mean_ms", "down", 300.0), DISAGREES),
-        (0.95, Prediction("mean_ms", "up", 700.0), DISAGREES),
-        (0.95, Prediction("missed", "down", 0.1), OPEN),
-    ],
-)
-def test_a_change_for_which_the_control_leaves_no_room_is_left_open(
-    monkeypatch, control, prediction, verdict
-):
-    both = ((control, 0.0, time_ms) for time_ms in (600.0, 601.0))
-    experiment, table = arms(monkeypatch, *both, (prediction,))
-    row = outcomes(experiment, table).iloc[0]
-    assert row["outcome"] == verdict
-    assert ("leaves no room" in row["reason"]) == (verdict == OPEN)
 
 
 def test_a_page_says_what_ran_and_how_many_trials_a_verdict_rests_on(monkeypatch):

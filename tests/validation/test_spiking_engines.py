@@ -4,53 +4,23 @@ import numpy as np
 import pytest
 
 from bgmodel.deciding.decision import first_crossing
-from bgmodel.deciding.trace import Trace
 from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.seeds import stream
 from circuits import anatomy
 from circuits.engines import Ensemble
-from tests.circuits.helpers import run_brian2, run_ensemble
+from tests.circuits.helpers import run_ensemble
 from tests.integrators.helpers import shifts
 
 pytestmark = pytest.mark.validate
 
 STEPS, STEP_MS, SETTLE_MS, GAIN = 14, 50.0, 100.0, 0.6
-NUCLEI = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
 
 
 def evidence(trials, channels=2, name="validation"):
     return separated_evidence(
         trials, STEPS, 0.8 / np.sqrt(2), rng=stream(31, name), hypotheses=channels, step_ms=STEP_MS
     )
-
-
-def test_decisions_of_the_two_spiking_engines_are_the_same():
-    circuit = anatomy.spiking_msprt(2)
-    drive = drive_of(evidence(200), GAIN)
-    settings = {"step_ms": STEP_MS, "settle_ms": SETTLE_MS, "seed": 5}
-    fast = run_ensemble(circuit, drive, workers=2, **settings)
-    slow = run_brian2(circuit, drive, **settings)
-    decided = [
-        first_crossing(Trace(activity.output_nats, activity.time_ms, 0.0, STEP_MS), 0.2)
-        for activity in (fast, slow)
-    ]
-    assert not decided[0].forced.all()
-    np.testing.assert_array_equal(decided[0].choice, decided[1].choice)
-    np.testing.assert_array_equal(decided[0].time_ms, decided[1].time_ms)
-
-
-def test_rates_of_the_two_spiking_engines_agree_on_independent_noise():
-    trials = 500
-    circuit = anatomy.spiking_msprt(2)
-    drive = drive_of(evidence(trials), GAIN)
-    settings = {"step_ms": STEP_MS, "settle_ms": SETTLE_MS}
-    fast = run_ensemble(circuit, drive, seed=5, workers=2, **settings)
-    slow = run_brian2(circuit, drive, seed=6, **settings)
-    for name in NUCLEI:
-        a, b = (activity.rates_hz[name].mean() for activity in (fast, slow))
-        print(f"{name}: {a:.2f} and {b:.2f} Hz")
-        assert a == pytest.approx(b, rel=0.01)
 
 
 @pytest.mark.parametrize("channels", [2, 4])
