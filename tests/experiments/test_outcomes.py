@@ -345,7 +345,7 @@ def test_an_effect_is_compatible_where_the_difference_of_both_holds_0():
 def test_of_an_asymmetric_interval_the_end_that_points_to_the_other_counts(sign):
     """The end between both values, and no other, joins the model's half-width on that side."""
 
-    def said(value, near, far, model_near, model_far=90.0):
+    def verdict(value, near, far, model_near, model_far=90.0):
         """Return the verdict on an effect and a change of 0, by half-widths of their intervals."""
         ends = sorted((sign * (value - near), sign * (value + far)))
         model = sorted((sign * model_near, -sign * model_far))
@@ -354,10 +354,10 @@ def test_of_an_asymmetric_interval_the_end_that_points_to_the_other_counts(sign)
     # Half-widths of 4 and 3 towards each other reach 5; those that point away, of any size, do not.
     for far in (0.1, 30.0):
         for model_far in (0.1, 30.0):
-            assert said(4.9, 4.0, far, 3.0, model_far) == COMPATIBLE
-            assert said(5.1, 4.0, far, 3.0, model_far) == DIFFERS
-    assert said(5.9, 5.0, 0.1, 3.3) == COMPATIBLE
-    assert said(6.1, 5.0, 0.1, 3.3) == DIFFERS
+            assert verdict(4.9, 4.0, far, 3.0, model_far) == COMPATIBLE
+            assert verdict(5.1, 4.0, far, 3.0, model_far) == DIFFERS
+    assert verdict(5.9, 5.0, 0.1, 3.3) == COMPATIBLE
+    assert verdict(6.1, 5.0, 0.1, 3.3) == DIFFERS
 
 
 WIDTH = st.floats(0, 30)

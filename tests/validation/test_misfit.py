@@ -17,7 +17,7 @@ pytestmark = pytest.mark.validate
 SEED, SETS = 91_001, 200
 
 
-def said(number, guesses):
+def warned(number, guesses):
     """Return whether misfit is reported for a data set with some fast guesses."""
     some, _, _, rng = simulated(SEED, number)
     guess = rng.random(some.trials) < guesses
@@ -32,7 +32,7 @@ def said(number, guesses):
 
 @pytest.mark.timeout(3600)
 def test_clean_sets_are_hardly_ever_warned_of_and_fast_guesses_mostly():
-    clean, fast = (sum(said(k, share) for k in range(SETS)) for share in (0.0, 0.2))
+    clean, fast = (sum(warned(k, share) for k in range(SETS)) for share in (0.0, 0.2))
     print(f"of {SETS} sets {clean} clean ones are warned of, and {fast} with 20 % of fast guesses")
     assert clean <= 0.02 * SETS
     assert fast >= 0.85 * SETS

@@ -22,13 +22,13 @@ def lca(alternatives=3, **options):
     return LcaModel(alternatives, TRIALS, 7, 1.5, **options)
 
 
-def said(mass):
+def means(mass):
     return {name: each[0] for name, each in moments(mass / BIN_S, GRID).items()}
 
 
 def test_without_leak_and_inhibition_it_is_a_race():
     """Far above 0, where the floor matters only in the first moments."""
-    leakless, race = said(decided(lca())), said(decided(RaceModel(3)))
+    leakless, race = means(decided(lca())), means(decided(RaceModel(3)))
     few = TRIALS // 4
     assert leakless["mean_s"] == pytest.approx(race["mean_s"], abs=4 * race["sd_s"] / few**0.5)
     share = race["accuracy"]
@@ -38,7 +38,7 @@ def test_without_leak_and_inhibition_it_is_a_race():
 
 @pytest.mark.parametrize("name", ["leak", "inhibition"])
 def test_leak_and_inhibition_delay_decisions(name):
-    assert said(decided(lca(), **{name: 2.0}))["mean_s"] > 1.2 * said(decided(lca()))["mean_s"]
+    assert means(decided(lca(), **{name: 2.0}))["mean_s"] > 1.2 * means(decided(lca()))["mean_s"]
 
 
 def test_without_evidence_all_alternatives_are_equally_likely():

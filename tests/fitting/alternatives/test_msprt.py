@@ -24,7 +24,7 @@ def decided(model, strengths, grid=GRID, **values):
     return model.decided(every, np.array(strengths, float), grid)
 
 
-def said(mass):
+def moments_of(mass):
     return moments(mass / BIN_S, GRID)
 
 
@@ -47,12 +47,12 @@ def test_with_two_alternatives_it_is_the_test_with_a_constant_gap(posterior):
 @pytest.mark.parametrize("posterior", [0.5, 0.8, 0.95])
 def test_its_accuracy_is_the_posterior_at_which_it_decides(alternatives, posterior):
     mass = decided(model(alternatives), [1.0], sensitivity=2.0, threshold_nats=-np.log(posterior))
-    assert abs(far(said(mass)["accuracy"][0], posterior)) < 3.3
+    assert abs(far(moments_of(mass)["accuracy"][0], posterior)) < 3.3
 
 
 def test_it_is_not_where_the_strength_differs_from_the_mean():
     mass = decided(model(3), [0.5, 1.5], sensitivity=2.0, threshold_nats=-np.log(0.8))
-    low, high = far(said(mass)["accuracy"], 0.8)
+    low, high = far(moments_of(mass)["accuracy"], 0.8)
     assert low < -10
     assert high > 10
 
@@ -67,7 +67,7 @@ def test_sensitivity_scales_time_alone():
 
 def test_decisions_near_the_prior_take_no_time():
     mass = decided(model(4), [1.0], sensitivity=1.0, threshold_nats=np.log(4) - 0.06)
-    assert said(mass)["mean_s"][0] < 0.02
+    assert moments_of(mass)["mean_s"][0] < 0.02
 
 
 def mean_times(alternatives):

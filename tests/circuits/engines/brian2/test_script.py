@@ -47,7 +47,7 @@ def drive_of(circuit):
     return np.concatenate([DRIVE, more], axis=2)
 
 
-def given(circuit):
+def clocked(circuit):
     return {"step_ms": STEP_MS, "seed": SEED, "engine": engine_of(circuit)}
 
 
@@ -58,7 +58,7 @@ def ordered(spikes):
 @pytest.mark.parametrize("name", CIRCUITS)
 def test_a_script_and_a_network_have_the_spikes_and_the_out_of_the_engine(name, tmp_path):
     circuit = CIRCUITS[name]
-    drive, options = drive_of(circuit), given(circuit)
+    drive, options = drive_of(circuit), clocked(circuit)
     ran = run(circuit, drive, **options, first_trial=TRIAL)
     text = circuit.to_brian2_script(drive, **options, trial=TRIAL)
     (tmp_path / "trial.py").write_text(text)
@@ -132,7 +132,7 @@ def test_a_network_goes_on_whatever_the_users_code_generator_is():
     """A group of the user's joins it; the run neither needs nor changes the preference."""
     before = brian2.prefs.codegen.target
     assert before != "numpy"
-    network = WHOLE.to_brian2(DRIVE, **given(WHOLE))
+    network = WHOLE.to_brian2(DRIVE, **clocked(WHOLE))
     numpy = {"codeobj_class": brian2.NumpyCodeObject}  # compiling its code takes long
     monitor = brian2.StateMonitor(network["STN"], "phi", record=[0], when="end", **numpy)
     network.add(monitor)

@@ -19,7 +19,7 @@ from tests.circuits.spiking import (
 )
 
 
-def own(circuit):
+def registered(circuit):
     """Return a circuit whose cell types are registered anew, alike in all but their name."""
 
     @register
@@ -41,14 +41,14 @@ def own(circuit):
 def test_loops_of_their_own_give_the_spikes_of_the_tick_as_it_stands(heterogeneity):
     """The compiled engine's fast loops against its general one: the same type by another name."""
     circuit = BASE.with_heterogeneity(heterogeneity)
-    twin = own(circuit)
+    twin = registered(circuit)
     assert compiled_cells.entry(twin.population("GPe").cell) is compiled_cells.GENERAL
     assert compiled_cells.entry(circuit.population("GPe").cell) is not compiled_cells.GENERAL
     assert spikes_of(circuit, "ensemble") == spikes_of(twin, "ensemble")
 
 
 def test_types_of_ones_own_with_sparse_connections_spike_as_in_the_plain_engine():
-    twin = own(BASE.with_connections(0.25).with_heterogeneity(0.1))
+    twin = registered(BASE.with_connections(0.25).with_heterogeneity(0.1))
     fast, plain = spikes_of(twin, "ensemble"), spikes_of(twin, "plain")
     assert len(fast ^ plain) <= 0.03 * len(plain)
 
