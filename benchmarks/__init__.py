@@ -1,1 +1,1 @@
-"""Speed and tuning, and what built the shipped data and network."""
+"""Speed, tuning, and the scripts that built the shipped data and network."""

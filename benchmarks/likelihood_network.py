@@ -86,15 +86,15 @@ class Lattice:
 
 def lattice(model: CircuitModel) -> Lattice:
     """Return the densities that the network learns."""
-    stored, own = model.stored(()), model.thresholds_nats
-    thresholds = np.sort(np.concatenate([own, (own[1:] + own[:-1]) / 2]))
+    stored, levels = model.stored(()), model.thresholds_nats
+    thresholds = np.sort(np.concatenate([levels, (levels[1:] + levels[:-1]) / 2]))
     # Densities depend most on the drift where choices are least certain.
     drifts, grid = MOST_DRIFT * np.linspace(0, 1, DRIFTS) ** 1.5, Grid(BINS)
     shape = {"t0_s": T0_S, "t0_sd_s": T0_SD_S, "lapse": 0.0}
     everywhere = {name: np.full(DRIFTS, value) for name, value in shape.items()}
-    found = (decided([(stored, 1.0)], float(nats), drifts, grid) for nats in thresholds)
+    decisions = (decided([(stored, 1.0)], float(nats), drifts, grid) for nats in thresholds)
     return Lattice(
-        thresholds, drifts, np.stack([responded(each, grid, **everywhere) for each in found])
+        thresholds, drifts, np.stack([responded(each, grid, **everywhere) for each in decisions])
     )
 
 
@@ -128,7 +128,7 @@ def trained(points: Lattice) -> tuple[tuple[Array, Array], ...]:
     torch.set_num_threads(1)
     features, weights = points.features(), points.density.ravel()
     centre, scale = features.mean(axis=0), features.std(axis=0)
-    given = torch.tensor((features - centre) / scale, dtype=torch.float32)
+    inputs = torch.tensor((features - centre) / scale, dtype=torch.float32)
     wanted = torch.tensor(np.log(weights + FLOOR_PER_S), dtype=torch.float32)
     network = first_layers(torch)
     optimizer = torch.optim.Adam(network.parameters(), lr=RATE)
@@ -136,7 +136,7 @@ def trained(points: Lattice) -> tuple[tuple[Array, Array], ...]:
         optimizer, RATE, total_steps=STEPS, pct_start=0.05, final_div_factor=1000
     )
     for step, drawn in enumerate(batches(weights)):
-        off = network(given[drawn])[:, 0] - wanted[drawn]
+        off = network(inputs[drawn])[:, 0] - wanted[drawn]
         loss = torch.nn.functional.huber_loss(off, torch.zeros_like(off), delta=HUBER_NATS)
         optimizer.zero_grad()
         loss.backward()
@@ -178,8 +178,8 @@ def responses(points: Lattice) -> pd.DataFrame:
             t0 = rng.uniform(0.1, 0.6, ROWS_PER_POINT)
             sign = rng.choice([-1, 1], ROWS_PER_POINT)
             time = points.after_t0_s[drawn % BINS] + rng.uniform(-0.005, 0.005, ROWS_PER_POINT)
-            found = {"v": sign * drift, "threshold": nats, "t0": t0, "rt": time + t0}
-            parts.append(pd.DataFrame(found | {"response": sign * np.where(drawn < BINS, -1, 1)}))
+            columns = {"v": sign * drift, "threshold": nats, "t0": t0, "rt": time + t0}
+            parts.append(pd.DataFrame(columns | {"response": sign * np.where(drawn < BINS, -1, 1)}))
     return pd.concat(parts, ignore_index=True)
 
 
@@ -187,12 +187,12 @@ def main() -> None:
     """Train, score and write the network, or write the requested table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--table", type=Path, help="write simulated responses, a .parquet, alone")
-    given = parser.parse_args()
+    options = parser.parse_args()
     model = score.model_of(TRIALS, TRAINING_SEED)
     points = lattice(model)
-    if given.table:
+    if options.table:
         known = {**about(model), "rows_per_point": ROWS_PER_POINT}
-        write_table(responses(points), given.table, seed=TRAINING_SEED, **known)
+        write_table(responses(points), options.table, seed=TRAINING_SEED, **known)
         return
     network = LikelihoodNetwork(trained(points), about(model))
     network.write(shipped_path())

@@ -178,9 +178,9 @@ def application(words: Sequence[str] = ()) -> App:
     return app
 
 
-def _add(app: App, words: tuple[str, ...], place: str, given: Sequence[str], order: int) -> None:
+def _add(app: App, words: tuple[str, ...], place: str, typed: Sequence[str], order: int) -> None:
     """Add a command: its function if it is to be run, otherwise its import path."""
-    if given[:1] == ["all"] or (*given[: len(words)],) == words:
+    if typed[:1] == ["all"] or (*typed[: len(words)],) == words:
         app.command(_function(place), name=words[-1], sort_key=order)
     else:
         about = _about(place)

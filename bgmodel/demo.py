@@ -56,7 +56,7 @@ TEST, CIRCUIT = "MSPRT", "circuit"
 
 @dataclass(frozen=True)
 class Demo:
-    """What reward taught, and one trial decided with it by spikes and by the test.
+    """A threshold learned from reward, and one trial decided with it by spikes and by the test.
 
     Parameters
     ----------
@@ -152,19 +152,19 @@ def demo(seed: int = 1) -> Demo:
 
 
 @styled
-def draw(found: Demo) -> Figure:
-    """Draw what reward taught, evidence, OUT with -ln P, and the spikes of every nucleus."""
+def draw(demo: Demo) -> Figure:
+    """Draw the learned threshold, evidence, OUT with -ln P, and the spikes of every nucleus."""
     figure, grid = panels(
         3 + len(NUCLEI), size=(6.4, 9.0), height_ratios=[1.7, 1.5, 2.0] + [1] * len(NUCLEI)
     )
     learning, *axes = grid[:, 0]
-    _learning(learning, found.learned)
-    _evidence(axes[0], found.evidence)
-    _out(axes[1], found)
+    _learning(learning, demo.learned)
+    _evidence(axes[0], demo.evidence)
+    _out(axes[1], demo)
     for panel, (name, label) in zip(axes[2:], NUCLEI.items(), strict=True):
-        spikes = found.spikes[name]
+        spikes = demo.spikes[name]
         shown = spikes[spikes["time_ms"] > 0]
-        raster(panel, shown, channels=found.evidence.hypotheses, neurons=CELLS, ms=1.2)
+        raster(panel, shown, channels=demo.evidence.hypotheses, neurons=CELLS, ms=1.2)
         panel.set_ylabel(label, rotation=0, ha="right", va="center")
     marks = "vertical lines: decisions of test (dashed) and circuit"
     axes[2].set_title(f"Spikes of {CELLS} cells per alternative; {marks}")
@@ -173,7 +173,7 @@ def draw(found: Demo) -> Figure:
         panel.set_xlim(0, (TASK.t_max + 1) * TASK.step_ms)
         panel.tick_params(labelbottom=panel is axes[-1])
         for name, style in ((TEST, "--"), (CIRCUIT, "-")):
-            panel.axvline(found.decisions[name].time_ms[0], color="k", lw=0.8, ls=style)
+            panel.axvline(demo.decisions[name].time_ms[0], color="k", lw=0.8, ls=style)
     return figure
 
 
@@ -197,17 +197,17 @@ def _evidence(panel: Axes, evidence: Evidence) -> None:
     legend_above(panel, 4, "Summed log-likelihoods of taps, the input of each channel")
 
 
-def _out(panel: Axes, found: Demo) -> None:
+def _out(panel: Axes, demo: Demo) -> None:
     for name, style in ((CIRCUIT, {"lw": 1.3}), (TEST, {"ls": "--", "lw": 1.0})):
-        trace = found.traces[name]
+        trace = demo.traces[name]
         rows = _long(trace.time_ms, np.asarray(trace.out_nats[0]))
         channel_lines(panel, rows, steps=name == TEST, **style)
         label = "OUT of the circuit" if name == CIRCUIT else "−ln P, MSPRT at its gain"
         panel.plot([], [], color="0.3", label=label, **style)
-    level = found.threshold_nats
+    level = demo.threshold_nats
     panel.axhline(level, color="k", lw=0.8, ls=":", label="Learned threshold")
-    top = max(2.0, 1.2 * found.readable_nats)
-    panel.axhspan(found.readable_nats, top, color="0.94", lw=0, zorder=0)
+    top = max(2.0, 1.2 * demo.readable_nats)
+    panel.axhspan(demo.readable_nats, top, color="0.94", lw=0, zorder=0)
     panel.text(6, 0.975 * top, "Beyond the read-out", va="top", fontsize=7, color=GREY)
     panel.set(ylabel="OUT (nats)", ylim=(0, top))
     legend_above(panel)

@@ -309,14 +309,14 @@ def needed_truth(evidence: Evidence) -> Integers:
     return known_truth(evidence.truth)
 
 
-def check_evidence(given: Evidence) -> Evidence:
+def check_evidence(evidence: Evidence) -> Evidence:
     """Return the evidence; ValueError for anything else, such as a bare array."""
-    if isinstance(given, Evidence):
-        return given
+    if isinstance(evidence, Evidence):
+        return evidence
     hint = "Evidence(log_likelihood) makes one from nats (trials, steps, hypotheses)"
-    if isinstance(getattr(given, "evidence", None), Evidence):
+    if isinstance(getattr(evidence, "evidence", None), Evidence):
         hint = "give its .evidence"
-    what = type(given).__name__
+    what = type(evidence).__name__
     raise InputError(f"evidence must be an Evidence, got {what}: {hint}", "evidence")
 
 

@@ -107,15 +107,15 @@ class Question:
         return kind.likelihoods(asked, self, model)
 
     def predictors(self, likelihoods: Mapping[str, Likelihood]) -> Predictors:
-        """Return what differs between people and moves parameters of a hierarchy."""
+        """Return the predictors between people that shift parameters of a hierarchy."""
         if not self.between:
             return ALIKE
         return self.asked.predictors(self.between, self.trials, likelihoods)
 
     def estimates(self) -> pd.DataFrame | None:
         """Return everyone's estimates without a model, if these trials have any."""
-        own = KINDS[self.trials.kind].estimates
-        return None if own is None else own(self.people)
+        estimator = KINDS[self.trials.kind].estimates
+        return None if estimator is None else estimator(self.people)
 
     def add_constant(self, name: str) -> None:
         """Add a model without each effect of conditions on its parameters."""
@@ -297,17 +297,17 @@ def _of_stops(asked: FitSettings, one: Question, model: Any) -> dict[str, Likeli
     """Return the likelihood of each person who has enough stop trials; warn of the others."""
     from bgmodel.fitting.stops.race import likelihood
 
-    found: dict[str, Likelihood] = {}
+    likelihoods: dict[str, Likelihood] = {}
     for who, some in one.people.items():
         try:
-            found[who] = likelihood(model, some, **asked.freedom(model))
+            likelihoods[who] = likelihood(model, some, **asked.freedom(model))
         except InputError as error:
             if error.field != "ssd" or len(one.people) == 1:
                 raise
             DataWarning.warn(f"{within(f'participant {who}', error, 'data')}; left out")
-    if not found:
+    if not likelihoods:
         raise InputError("no participant has stop trials and enough go responses", "data")
-    return found
+    return likelihoods
 
 
 def _ssrt(people: dict[str, Trials]) -> pd.DataFrame:
@@ -315,8 +315,8 @@ def _ssrt(people: dict[str, Trials]) -> pd.DataFrame:
     from bgmodel.stopping.people import estimates_of
     from bgmodel.stopping.trials import StopTrials
 
-    found = estimates_of({who: StopTrials.of(some) for who, some in people.items()})
-    return found.rename(columns={"participant_id": "participant"})
+    estimates = estimates_of({who: StopTrials.of(some) for who, some in people.items()})
+    return estimates.rename(columns={"participant_id": "participant"})
 
 
 ON_CHOICES = ("strength", "pooled", "rt_window", "mechanism", "noise_nats", "trials")
@@ -555,10 +555,10 @@ def simulate(
     return joined(parts)
 
 
-def _check_unused(given: Mapping[str, object], names: Sequence[str], hierarchical: bool) -> None:
+def _check_unused(options: Mapping[str, object], names: Sequence[str], hierarchical: bool) -> None:
     """Raise ValueError for an option that was given though it has no effect."""
     usual = {each.name: each.default for each in signature(fit).parameters.values()}
     for name in names:
-        if given[name] != usual[name]:
+        if options[name] != usual[name]:
             where = "in a hierarchy" if hierarchical else "without a hierarchy"
             raise InputError(f"{name} has no effect {where}: leave it out", name)

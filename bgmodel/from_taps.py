@@ -95,7 +95,7 @@ class Touched(Facts):
         return Readable(self.numbers.items(), columns=["measure", "value"])
 
     def learned_summary(self) -> pd.DataFrame:
-        """Return decisions at what was learned: a row per measure, a column per decider."""
+        """Return decisions with the learned settings: a row per measure, a column per decider."""
         if not len(self.learned):
             return pd.DataFrame()
         every = self.learned[["value", "low", "high"]].to_numpy()
@@ -287,7 +287,7 @@ def _at_equal_accuracy(table: pd.DataFrame) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Chain:
-    """What reward taught test and circuit, and their decisions with it."""
+    """Settings that test and circuit learned from reward, and their decisions with these."""
 
     courses: pd.DataFrame  # see Touched.learning; empty if readings are uninformative
     learned: pd.DataFrame  # likewise, see Touched.learned
@@ -414,7 +414,7 @@ def _speed(ax: Axes, of: Touched) -> None:
 
 
 def _as_learned(ax: Axes, of: Touched) -> None:
-    """Mark the decisions of test and spikes at what each learned, with 95 % intervals."""
+    """Mark the decisions of test and spikes with learned settings, with 95 % intervals."""
     if not len(of.learned):
         return
     wide = of.learned.pivot(index="who", columns="measure", values=["value", "low", "high"])

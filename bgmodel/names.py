@@ -24,12 +24,12 @@ class Name(str):
         raise NotImplementedError
 
     @classmethod
-    def parse(cls, given: str) -> Self:
+    def parse(cls, text: str) -> Self:
         """Return the name; ValueError listing the known names for any other text."""
-        if given not in cls.known():
+        if text not in cls.known():
             known = ", ".join(cls.known())
-            raise ValueError(f"it must be one of {known}{cls.more}, got {given!r}")
-        return cls(given)
+            raise ValueError(f"it must be one of {known}{cls.more}, got {text!r}")
+        return cls(text)
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
@@ -59,11 +59,11 @@ else:
             return tuple(CIRCUITS)
 
         @classmethod
-        def parse(cls, given: str) -> Self:
+        def parse(cls, text: str) -> Self:
             """Return the name or the path; ValueError for an unknown name."""
             from circuits.declaration.table_files import is_path
 
-            return cls(given) if is_path(given) else super().parse(given)
+            return cls(text) if is_path(text) else super().parse(text)
 
     class EngineName(Name):
         """Name of an engine."""
@@ -79,10 +79,10 @@ else:
 MACAQUE = CircuitName(DEFAULT)
 
 
-def check(what: str, given: object, kind: Any) -> None:
+def check(what: str, name: object, kind: Any) -> None:
     """Raise ValueError listing the known names, for anything that is not a name of a kind."""
     try:
-        kind.parse(given)
+        kind.parse(name)
     except (ValueError, TypeError):
         known = ", ".join(kind.known())
-        raise InputError.of(what, f"must be one of {known}{kind.more}", given) from None
+        raise InputError.of(what, f"must be one of {known}{kind.more}", name) from None

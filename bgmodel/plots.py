@@ -76,7 +76,7 @@ def output(
         ax.plot(np.asarray(time_ms), values, label=f"Hypothesis {hypothesis}", **look(hypothesis))
     mark_onset(ax)
     ax.set(xlabel=FROM_ONSET, ylabel="OUT (nats)")
-    legend_above(ax, given=on_axes)
+    legend_above(ax, on_axes=on_axes)
     return figure
 
 
@@ -94,7 +94,7 @@ def posteriors(
         width = 2.5 if hypothesis == truth else 1.0
         ax.step(time_ms, values, where="post", lw=width, label=label, **look(hypothesis))
     ax.set(xlabel=FROM_ONSET, ylabel="Posterior probability", ylim=(-0.02, 1.02))
-    legend_above(ax, given=on_axes)
+    legend_above(ax, on_axes=on_axes)
     return figure
 
 
@@ -135,7 +135,7 @@ def choice_times(
     if not decided.all():
         facts.append(f"{int((~decided).sum())} undecided")
     if not decided.any():
-        titled(ax, ", ".join(facts), given=on_axes)
+        titled(ax, ", ".join(facts), on_axes=on_axes)
         ax.text(0.5, 0.5, "No trial was decided", transform=ax.transAxes, ha="center", color=GREY)
         ax.set(xticks=[], yticks=[])
         return figure
@@ -160,7 +160,7 @@ def choice_times(
     ax.axhline(0, color="k", lw=0.8)
     ax.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
     ax.locator_params(axis="y", integer=True)
-    legend_above(ax, title=", ".join(facts), given=on_axes)
+    legend_above(ax, title=", ".join(facts), on_axes=on_axes)
     return figure
 
 
@@ -207,7 +207,7 @@ def tradeoff(
         least, most = int(n.min()), int(n.max())
         many = f"{most}" if least == most else f"{least} to {most}"
         note = f"{many} decided trials per threshold; bars: 95 % intervals"
-        titled(ax, note, given=on_axes)
+        titled(ax, note, on_axes=on_axes)
     return figure
 
 
@@ -234,7 +234,7 @@ def learned_ratios(exact: npt.ArrayLike, learned: npt.ArrayLike, ax: Axes | None
     ends = [float(known.min()), float(known.max())]
     ax.plot(ends, ends, "--", color=GREY, lw=1, label="Equal")
     ax.set(xlabel="Exact log-likelihood (nats)", ylabel="Learned (nats)")
-    legend_above(ax, given=on_axes)
+    legend_above(ax, on_axes=on_axes)
     return figure
 
 

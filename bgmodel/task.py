@@ -130,7 +130,7 @@ class Task:
         return replace(self, **changes)
 
     @staticmethod
-    def from_settings(given: dict[str, Any]) -> Task:
+    def from_settings(settings: dict[str, Any]) -> Task:
         """Return the task of settings as in a file; Gaussian evidence if they do not name one.
 
         Settings with ``evidence``, the path of a table, are those of an ``EvidenceTable``.
@@ -140,11 +140,11 @@ class Task:
         ValueError
             For an unknown name, or a setting that the task does not have.
         """
-        if isinstance(given, Task):
-            return given
-        require(isinstance(given, dict), "task", "must be a table of settings", given)
-        unnamed = {key: value for key, value in given.items() if key != "name"}
-        name = given.get("name", "table" if "evidence" in unnamed else Gaussian.name)
+        if isinstance(settings, Task):
+            return settings
+        require(isinstance(settings, dict), "task", "must be a table of settings", settings)
+        unnamed = {key: value for key, value in settings.items() if key != "name"}
+        name = settings.get("name", "table" if "evidence" in unnamed else Gaussian.name)
         return toml_files.decoded(unnamed, kind_of(name), "", "task")
 
     @classmethod

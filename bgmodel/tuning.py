@@ -66,11 +66,11 @@ class Tuning(Facts):
 
     def facts(self) -> dict[str, str]:
         """Return the values, and the numbers that agree before and after."""
-        found = {name: f"{value:.4g}" for name, value in self.values.items()}
+        facts = {name: f"{value:.4g}" for name, value in self.values.items()}
         for row in self.summary().to_dict("records"):
             agree = f"{row[BEFORE]:.3g} -> {row[AFTER]:.3g} of {row['numbers']} agree"
-            found[f"{row['part']} ({row['use']})"] = agree
-        return found
+            facts[f"{row['part']} ({row['use']})"] = agree
+        return facts
 
     def summary(self) -> pd.DataFrame:
         """Return how many numbers agree, on average over seeds, by part and by use of the seed.
@@ -136,8 +136,9 @@ def tune(
     Raises
     ------
     InputError
-        For an id that is unknown, given twice, or both tuned and held out; if nothing is held out
-        or free; for a seed that both tunes and scores; or for an unknown direction.
+        For an id that is unknown, given twice, or both tuned and held out; without held-out
+        numbers or free directions; for a seed that both tunes and scores; or for an unknown
+        direction.
     """
     exam = Exam.shipped() if exam is None else exam
     lists = {TUNED: list(numbers), HELD_OUT: list(held_out)}
@@ -165,10 +166,10 @@ def tune(
     from scipy.optimize import minimize  # slow to import
 
     bounds = [(0.0, 1.0)] * len(free)
-    found = minimize(
+    minimum = minimize(
         loss, start, method="Nelder-Mead", bounds=bounds, options={"maxfev": evaluations}
     )
-    best = at(found.x)
+    best = at(minimum.x)
     parts = []
     for use, seeds in (("tuning", [seed]), ("scoring", scoring_seeds)):
         for one in seeds:
@@ -177,7 +178,7 @@ def tune(
                     rows = pd.DataFrame(_scores(model, part, one, share, workers))
                     kept = rows[["id", "published", "value", "z", "outcome"]]
                     parts.append(kept.assign(part=name, circuit=when, seed=one, use=use))
-    values = dict(zip(free, map(float, lows + found.x * (highs - lows)), strict=True))
+    values = dict(zip(free, map(float, lows + minimum.x * (highs - lows)), strict=True))
     return Tuning(best, values, pd.concat(parts, ignore_index=True), tried)
 
 

@@ -78,11 +78,11 @@ def require(allowed: object, field: Hashable, must: str, given: object, *, owner
         raise InputError.of(field, must, given, owner=owner)
 
 
-def nearest(given: object, known: Iterable[str]) -> str:
+def nearest(name: object, known: Iterable[str]) -> str:
     """Return a question for a name that is nearly one of those that are known, or ""."""
     from difflib import get_close_matches
 
-    close = get_close_matches(str(given), list(known), 1)
+    close = get_close_matches(str(name), list(known), 1)
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
@@ -95,9 +95,9 @@ def within(owner: str, error: Exception, field: str) -> InputError:
     return InputError(message, getattr(error, "field", field), getattr(error, "given", None))
 
 
-def shown(given: object) -> str:
+def shown(argument: object) -> str:
     """Return a value as shown in messages: on one line, numbers short, text in quotes."""
-    value = given.item() if isinstance(given, np.generic) else given
+    value = argument.item() if isinstance(argument, np.generic) else argument
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, (np.dtype, type)):

@@ -125,15 +125,15 @@ def look(channel: int) -> Look:
 
 
 def legend_above(
-    ax: Axes, columns: int = 3, title: str = "", *, given: bool = False, **options: Any
+    ax: Axes, columns: int = 3, title: str = "", *, on_axes: bool = False, **options: Any
 ) -> None:
     """Put the legend of Axes above them, where it covers no data, and a title above both.
 
-    On Axes that the user has ``given``, the space above is for one title: the legend is inside.
+    With ``on_axes`` (the user's own Axes) the space above is for one title: the legend is inside.
     """
-    if given:
+    if on_axes:
         ax.legend(loc="best", handlelength=1.4, **options)
-        titled(ax, title, given=True)
+        titled(ax, title, on_axes=True)
         return
     handles, labels = ax.get_legend_handles_labels()
     columns = min(columns, max(1, len(labels)))
@@ -153,9 +153,9 @@ def legend_above(
         ax.set_title(title, pad=6 + 11 * rows)
 
 
-def titled(ax: Axes, title: str, *, given: bool) -> None:
-    """Give Axes a title; on Axes that the user has ``given``, one that the user's replaces."""
-    if not given:
+def titled(ax: Axes, title: str, *, on_axes: bool) -> None:
+    """Give Axes a title; with ``on_axes`` (the user's own Axes), only if they have none."""
+    if not on_axes:
         ax.set_title(title)
     elif not ax.get_title():
         ax.set_title(title, loc="center")

@@ -53,8 +53,8 @@ def parse(text: str, file: str) -> Circuit:
 class _Reader:
     """The tables of one file, with the locations that errors name."""
 
-    def __init__(self, given: str, file: str) -> None:
-        self.file, self.lines = file, _lines(given)
+    def __init__(self, text: str, file: str) -> None:
+        self.file, self.lines = file, _lines(text)
         self.places: dict[str, str] = {}
 
     def circuit(self, data: dict[str, Any]) -> Circuit:
@@ -85,17 +85,17 @@ class _Reader:
                 return self._at("", name)
         return self.file
 
-    def _cells(self, given: Any) -> dict[str, Any]:
+    def _cells(self, cells: Any) -> dict[str, Any]:
         """Return the cells by their names."""
-        if not isinstance(given, dict):
-            raise InputError.of("cells", "must be a table", given, owner=self._at("", "cells"))
-        return {name: self._cell(name, one) for name, one in given.items()}
+        if not isinstance(cells, dict):
+            raise InputError.of("cells", "must be a table", cells, owner=self._at("", "cells"))
+        return {name: self._cell(name, one) for name, one in cells.items()}
 
-    def _cell(self, name: str, given: Any) -> Any:
+    def _cell(self, name: str, cell: Any) -> Any:
         where = self._at("cells", name)
-        if not isinstance(given, dict) or TYPE not in given:
-            raise InputError(f'{where}: a cell is {{ type = "Phase", ... }}, got {given!r}', "cell")
-        values = {key: _hashable(value) for key, value in given.items()}
+        if not isinstance(cell, dict) or TYPE not in cell:
+            raise InputError(f'{where}: a cell is {{ type = "Phase", ... }}, got {cell!r}', "cell")
+        values = {key: _hashable(value) for key, value in cell.items()}
         kind = values.pop(TYPE)
         self._known(where, "cell type", kind, CELLS)
         for key in values:
@@ -106,15 +106,15 @@ class _Reader:
         with _placed(where):
             return CELLS[kind](**values)
 
-    def _rows(self, table: str, given: Any, cells: Mapping[str, Any]) -> tuple[Any, ...]:
+    def _rows(self, table: str, contents: Any, cells: Mapping[str, Any]) -> tuple[Any, ...]:
         """Return the rows of a table."""
         where = self._at("", table)
-        if not isinstance(given, dict) or set(given) != {"columns", "rows"}:
+        if not isinstance(contents, dict) or set(contents) != {"columns", "rows"}:
             reason = f"{where}: {table} must contain columns and rows, and nothing else"
             raise InputError(reason, table)
-        kind, columns, rows = TABLES[table], given["columns"], given["rows"]
+        kind, columns, rows = TABLES[table], contents["columns"], contents["rows"]
         for name in ("columns", "rows"):
-            if not isinstance(given[name], list):
+            if not isinstance(contents[name], list):
                 reason = f"{self._at(table, name)}: {name} must be a list in brackets"
                 raise InputError(reason, name)
         self._check_columns(table, kind, columns)
@@ -170,12 +170,12 @@ class _Reader:
                 self._known(f"{self.places[p.name]}: {p.name}", "nucleus", end, names)
 
     @staticmethod
-    def _known(where: str, what: str, given: Any, known: Any) -> None:
+    def _known(where: str, what: str, name: Any, known: Any) -> None:
         """Raise ValueError if a name is unknown."""
-        if not isinstance(given, str) or given not in known:
+        if not isinstance(name, str) or name not in known:
             names = ", ".join(known)
-            reason = f"{where}: there is no {what} {given!r}; there are {names}"
-            raise InputError(reason, str(given), given)
+            reason = f"{where}: there is no {what} {name!r}; there are {names}"
+            raise InputError(reason, str(name), name)
 
     def _at(self, table: str, what: str | int) -> str:
         """Return the file and the line of a key, or of a row by its number."""

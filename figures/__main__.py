@@ -19,7 +19,7 @@ STEPS = ("measure", "draw", "page")
 
 
 def scores(some: list[Room]) -> list[Score]:
-    """Return what the modules of rooms measure."""
+    """Return the scores of the modules of rooms."""
     names = [f"figures.{room.name}.{module}" for room in some for module in room.modules("measure")]
     return [import_module(name).SCORE for name in names]
 
@@ -40,18 +40,18 @@ def main(
     parser.add_argument("--fast", action="store_true", help="fewer trials")
     parser.add_argument("--only", default="", help="pieces whose file's name contains this")
     parser.add_argument("--workers", type=int, default=2)
-    given = parser.parse_args(arguments)
-    steps = [step for step in STEPS if step in given.what] or list(STEPS)
-    some = [every[name] for name in given.what if name in every] or list(every.values())
+    options = parser.parse_args(arguments)
+    steps = [step for step in STEPS if step in options.what] or list(STEPS)
+    some = [every[name] for name in options.what if name in every] or list(every.values())
     for room in some:
         room.check(measured="measure" not in steps)
     if "measure" in steps:
-        more = ["--only", given.only, "--workers", str(given.workers)]
-        pieces.main(*scores(some), arguments=more + ["--fast"] * given.fast)
+        more = ["--only", options.only, "--workers", str(options.workers)]
+        pieces.main(*scores(some), arguments=more + ["--fast"] * options.fast)
         for room in some:
             room.check()
     if "draw" in steps:
-        draw(*(name for room in some for name in room.figures()), fast=given.fast)
+        draw(*(name for room in some for name in room.figures()), fast=options.fast)
     if "page" in steps:
         templates = [room.page for room in some if room.page.is_file()]
         for template in [*templates, folder / "index.md.j2"]:

@@ -138,8 +138,8 @@ def make(script: str, step: str, inputs: Sequence[str], output: str, fast: bool)
     """
     try:
         module = script.removesuffix(".py").replace("/", ".")
-        found = getattr(import_module(module), step)
-        _make(found, [Path(path) for path in inputs], Path(output), fast)
+        function = getattr(import_module(module), step)
+        _make(function, [Path(path) for path in inputs], Path(output), fast)
     except BaseException as error:
         # In quiet mode Snakemake does not print it.
         traceback.print_exc()
@@ -268,12 +268,12 @@ def say_if_older(figure: Figure, *tables: Path) -> None:
     """Warn, and write under a figure, if one of its tables was made with an older circuit."""
     names = [table.name for table in tables if older(table)]
     if names:
-        said = f"{OLDER}: {', '.join(names)}"
-        warnings.warn(said, stacklevel=2)
-        written = figure.supxlabel(said)
+        note = f"{OLDER}: {', '.join(names)}"
+        warnings.warn(note, stacklevel=2)
+        written = figure.supxlabel(note)
         for legend in figure.legends:
             # A legend below all panels gets the note as its title, so that they do not overlap.
             written.set_text("")
-            legend.set_title(said)
+            legend.set_title(note)
             written = legend.get_title()
         written.set(color="C1", fontsize=7)

@@ -69,10 +69,10 @@ def rendered(template: Path, place: Callable[[str], Path] = table_path) -> str:
         return [each for each in every if all(each.get(k) == v for k, v in where.items())]
 
     def row(name: str, /, **where: Any) -> dict[str, Any]:
-        found = rows(name, **where)
-        if len(found) != 1:
-            raise ValueError(f"{template.name}: {len(found)} rows of {name} match {where}, not 1")
-        return found[0]
+        matches = rows(name, **where)
+        if len(matches) != 1:
+            raise ValueError(f"{template.name}: {len(matches)} rows of {name} match {where}, not 1")
+        return matches[0]
 
     def tables(*more: str) -> str:
         origins: dict[str, list[str]] = defaultdict(list)
@@ -86,10 +86,10 @@ def rendered(template: Path, place: Callable[[str], Path] = table_path) -> str:
         keys = ", ".join(f"[{home.name}]({_from_page(home / 'room.toml')})" for home in homes)
         return "\n".join([*lines, "", f"What each column means: {keys}."])
 
-    given = {"rows": rows, "row": row, "tables": tables, "percent": percent, "known": known}
-    given["shown"] = shown
+    functions = {"rows": rows, "row": row, "tables": tables, "percent": percent, "known": known}
+    functions["shown"] = shown
     try:
-        made = environment.from_string(template.read_text(encoding="utf-8")).render(**given)
+        made = environment.from_string(template.read_text(encoding="utf-8")).render(**functions)
     except jinja2.UndefinedError as error:
         raise ValueError(
             f"{template.name} uses values that its tables do not contain ({error.message}): "

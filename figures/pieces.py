@@ -28,7 +28,7 @@ from figures.rooms import OUT, write
 TABLE = "spiking_msprt"
 """The circuit that most scores are of."""
 Made = dict[str, pd.DataFrame]
-"""What was found, by kind of piece."""
+"""Tables of results, by kind of piece."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Score:
-    """A score: its pieces, and what pages show of them.
+    """A score: its pieces, and the tables that pages show.
 
     Parameters
     ----------
@@ -99,15 +99,15 @@ class Score:
             for name, begun in named
             for n in self.channels
         }
-        found = {"trials": span[0] if len(span) == 1 else span, "circuits": circuits}
-        return found | ({"fast": True} if fast else {})
+        parameters = {"trials": span[0] if len(span) == 1 else span, "circuits": circuits}
+        return parameters | ({"fast": True} if fast else {})
 
     def entry(self, piece: Piece, folder: Path, fast: bool) -> Entry[pd.DataFrame]:
         """Return the place of a piece from its trials, this seed and these circuits."""
         title = f"{self.name} {piece.kind} {piece.name}"
         key = {"piece": title, "seed": self.seed, **self.behind([piece.trials], fast)}
-        # As text, so that tables are those of numbers as they are written. A new version does not
-        # make them again.
+        # As text, so that tables are made from the numbers that are written. A new version of the
+        # package does not make them again.
         return Entry(
             folder, "", key,
             lambda table: {"csv": np.array(table.to_csv(index=False))},
@@ -117,7 +117,7 @@ class Score:
 
 
 def run(score: Score, pieces: Sequence[Piece], folder: Path, fast: bool, only: str) -> None:
-    """Compute what is left of a score, and write its tables once all of it is there."""
+    """Compute the remaining pieces of a score, and write its tables when all are present."""
     for piece in pieces:
         entry = score.entry(piece, folder, fast)
         if only in entry.title and entry.get() is None:
@@ -142,29 +142,29 @@ def write_tables(score: Score, pieces: Sequence[tuple[Piece, pd.DataFrame]], fas
     made: dict[str, list[pd.DataFrame]] = {}
     for piece, table in pieces:
         made.setdefault(piece.kind, []).append(table)
-    whole = {kind: pd.concat(parts, ignore_index=True) for kind, parts in made.items()}
-    for name, (kind, found) in score.tables(whole).items():
+    joined = {kind: pd.concat(parts, ignore_index=True) for kind, parts in made.items()}
+    for name, (kind, rows) in score.tables(joined).items():
         behind = score.behind([piece.trials for piece, _ in pieces if piece.kind == kind], fast)
         room = score.room or Path(inspect.getfile(score.pieces)).parent
-        path = write(found, room / "tables" / f"{score.name}_{name}.csv", seed=score.seed, **behind)
-        print(f"\n{path.name}\n{found.round(3).to_string(index=False)}", flush=True)
+        path = write(rows, room / "tables" / f"{score.name}_{name}.csv", seed=score.seed, **behind)
+        print(f"\n{path.name}\n{rows.round(3).to_string(index=False)}", flush=True)
 
 
 def main(*scores: Score, arguments: Sequence[str] | None = None) -> None:
-    """Say how long it takes, then compute what is left of some scores."""
+    """Print the expected time, then compute the remaining pieces of some scores."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--fast", action="store_true", help="the coarse form: fewer trials")
     parser.add_argument("--only", default="", help="pieces whose file's name contains this")
     parser.add_argument("--workers", type=int, default=2)
-    given = parser.parse_args(arguments)
-    folder = OUT / "fast" if given.fast else OUT
-    every = {score: list(score.pieces(given.fast, given.workers)) for score in scores}
+    options = parser.parse_args(arguments)
+    folder = OUT / "fast" if options.fast else OUT
+    every = {score: list(score.pieces(options.fast, options.workers)) for score in scores}
     left = [
         piece.seconds
         for score, pieces in every.items()
         for piece in pieces
-        for entry in [score.entry(piece, folder, given.fast)]
-        if given.only in entry.title and entry.get() is None
+        for entry in [score.entry(piece, folder, options.fast)]
+        if options.only in entry.title and entry.get() is None
     ]
     print(
         f"{len(left)} of {sum(map(len, every.values()))} pieces are left: about "
@@ -173,15 +173,15 @@ def main(*scores: Score, arguments: Sequence[str] | None = None) -> None:
     )
     for score, pieces in every.items():
         if pieces:
-            run(score, pieces, folder, given.fast, given.only)
+            run(score, pieces, folder, options.fast, options.only)
 
 
-def wide(found: pd.DataFrame, index: Sequence[str]) -> pd.DataFrame:
+def wide(table: pd.DataFrame, index: Sequence[str]) -> pd.DataFrame:
     """Return a table with one row per index and one column per measure.
 
     Parameters
     ----------
-    found : DataFrame
+    table : DataFrame
         The columns of the index, measure, value, low and high.
     index : names
         What tells rows apart; their order stays.
@@ -191,7 +191,7 @@ def wide(found: pd.DataFrame, index: Sequence[str]) -> pd.DataFrame:
     DataFrame
         The index, and per measure its value, ``<measure>_low`` and ``<measure>_high``.
     """
-    order = found[list(index)].drop_duplicates()
-    by = found.pivot(index=list(index), columns="measure", values=["value", "low", "high"])
+    order = table[list(index)].drop_duplicates()
+    by = table.pivot(index=list(index), columns="measure", values=["value", "low", "high"])
     by.columns = [name if end == "value" else f"{name}_{end}" for end, name in by.columns]
     return order.merge(by.reset_index(), on=list(index))

@@ -130,17 +130,17 @@ class Room:
         every: dict[str, dict[str, str]] = {}
         for path in self.tables():
             names = list(read_table(path).columns)
-            own = special.get(path.stem, {})
+            specific = special.get(path.stem, {})
             every[path.stem] = {}
             for name in names:
                 middle = re.sub("_(low|high)$", "", name)
-                if name not in own and middle != name and middle in names:
+                if name not in specific and middle != name and middle in names:
                     continue
-                if name not in own and name not in general:
+                if name not in specific and name not in general:
                     what = f"{self.name}/room.toml does not describe the column {name}"
                     raise InputError(f"{what} of {path.stem}", "columns", name)
-                unused.discard((path.stem if name in own else "columns", name))
-                every[path.stem][name] = own.get(name) or general[name]
+                unused.discard((path.stem if name in specific else "columns", name))
+                every[path.stem][name] = specific.get(name) or general[name]
         if unused:
             what = f"{self.name}/room.toml describes columns that no table has"
             raise InputError(f"{what}: {sorted(unused)}", "columns", sorted(unused))
@@ -177,28 +177,28 @@ def table_path(name: str, folder: Path = FOLDER) -> Path:
 
 
 def read_metadata(folder: Path) -> dict[str, dict[str, Any]]:
-    """Return what each table of a folder was made from, by its name; empty without a file."""
+    """Return the parameters, seed and versions of each table, by name; empty without a file."""
     path = folder / METADATA
-    found: dict[str, dict[str, Any]] = json.loads(path.read_text()) if path.is_file() else {}
-    return found
+    metadata: dict[str, dict[str, Any]] = json.loads(path.read_text()) if path.is_file() else {}
+    return metadata
 
 
 def origin(path: Path) -> dict[str, Any]:
-    """Return what a table of a room was made from: parameters, seed and versions.
+    """Return the parameters, seed and versions that a table of a room was made from.
 
     Raises
     ------
     InputError
         If its room does not say so.
     """
-    found = read_metadata(path.parent).get(path.stem)
-    if found is None:
+    entry = read_metadata(path.parent).get(path.stem)
+    if entry is None:
         raise InputError(f"{METADATA} says nothing of the table {path.stem}", "table", path.stem)
-    return found
+    return entry
 
 
 def write(rows: pd.DataFrame, path: Path, *, seed: int | None = None, **parameters: Any) -> Path:
-    """Write a table of a room and what it was made from, both or neither."""
+    """Write a table of a room and its metadata, both or neither."""
     path.parent.mkdir(parents=True, exist_ok=True)
     known = read_metadata(path.parent) | {path.stem: provenance(seed, **parameters)}
     with replacing(path) as partial, replacing(path.with_name(METADATA)) as beside:

@@ -76,12 +76,12 @@ def population(trials: int = 5000, **which: Any) -> dict[str, float]:
 
 def _compiled(engine: Any, circuit: Any, trials: int, times: int = 1) -> dict[str, float]:
     """Measure an engine of compiled code, which is compiled before."""
-    given = {"step_ms": STEP_MS, "seed": 1}
-    engine.run(circuit, drive(1, circuit.channels), **given)
+    settings = {"step_ms": STEP_MS, "seed": 1}
+    engine.run(circuit, drive(1, circuit.channels), **settings)
     evidence = drive(trials, circuit.channels)
     wall, cpu = time.perf_counter(), time.process_time()
     for _ in range(times):
-        engine.run(circuit, evidence, **given)
+        engine.run(circuit, evidence, **settings)
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     return _cost(cells_of(circuit), trials, cpu / times, wall / times)
 
@@ -91,11 +91,11 @@ def brian2(trials: int = 20, **which: Any) -> dict[str, float]:
     from circuits.engines import Brian2
 
     circuit = circuit_of(**which)
-    engine, given = Brian2(settle_ms=SETTLE_MS), {"step_ms": STEP_MS, "seed": 1}
+    engine, settings = Brian2(settle_ms=SETTLE_MS), {"step_ms": STEP_MS, "seed": 1}
     evidence = drive(trials, circuit.channels)
-    engine.run(circuit, evidence[:, :1], **given)
-    one = _timed(lambda: engine.run(circuit, evidence[:, :1], **given))
-    more = _timed(lambda: engine.run(circuit, evidence, **given))
+    engine.run(circuit, evidence[:, :1], **settings)
+    one = _timed(lambda: engine.run(circuit, evidence[:, :1], **settings))
+    more = _timed(lambda: engine.run(circuit, evidence, **settings))
     # What building takes is in both runs, and drops out of their difference.
     share = (STEPS - 1) / STEPS
     return _cost(cells_of(circuit), trials, (more - one) / share, (more - one) / share)
@@ -232,14 +232,14 @@ def machine() -> str:
 
 def side_by_side(bar: tqdm) -> pd.DataFrame:
     """Return all rounds: the ensemble, an engine, the ensemble, the next engine, and so on."""
-    (own, kind, options), *others = SIDE_BY_SIDE
+    (reference, kind, options), *others = SIDE_BY_SIDE
     rows = []
     for turn in range(ROUNDS):
         for other in others:
-            for what, engine, given in ((own, kind, options), other):
-                rows.append({"round": turn, "what": what, **measure(engine, given)})
+            for what, engine, settings in ((reference, kind, options), other):
+                rows.append({"round": turn, "what": what, **measure(engine, settings)})
                 bar.update()
-        rows.append({"round": turn, "what": own, **measure(kind, options)})
+        rows.append({"round": turn, "what": reference, **measure(kind, options)})
         bar.update()
     return pd.DataFrame(rows)
 

@@ -35,8 +35,8 @@ SEED = 46_201
 def _evidence(trials: int, batch: int) -> Any:
     from bgmodel import gaussian_evidence
 
-    given = {"d_prime": D_PRIME, "step_ms": STEP_MS, "t_max": READINGS, "channels": 2}
-    return gaussian_evidence(trials, seed=SEED + batch, **given)
+    settings = {"d_prime": D_PRIME, "step_ms": STEP_MS, "t_max": READINGS, "channels": 2}
+    return gaussian_evidence(trials, seed=SEED + batch, **settings)
 
 
 def _circuit(engine: str) -> Callable[[int, int], float]:
@@ -56,8 +56,8 @@ def _msprt() -> Callable[[int, int], float]:
     from bgmodel import Msprt, first_crossing
 
     def run(trials: int, batch: int) -> float:
-        found = first_crossing(Msprt().run(_evidence(trials, batch)), -np.log(POSTERIOR))
-        return float(found.time_ms.mean())
+        decision = first_crossing(Msprt().run(_evidence(trials, batch)), -np.log(POSTERIOR))
+        return float(decision.time_ms.mean())
 
     run(64, 0)
     return run
@@ -78,9 +78,9 @@ def _ssms() -> Callable[[int, int], float]:
 
     def run(trials: int, batch: int) -> float:
         theta = [drift, bound, 0.5, 0.0]
-        found = simulator(theta, model="ddm", n_samples=trials, delta_t=0.001, max_t=20.0,
+        simulated = simulator(theta, model="ddm", n_samples=trials, delta_t=0.001, max_t=20.0,
                           random_state=SEED + batch)  # fmt: skip
-        return 1000 * float(found["rts"].mean())
+        return 1000 * float(simulated["rts"].mean())
 
     run(64, 0)
     return run
@@ -100,8 +100,8 @@ def _pyddm() -> Callable[[int, int], float]:
     )
 
     def run(trials: int, batch: int) -> float:
-        found = model.simulated_solution(size=trials, seed=SEED + batch)
-        return 1000 * float(found.mean_decision_time())
+        simulated = model.simulated_solution(size=trials, seed=SEED + batch)
+        return 1000 * float(simulated.mean_decision_time())
 
     return run
 
@@ -160,12 +160,12 @@ def main() -> None:
     mean_s = rows[0]["mean_ms"] / 1000
     for name, kind, options in NETWORKS:
         try:
-            found = measured_circuit(kind, options)
+            measured = measured_circuit(kind, options)
         except RuntimeError as error:
             print(f"{name}: {str(error).splitlines()[-1]}")
             continue
-        per_s = found["trial_s_per_cpu_s"] / mean_s
-        rows.append({"tool": name, "per_cpu_s": per_s, "memory_mb": found.get("memory_mb")})
+        per_s = measured["trial_s_per_cpu_s"] / mean_s
+        rows.append({"tool": name, "per_cpu_s": per_s, "memory_mb": measured.get("memory_mb")})
     table = pd.DataFrame(rows)
     table["million_cpu_s"] = WHOLE / table["per_cpu_s"]
     print(machine())

@@ -42,7 +42,7 @@ def key_of(page: Any, title: str, before: str = "") -> str:
 
 
 class Server:
-    """The command, and what it has used so far."""
+    """The command, and the resources that it has used so far."""
 
     def __init__(self) -> None:
         self.begun = time.perf_counter()

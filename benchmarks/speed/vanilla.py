@@ -30,7 +30,7 @@ def network(b2: Any, circuit: Circuit) -> tuple[Any, int]:
 
 
 def _group(b2: Any, circuit: Circuit, row: Population) -> Any:
-    """Return a population as a group of cells, each with what it receives by each pathway."""
+    """Return a population as a group of cells, each with its input by each pathway."""
     text, options = _equations(b2, row, _input(circuit, row))
     into = [p for p in circuit.projections if p.target == row.name]
     decays = [f"ds_{p.source}/dt = -s_{p.source}/({p.tau_ms}*ms) : 1" for p in into if p.tau_ms]

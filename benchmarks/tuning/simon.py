@@ -57,7 +57,7 @@ def means(simon: Simon, posteriors: Array, outside_ms: Array) -> Array:
     levels = threshold_from_posterior(posteriors, 2)
     choice, time_ms = crossings(circuit_at(1.0, SEED), evidence, levels)
     right = choice == evidence.truth
-    found = np.empty((len(outside_ms), len(posteriors), 5))
+    values = np.empty((len(outside_ms), len(posteriors), 5))
     for k, t0_ms in enumerate(outside_ms):
         rt = t0_ms + time_ms
         answered = (choice != UNDECIDED) & (rt <= DEADLINE_MS)
@@ -68,8 +68,8 @@ def means(simon: Simon, posteriors: Array, outside_ms: Array) -> Array:
             time.append(np.where(correct, rt, 0.0).sum(axis=1) / count)
             share.append(count / np.maximum(mine.sum(axis=1), 1))
         missed = 1 - answered.mean(axis=1)
-        found[k] = np.stack([time[0], time[1] - time[0], *share, missed], axis=1)
-    return found
+        values[k] = np.stack([time[0], time[1] - time[0], *share, missed], axis=1)
+    return values
 
 
 def fitted(kind: str) -> tuple[Simon, Array]:
@@ -79,8 +79,8 @@ def fitted(kind: str) -> tuple[Simon, Array]:
     def losses(logs: Array) -> Array:
         d_prime, nats = map(float, np.exp(logs))
         simon = replace(start, d_prime=d_prime, location_nats=nats)
-        found = means(simon, POSTERIORS, OUTSIDE_MS)
-        loss: Array = (((found - KNOWN) / ERRORS) ** 2).sum(axis=2)
+        simulated = means(simon, POSTERIORS, OUTSIDE_MS)
+        loss: Array = (((simulated - KNOWN) / ERRORS) ** 2).sum(axis=2)
         return loss
 
     options = {"xatol": 0.01, "fatol": 0.02, "maxfev": 50, "initial_simplex": STEPS_OF_START}
@@ -88,11 +88,11 @@ def fitted(kind: str) -> tuple[Simon, Array]:
     d_prime, nats = map(float, np.exp(best.x))
     last = losses(best.x)
     outside, level = np.unravel_index(last.argmin(), last.shape)
-    found = replace(
+    closest = replace(
         start, d_prime=round(d_prime, 3), location_nats=round(nats, 3),
         posterior=round(float(POSTERIORS[level]), 3), t0_ms=float(OUTSIDE_MS[outside]),
     )  # fmt: skip
-    return found, means(found, np.array([found.posterior]), np.array([found.t0_ms]))[0, 0]
+    return closest, means(closest, np.array([closest.posterior]), np.array([closest.t0_ms]))[0, 0]
 
 
 def value_of(simon: Simon) -> float:
@@ -112,15 +112,15 @@ def value_of(simon: Simon) -> float:
 
 def main() -> None:
     """Print the parameters of all kinds, and write the predictions of those in ``KINDS``."""
-    found = Told(PREDICTION_SEED, PEOPLE, [], [])
+    told = Told(PREDICTION_SEED, PEOPLE, [], [])
     for kind in KINDS:
         simon, means_of = fitted(kind)
         simon = replace(simon, value=value_of(simon))
         print(simon, means_of.round(3), flush=True)
-        found.models.append(simon)
+        told.models.append(simon)
         table = contrasts(models(simon, PEOPLE, PREDICTION_SEED, tested=kind == MAIN))
-        found.predictions.extend(predictions(kind, table))
-    TOLD.write_text(written(found))
+        told.predictions.extend(predictions(kind, table))
+    TOLD.write_text(written(told))
     print(*fitted("brief"))
 
 

@@ -1,9 +1,9 @@
-"""Largest usable strength of evidence: where decisions of the macaque's table stop speeding up.
+"""Largest usable strength of evidence: where decisions of the macaque's tables stop speeding up.
 
-``python -m benchmarks.tuning.strength [--trials 200]`` prints three tables: the stability of the
-loop of STN and GPe against its activity, decision times against d' with one part of the circuit
-changed at a time, and the share of late decisions by number of alternatives, from which
-``circuits.anatomy.macaque.MOST_LEAD_NATS`` is taken.
+``python -m benchmarks.tuning.strength [--circuit macaque] [--trials 200]`` prints three tables: the
+stability of the loop of STN and GPe against its activity, decision times against d' with one part
+of the circuit changed at a time, and the share of late decisions by number of alternatives, from
+which ``MOST_LEAD_NATS`` of ``macaque`` and ``macaque_tuned`` is taken.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.simulated_evidence import gaussian_evidence
-from circuits.anatomy import macaque
+from circuits.anatomy import load_circuit
 from circuits.circuit import Circuit
 from circuits.dynamics.fixed_point import solve, wired
 from circuits.laws.stability import growth
@@ -28,11 +28,12 @@ SEED = 1004
 LATE_MS = 400.0
 READINGS = 40
 STRENGTHS = (0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
+LEADS = (0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5)
 ALTERNATIVES = (2, 3, 4, 5, 6, 7, 8, 10, 12)
 
 
 def variants(table: Circuit) -> dict[str, Circuit]:
-    """Return the table, and what changes one of the suspects at a time."""
+    """Return the table, and variants that change one possible cause at a time."""
     loop = ("set STN->GPe.delay_ms 1", "set GPe->STN.delay_ms 1")
     short = (*loop, "set STN->GPe.tau_ms 1", "set GPe->STN.tau_ms 1")
     return {
@@ -54,16 +55,16 @@ def loop_alone(table: Circuit) -> Circuit:
 
 def stability(table: Circuit, rises_nats: tuple[float, ...]) -> list[tuple[float, ...]]:
     """Return the rise of S above rest, Sigma, the growth in 1/s and its frequency in Hz."""
-    found: list[tuple[float, ...]] = []
+    rows: list[tuple[float, ...]] = []
     alone = loop_alone(table)
     wiring = wired(alone)
-    own, hz = wiring.blocks_of("STN"), table.population("STN").gain_hz_per_nat
+    stn, hz = wiring.blocks_of("STN"), table.population("STN").gain_hz_per_nat
     for rise in rises_nats:
         drive = np.full(table.channels, rise)
         root = growth(alone, drive)
-        sigma = float(wiring.rates(solve(wiring, drive[None]))[0, own].sum()) / hz
-        found.append((rise, sigma, root.real, abs(root.imag) / (2 * np.pi)))
-    return found
+        sigma = float(wiring.rates(solve(wiring, drive[None]))[0, stn].sum()) / hz
+        rows.append((rise, sigma, root.real, abs(root.imag) / (2 * np.pi)))
+    return rows
 
 
 def decided(
@@ -76,24 +77,26 @@ def decided(
     return parts[0]
 
 
-def late(found: Decision, exact: Decision) -> float:
+def late(decision: Decision, exact: Decision) -> float:
     """Return the share of decisions well after that of the fixed point."""
-    return float(((found.time_ms > exact.time_ms + LATE_MS) & ~exact.forced).mean())
+    return float(((decision.time_ms > exact.time_ms + LATE_MS) & ~exact.forced).mean())
 
 
 def drawn(d_prime: float, channels: int, trials: int, readings: int = READINGS) -> Evidence:
     """Return Gaussian evidence, a reading every 50 ms."""
-    given = {"t_max": readings, "seed": stream(SEED, "strength")}
-    return gaussian_evidence(trials, d_prime=d_prime, channels=channels, **given)
+    settings = {"t_max": readings, "seed": stream(SEED, "strength")}
+    return gaussian_evidence(trials, d_prime=d_prime, channels=channels, **settings)
 
 
 def main() -> None:
     """Print the three tables."""
     asked = argparse.ArgumentParser(description=__doc__)
+    asked.add_argument("--circuit", default="macaque")
     asked.add_argument("--trials", type=int, default=200)
-    trials = asked.parse_args().trials
+    chosen = asked.parse_args()
+    name_of_table, trials = chosen.circuit, chosen.trials
     warnings.simplefilter("ignore")
-    table = macaque(2)
+    table = load_circuit(name_of_table, 2)
     print("S above rest, Sigma, growth (1/s), Hz: the loop of STN and GPe alone")
     for row in stability(table, (0.0, 0.5, 1.0, 1.5, 1.6, 2.0, 2.5, 3.0)):
         print("  " + " ".join(f"{value:8.2f}" for value in row))
@@ -105,21 +108,21 @@ def main() -> None:
             evidence = drawn(d_prime, 2, min(trials, 250))
             exact = decided(table, "algebra", evidence, gain_of(table), 0.82)
             try:
-                found = decided(one, engine, evidence, gain_of(table), 0.82)
+                decision = decided(one, engine, evidence, gain_of(table), 0.82)
             except ValueError as error:
                 cells.append(str(error).partition(",")[0][-8:])
                 continue
-            cells.append(f"{found.time_ms.mean():.0f} ({late(found, exact):.2f})")
+            cells.append(f"{decision.time_ms.mean():.0f} ({late(decision, exact):.2f})")
         print(f"  {name:32s}" + " ".join(f"{cell:>12s}" for cell in cells), flush=True)
     print("late share at posterior 0.9 by alternatives and lead per 100 ms")
     for channels in ALTERNATIVES:
-        table, cells = macaque(channels), []
+        table, cells = load_circuit(name_of_table, channels), []
         gain = gain_of(table)
-        for d_prime in (1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5):
+        for d_prime in LEADS:
             evidence = drawn(d_prime, channels, min(trials, 250), 60)
             exact = decided(table, "algebra", evidence, gain, 0.9)
-            found = decided(table, "population", evidence, gain, 0.9)
-            cells.append(f"{gain * d_prime**2:.2f}: {late(found, exact):.3f}")
+            decision = decided(table, "population", evidence, gain, 0.9)
+            cells.append(f"{gain * d_prime**2:.2f}: {late(decision, exact):.3f}")
         print(f"  {channels:2d} " + "  ".join(cells), flush=True)
 
 

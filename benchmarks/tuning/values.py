@@ -72,15 +72,15 @@ def grids(bandit: Bandit) -> Iterator[tuple[str, type[Learner], dict[str, tuple[
 def tuned(bandit: Bandit) -> dict[str, tuple[float, dict[str, Any]]]:
     """Return the least relative regret of each learner, and the options that have it."""
     ideal = play(ideal_of(bandit), bandit, runs=RUNS, seed=TUNING_SEED)
-    found = {}
+    best = {}
     for name, kind, grid in grids(bandit):
         tried = []
         for values in product(*grid.values()):
             options = dict(zip(grid, values, strict=True))
             played = play(kind(**options), bandit, runs=RUNS, seed=TUNING_SEED)
             tried.append((relative_regret(played, ideal)[0], options))
-        found[name] = min(tried, key=lambda one: one[0])
-    return found
+        best[name] = min(tried, key=lambda one: one[0])
+    return best
 
 
 def main() -> None:

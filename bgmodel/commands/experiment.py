@@ -119,7 +119,7 @@ def _run(asked: Experiment, workers: int) -> Outcome:
     control = asked.conditions[0].model(evidence.hypotheses, workers=workers, rates=False)
     say_before("an experiment on", control, evidence, runs=2)
     with bar(2 * evidence.trials):
-        return asked.run(workers=workers, given=trials)
+        return asked.run(workers=workers, named=trials)
 
 
 def _finish(asked: Experiment, done: Outcome, output: Output) -> None:

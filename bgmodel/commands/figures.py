@@ -90,13 +90,13 @@ def figures(
         raise ImportError('figures need Snakemake: pip install ".[figures]"') from error
     folder = Path("figures/fast" if fast else "figures/out")
     _check_targets(targets, folder)
-    found = find_recordings(recordings)
+    taps_folder = find_recordings(recordings)
     if not unlock:
         _check_unlocked()
         _say(targets, folder)
     remove_partial_files(folder)
     # Not on Snakemake's command line, which reads a folder named 010 as the number 10.
-    os.environ["BGMODEL_RECORDINGS"] = str(found or "")
+    os.environ["BGMODEL_RECORDINGS"] = str(taps_folder or "")
     status = run_snakemake(_arguments(targets, fast, unlock, workers))
     if status:
         _check_unlocked()
@@ -115,7 +115,7 @@ def _arguments(targets: tuple[str, ...], fast: bool, unlock: bool, workers: int)
 
 
 def _say(targets: tuple[str, ...], folder: Path) -> None:
-    """Report what is drawn."""
+    """Report which figures are drawn."""
     asked = [
         name
         for name in _names()

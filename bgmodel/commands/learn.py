@@ -1,4 +1,4 @@
-"""The command that lets reward teach a threshold, a level of dopamine, or what readings mean."""
+"""The command for learning a threshold, a level of dopamine, or weights of readings from reward."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def learn(
         table = course(stop.learned, mean="mean", played="played", error="dopamine")
         files.write_table(table, output.save, seed=seed, **_behind(model, task, settings))
         raise ValueError(f"{stop}; learning up to then -> {output.save}") from None
-    used = learned.found.model if isinstance(learned.found, CircuitLearned) else model
+    used = learned.details.model if isinstance(learned.details, CircuitLearned) else model
     at = f", gain {used.gain:g}" if used is not None else ""
     text = "\n".join([f"{learned.verdict()}{at}", *learned.cautions])
     summary = {

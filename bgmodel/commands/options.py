@@ -45,11 +45,11 @@ def settings(words: Iterable[str]) -> dict[str, str]:
     return values_by_name
 
 
-def typed(given: Mapping[str, str], kind: type) -> dict[str, Any]:
+def typed(texts: Mapping[str, str], kind: type) -> dict[str, Any]:
     """Return settings as a file would have them: text and paths as written, others as in TOML."""
     hints = get_type_hints(kind)
     return {name: text if _is_text(hints.get(name)) else toml_files.as_toml(text)
-            for name, text in given.items()}  # fmt: skip
+            for name, text in texts.items()}  # fmt: skip
 
 
 def _is_text(hint: Any) -> bool:
@@ -180,8 +180,8 @@ def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T
         hints.pop("options", None)
 
         @wraps(target)
-        def filled(*args: Any, **given: Any) -> Any:
-            return target(*args, **(defaults | given))
+        def filled(*args: Any, **options: Any) -> Any:
+            return target(*args, **(defaults | options))
 
         order = sorted(kept, key=lambda one: one.kind)
         filled.__signature__ = signature.replace(parameters=order)  # type: ignore[attr-defined]

@@ -96,7 +96,7 @@ class Behaviour:
         return self.decision.forced
 
     def columns(self) -> dict[str, Array | Truths]:
-        """Return what a table of trials adds to the decisions, by column."""
+        """Return the columns that a table of trials has besides the decisions."""
         added = {} if self.ssd_ms is None else {"ssd_ms": self.ssd_ms}
         return {"anticipatory": self.anticipatory, **added}
 

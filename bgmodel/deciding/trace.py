@@ -119,9 +119,9 @@ def of_test(trace: Trace) -> bool:
     return trace.readout is not None and trace.readout.of_test
 
 
-def check_trace(given: Trace) -> None:
+def check_trace(trace: Trace) -> None:
     """Raise ValueError for anything but a Trace, such as a bare array."""
-    require(isinstance(given, Trace), "trace", "must be a Trace, as from Msprt().run", given)
+    require(isinstance(trace, Trace), "trace", "must be a Trace, as from Msprt().run", trace)
 
 
 def ready(trace: Trace) -> tuple[Reals, int, npt.NDArray[np.int64], npt.NDArray[np.int64]]:

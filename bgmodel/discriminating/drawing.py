@@ -1,4 +1,4 @@
-"""The picture of a search: what each value of an axis can tell, and the trials that are needed."""
+"""Figure of a search: the information of each value of an axis, and the trials needed."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def _legend(figure: Figure) -> None:
 
 
 def draw_map(ax: Axes, rows: pd.DataFrame) -> None:
-    """Draw what the best task with each value of each axis tells, down to its lower end (95 %)."""
+    """Draw the best task's information at each value of each axis, with its lower 95 % bound."""
     nats = np.maximum(rows["nats"], LEAST_NATS)
     low = np.maximum(rows["low"], LEAST_NATS)
     y = np.arange(len(rows))

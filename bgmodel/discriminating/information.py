@@ -1,4 +1,4 @@
-"""How much one trial tells about which of two models made it.
+"""Information of one trial about which of two models produced it.
 
 The divergence of choices and response times, and of spike counts if cells are recorded.
 """
@@ -86,7 +86,7 @@ class Partition:
 
 @dataclass(frozen=True)
 class Information:
-    """What one trial tells, if the first of two models made it."""
+    """Information of one trial that the first of two models produced."""
 
     nats: float
     error: float

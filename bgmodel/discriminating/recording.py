@@ -1,4 +1,4 @@
-"""Spikes of recorded cells, counted in a window: what an electrode adds to choices and times."""
+"""Spikes of recorded cells, counted in a window: the information they add to choices and times."""
 
 from __future__ import annotations
 

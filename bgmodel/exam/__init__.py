@@ -1,1 +1,1 @@
-"""An exam that any circuit can take: published numbers, and what a circuit answers to each."""
+"""An exam for circuits: published numbers, and a circuit's value of each."""

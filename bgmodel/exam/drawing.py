@@ -94,13 +94,13 @@ def _numbers(ax: Axes, table: pd.DataFrame) -> None:
     )  # fmt: skip
 
 
-def _domains(ax: Axes, whole: pd.DataFrame) -> None:
+def _domains(ax: Axes, per_domain: pd.DataFrame) -> None:
     """Draw, for each domain, how many numbers have each outcome."""
-    for y, row in enumerate(whole.to_dict("records")):
+    for y, row in enumerate(per_domain.to_dict("records")):
         left = 0
         for name in LOOKS:
             count = row[name]
             ax.barh(y, count, left=left, height=0.6, ec="k", lw=0.5, **_fill(name))
             left += count
         ax.text(0.05, y - 0.36, row["domain"], fontsize=6, va="bottom")
-    ax.set(xlabel="Numbers", ylim=(len(whole) - 0.5, -0.8), yticks=[])
+    ax.set(xlabel="Numbers", ylim=(len(per_domain) - 0.5, -0.8), yticks=[])

@@ -86,6 +86,7 @@ class Exam:
         gain: float | None = None,
         seed: int = SEED,
         share: float = 1.0,
+        motifs: bool = True,
         workers: int = 1,
     ) -> ExamRecord:
         """Let a circuit take the exam.
@@ -106,6 +107,9 @@ class Exam:
             Seed of evidence and noise.
         share : float
             Share of the usual numbers of trials, 0.05 to 10; totals are comparable at 1.
+        motifs : bool
+            Whether circuits have the motifs of each task, such as a criterion that falls where
+            difficulties are interleaved.
         workers : int
             Threads; results do not depend on them.
 
@@ -117,12 +121,19 @@ class Exam:
         check_range(0.05, 10, share=share)
         whole("workers", workers, 1)
         model = circuit if isinstance(circuit, Model) else model_of(circuit, edits, engine, gain)
-        simulation = Simulation(model, self.questions.tasks, whole("seed", seed, 0), share, workers)
+        simulation = Simulation(
+            model, self.questions.tasks, whole("seed", seed, 0), share, workers, motifs
+        )
         included = simulation.included  # an unknown name or edit raises here
         results = Results(simulation, self.questions.tasks, seed)
         rows = [_row(number, included, results) for number in self.questions.numbers]
         circuits = {str(channels): identity(one) for channels, one in simulation.circuits.items()}
-        about = {"circuits": circuits, "share": share, **_operating_point(simulation)}
+        about = {
+            "circuits": circuits,
+            "share": share,
+            "motifs": motifs,
+            **_operating_point(simulation),
+        }
         return self._record(model.name, rows, seed, about)
 
     def mark(

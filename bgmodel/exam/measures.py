@@ -247,7 +247,7 @@ def rate_change(
     minus_role: str = "",
     unit: str = "Hz",
 ) -> Estimate:
-    """Return a rate less another one, in Hz or percent of it; what is not named is the same."""
+    """Return a rate minus another, in Hz or percent; ``minus_`` arguments default to the same."""
     _check_hz(results, nucleus)
     new = results.tables.rates_of(task, nucleus, window, role)
     place = (minus_task or task, nucleus, minus_window or window, minus_role or role)

@@ -154,6 +154,11 @@ class Task:
         Nats that each reading adds to all channels.
     accuracy : float
         The threshold is that at which the unedited circuit has this accuracy in the reference task.
+    difficulty : str
+        "known", for which a constant criterion is optimal, or "interleaved", for which it falls:
+        the circuit then has the motif "urgency".
+    onset : bool
+        Whether the evidence begins with the onset of a stimulus: the motif "onset_transient".
     edits : tuple of str
         Edits of the circuit.
     trials : int
@@ -178,6 +183,8 @@ class Task:
     expectancy_nats: float = 0.0
     expectancy_ms: float = 0.0
     accuracy: float = 0.79
+    difficulty: Literal["known", "interleaved"] = "known"
+    onset: bool = False
     edits: tuple[str, ...] = ()
     trials: int = 1000
     stop_share: float = 0.0
@@ -185,6 +192,12 @@ class Task:
     windows: tuple[Window, ...] = ()
     rate_trials: int = 0
     rate_readings: int = 0
+
+    @property
+    def motifs(self) -> tuple[str, ...]:
+        """Motifs of ``circuits.declaration.motifs`` that every circuit has in this task."""
+        interleaved = self.difficulty == "interleaved"
+        return ("urgency",) * interleaved + ("onset_transient",) * self.onset
 
 
 @dataclass(frozen=True)
@@ -246,8 +259,8 @@ class NumberList:
 
 
 ORDER = (
-    "rest", "activity", "conflict", "stimulation", "lesions", "dopamine", "beta", "stopping",
-    "alternatives", "times", "optimality",
+    "rest", "blocks", "losses", "activity", "conflict", "stimulation", "lesions", "dopamine",
+    "beta", "stopping", "alternatives", "times", "optimality",
 )  # fmt: skip
 """Files of the shipped list, in order."""
 
@@ -261,5 +274,5 @@ def shipped_list() -> NumberList:
 
 def read_numbers(path: str | Path) -> tuple[Number, ...]:
     """Read the numbers of one domain from a TOML file."""
-    found = toml_files.read(path, _OfDomain)
-    return tuple(replace(one, domain=found.domain) for one in found.numbers)
+    contents = toml_files.read(path, _OfDomain)
+    return tuple(replace(one, domain=contents.domain) for one in contents.numbers)

@@ -104,11 +104,11 @@ class ExamRecord(Facts):
 
     def facts(self) -> dict[str, str]:
         """Return how many numbers have each outcome, per domain."""
-        found = {"examinee": self.examinee, "list": f"version {self.parameters['list']['version']}"}
+        facts = {"examinee": self.examinee, "list": f"version {self.parameters['list']['version']}"}
         for row in totals(self.table).to_dict("records"):
             judged = row[AGREES] + row[DISAGREES] + row[FAILS]
-            found[str(row["domain"])] = f"{row[AGREES]} of {judged} agree"
-        return found
+            facts[str(row["domain"])] = f"{row[AGREES]} of {judged} agree"
+        return facts
 
     def summary(self) -> pd.DataFrame:
         """Return the totals of each domain, see ``totals``; there is no total over domains."""
@@ -162,6 +162,6 @@ def _line(row: dict[Any, Any]) -> str:
     mark = "A" if row["mark"] == "abstract" else ""
     mark += "*" if row["set_by"] == "set by" else ""
     name = f"{row['id']} {mark}".strip()
-    said = f"  ({row['reason']})" if row["reason"] else ""
+    why = f"  ({row['reason']})" if row["reason"] else ""
     unit = str(row["unit"])
-    return f"  {name:24} {row['published']:>22} {value:>18} {unit:11} {z:8} {row['outcome']}{said}"
+    return f"  {name:24} {row['published']:>22} {value:>18} {unit:11} {z:8} {row['outcome']}{why}"

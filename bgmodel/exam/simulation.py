@@ -77,7 +77,7 @@ class Simulation:
     """Simulations of tasks by one model with a seed, each computed once.
 
     ``share`` multiplies the usual numbers of trials; ``workers`` are threads, which do not affect
-    results.
+    results. Without ``motifs`` no task adds rows to the circuit.
     """
 
     model: Model
@@ -85,6 +85,7 @@ class Simulation:
     seed: int
     share: float = 1.0
     workers: int = 1
+    motifs: bool = True
     cache: dict[Any, Any] = field(default_factory=dict, repr=False)
     """Results, or the reasons for their absence."""
 
@@ -100,15 +101,18 @@ class Simulation:
         return circuit.name if is_included(circuit) else ""
 
     @once
-    def circuit(self, channels: int) -> Circuit:
-        """Return the circuit for a number of alternatives."""
+    def circuit(self, channels: int, motifs: tuple[str, ...] = ()) -> Circuit:
+        """Return the circuit for a number of alternatives; motifs need one that works in nats."""
         with scored_errors():
-            return self.model.circuit(channels)
+            circuit = self.model.circuit(channels)
+            if not self.motifs or circuit.unit != NATS:
+                return circuit
+            return replace(circuit.add(*motifs), unedited=circuit.unedited)
 
     @once
-    def tuned(self, channels: int) -> tuple[BasalGanglia, Tradeoff]:
+    def tuned(self, channels: int, motifs: tuple[str, ...] = ()) -> tuple[BasalGanglia, Tradeoff]:
         """Return the unedited model and its decisions on trials that are used for nothing else."""
-        circuit = self.circuit(channels)
+        circuit = self.circuit(channels, motifs)
         engine = self.model.tuned(circuit, workers=self.workers)
         try:
             with quiet():
@@ -121,9 +125,9 @@ class Simulation:
         return drawn(Task(name="", about="", channels=channels), TUNING_TRIALS, self.seed, "tuning")
 
     @once
-    def level(self, channels: int, accuracy: float) -> float:
+    def level(self, channels: int, accuracy: float, motifs: tuple[str, ...] = ()) -> float:
         """Return the threshold at which the unedited circuit reaches an accuracy."""
-        model, swept = self.tuned(channels)
+        model, swept = self.tuned(channels, motifs)
         with quiet():
             swept = refined(model, self._tuning(channels), swept, (accuracy,))
         nearest = swept.at_accuracy(accuracy)
@@ -136,9 +140,10 @@ class Simulation:
             )
         return float(nearest.settings[0])
 
-    def edited(self, task: Task) -> BasalGanglia:
-        """Return the model with the edits of a task."""
-        model, _ = self.tuned(task.channels)
+    def edited(self, task: Task, model: BasalGanglia | None = None) -> BasalGanglia:
+        """Return a model, by default the tuned one, with the edits of a task."""
+        if model is None:
+            model, _ = self.tuned(task.channels, task.motifs)
         if not task.edits:
             return model
         if any(line.startswith(("rebound", "compensate")) for line in task.edits):
@@ -171,7 +176,8 @@ class Simulation:
         count = max(FEWEST_TRIALS, round(self.share * task.trials)) if task.trials else 0
         if not count:
             raise NotApplicable(f"the task {name!r} records rates only")
-        level, model = self.level(task.channels, task.accuracy), self.edited(task)
+        level = self.level(task.channels, task.accuracy, task.motifs)
+        model = self.edited(task)
         if task.common_nats and not model.raw:
             raise NotApplicable(
                 "the mean over channels is taken from its evidence, so that it cannot tell good "
@@ -212,8 +218,9 @@ class Simulation:
             self.circuit(task.channels)
             with quiet(), scored_errors():  # the gain has no effect without evidence
                 model = self.model.integrator(task.channels, gain=1.0, seed=self.seed, **recorded)
-                return rest_rows(task, model, count)
-        level, model = self.level(task.channels, task.accuracy), self.edited(task)
+                return rest_rows(task, self.edited(task, model), count)
+        level = self.level(task.channels, task.accuracy, task.motifs)
+        model = self.edited(task)
         evidence = drawn(task, count, self.seed)
         evidence = replace(
             evidence, log_likelihood=evidence.log_likelihood[:, : task.rate_readings]

@@ -36,7 +36,10 @@ OF_RATES = {
     "role": "chosen, other or all: whose channel; failed or successful after a stop signal",
     "rate_hz": "mean rate in the window, Hz (spikes per second and cell)",
 }
-"""Columns of the table of rates; all but ``trial`` and ``role`` are required."""
+"""Columns of the table of rates; all but ``trial`` and ``role`` are required.
+
+A row may sum up trials: with ``trials``, their number, and ``sd_hz``, their standard deviation.
+"""
 ROLES = ("all", "chosen", "other", "failed", "successful")
 WINDOWS = {
     "rest": "without evidence",
@@ -57,7 +60,7 @@ class NotApplicable(Exception):
 
 
 class Failed(Exception):
-    """The circuit does not do what the number is about: it never decides by evidence, say."""
+    """The circuit lacks the behaviour that is measured: it never decides by evidence, say."""
 
 
 @dataclass(frozen=True)
@@ -140,15 +143,34 @@ def _rates(table: pd.DataFrame, tasks: dict[str, Task]) -> pd.DataFrame:
     rate = table["rate_hz"].dropna()
     fits = (rate >= 0) & (rate <= HIGHEST_HZ)
     require(fits.all(), "rate_hz", f"must be within 0..{HIGHEST_HZ:g} Hz", rate[~fits][:1])
+    if {"sd_hz", "trials"} & set(table):
+        table = _trials_of_summaries(table)
     return _numbered(table, ["task", "nucleus", "window", "role"])[list(OF_RATES)]
+
+
+def _trials_of_summaries(table: pd.DataFrame) -> pd.DataFrame:
+    """Return two rates for every two trials that a row sums up, with its mean and its sd."""
+    for name in ("sd_hz", "trials"):
+        require(name in table, name, "must go with the other of sd_hz and trials", list(table))
+        table[name] = _numbers(table, name)
+    few = ~((table["trials"] >= 2) & (table["trials"] % 1 == 0))
+    require(not few.any(), "trials", "must be whole numbers, 2 or more", table["trials"][few][:1])
+    negative = ~(table["sd_hz"] >= 0)
+    require(not negative.any(), "sd_hz", "must be 0 or more", table["sd_hz"][negative][:1])
+    require("trial" not in table, "trial", "must not stand with sd_hz and trials", "both")
+    pairs = (table["trials"] // 2).astype(int)
+    each = table.loc[table.index.repeat(2 * pairs)].reset_index(drop=True)
+    # The sample's sd of equally many values above and below the mean is sqrt(n / (n - 1)) as large.
+    away = each["sd_hz"] * np.sqrt(1 - 1 / (2 * (each["trials"] // 2)))
+    return each.assign(rate_hz=each["rate_hz"] + away * np.where(each.index % 2, 1, -1))
 
 
 def _needs_unit(table: pd.DataFrame, bare: str, name: str, allowed: str) -> None:
     """Refuse a table without the column, naming the unit if only that is missing."""
     if name in table:
         return
-    said = f"the column {bare} has no unit" if bare in table else f"there is no column {name}"
-    raise InputError(f"{said}: name it {allowed}", name)
+    problem = f"the column {bare} has no unit" if bare in table else f"there is no column {name}"
+    raise InputError(f"{problem}: name it {allowed}", name)
 
 
 def _known(table: pd.DataFrame, name: str, allowed: tuple[str, ...]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -20,7 +21,8 @@ STOP_NATS, STOP_DELAY_MS, SIGNAL_MS = 1.0, 60.0, 150.0
 
 
 def rest_rows(task: Task, model: BasalGanglia, count: int) -> pd.DataFrame:
-    """Return the rates without evidence, for which a circuit needs no threshold."""
+    """Return the rates without evidence or courses, for which a circuit needs no threshold."""
+    model = replace(model, circuit=model.circuit.steady)
     silence = np.zeros((count, 1, task.channels))
     activity = model.run_drive(silence, REST_MS)
     parts = [
@@ -79,14 +81,14 @@ def _means(values: Array, inside: Truths) -> Array:
 
 def _roles(window: str, means: Array, choice: Integers, stop: bool) -> dict[str, Array]:
     """Return the mean over channels, and those of the chosen and of the other alternatives."""
-    found = {"all": means.mean(axis=1)}
+    by_role = {"all": means.mean(axis=1)}
     made = choice != UNDECIDED
     if window == "signal" and stop:
-        found["failed"] = np.where(made, found["all"], np.nan)
-        found["successful"] = np.where(made, np.nan, found["all"])
+        by_role["failed"] = np.where(made, by_role["all"], np.nan)
+        by_role["successful"] = np.where(made, np.nan, by_role["all"])
     elif window != "signal" and means.shape[1] > 1:
         chosen = means[np.arange(len(means)), np.maximum(choice, 0)]
         others = (means.sum(axis=1) - chosen) / (means.shape[1] - 1)
-        found["chosen"] = np.where(made, chosen, np.nan)
-        found["other"] = np.where(made, others, np.nan)
-    return found
+        by_role["chosen"] = np.where(made, chosen, np.nan)
+        by_role["other"] = np.where(made, others, np.nan)
+    return by_role

@@ -111,11 +111,11 @@ def _panel(ax: Axes, rows: pd.DataFrame, effects: pd.DataFrame) -> None:
     room = 0.06 * (np.ptp(known) or 1.0)
     limits = known.min() - room, known.max() + room
     for y, (name, row) in enumerate(rows.iterrows()):
-        said = row["outcome"] if isinstance(row["outcome"], str) else ""
-        if said:
+        outcome = row["outcome"] if isinstance(row["outcome"], str) else ""
+        if outcome:
             low, high = _predicted(row["direction"], row["at_least"], limits)
             ax.barh(y, high - low, left=low, height=0.76, fc="0.88", ec=GREY, lw=0.6, zorder=0)
-        mark = {key: value for key, value in MARKERS[said].items() if key != "label"}
+        mark = {key: value for key, value in MARKERS[outcome].items() if key != "label"}
         ends_of = [[max(0.0, row["value"] - row["low"])], [max(0.0, row["high"] - row["value"])]]
         ax.errorbar(row["value"], y, xerr=np.nan_to_num(ends_of), capsize=2, lw=1.0, **mark)
         if name in here.index:
@@ -125,7 +125,7 @@ def _panel(ax: Axes, rows: pd.DataFrame, effects: pd.DataFrame) -> None:
             ax.errorbar(e["published"], y + 0.28, xerr=np.nan_to_num(span), **style)
         form = ".0f" if str(name).endswith("_ms") else ".3f"
         numbers = f"{row['from']:{form}} → {row['to']:{form}}"
-        _beside(ax, y, numbers, said.capitalize())
+        _beside(ax, y, numbers, outcome.capitalize())
     ax.axvline(0, color=GREY, lw=0.8, zorder=1)
     ax.set_yticks(range(len(rows)), [LABELS[str(name)] for name in rows.index])
     ax.tick_params(axis="y", length=0)

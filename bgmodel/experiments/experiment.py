@@ -118,7 +118,7 @@ class Experiment(ExperimentRecord):
         self,
         *,
         workers: int = 1,
-        given: NamedEvidence | None = None,
+        named: NamedEvidence | None = None,
         kept: Latest | None = None,
     ) -> Outcome:
         """Run control and manipulation on the same evidence with the same noise.
@@ -127,7 +127,7 @@ class Experiment(ExperimentRecord):
         ----------
         workers : int
             Number of threads, for engines that can use several; it does not affect results.
-        given : NamedEvidence, optional
+        named : NamedEvidence, optional
             The result of ``given()``, to avoid computing it twice.
         kept : Latest, optional
             What earlier runs have computed already; results of this run are added. For programs
@@ -147,8 +147,8 @@ class Experiment(ExperimentRecord):
             no decision differs between the conditions, or posteriors at the decision differ from
             the proportion correct.
         """
-        given = given or self.given()
-        evidence = given.evidence
+        named = named or self.given()
+        evidence = named.evidence
         check_trials(evidence.trials)
         control, manipulation = self.conditions
         manipulation.check(control)
@@ -157,7 +157,7 @@ class Experiment(ExperimentRecord):
             condition.model(evidence.hypotheses, workers=workers, rates=False).adapted_to(evidence)
             for condition in both.values()
         ]
-        read = self.heard(models, given)
+        read = self.heard(models, named)
         models[0].warn_beyond_range(read[0])
         models[0].warn_of_noise(control.threshold_nats)
         groups = self.groups(evidence.trials)
@@ -168,29 +168,29 @@ class Experiment(ExperimentRecord):
             weights = weights_of(evidence.trials, self.seed)
         else:
             weights = resampled(evidence.trials, RESAMPLES, stream(self.seed, "bootstrap"), groups)
-        found: list[dict[str, Any]] = []
+        per_condition: list[dict[str, Any]] = []
         trials, go = [], 0
         for (name, condition), model, drive in zip(both.items(), models, read, strict=True):
             key = None if kept is None else self._key(condition, model)
             behave = partial(condition.behaviour, model, drive)
             behaviour = memory.once("behaviour", key, behave)
             _check_decided(name, behaviour, self.waited_ms)
-            found.append(memory.once("measures", key, partial(behaviour.measures, weights)))
+            per_condition.append(memory.once("measures", key, partial(behaviour.measures, weights)))
             about = f"{model.circuit.name} {model.engine}"
             decided = behaviour.in_time()
-            table = trial_table(decided, given, seed=self.seed, model=about, condition=name)
+            table = trial_table(decided, named, seed=self.seed, model=about, condition=name)
             trials.append(table.assign(**behaviour.columns()))
             go = int(behaviour.go.sum())
-        measures = _table(found, go, evidence.trials - go)
+        measures = _table(per_condition, go, evidence.trials - go)
         if unchanged(measures):
             EditWarning.warn(
                 f"{UNCHANGED}: the manipulation has no effect on the {self.engine} engine, or none "
                 "within a trial; check its units and times"
             )
-        if said := uncalibrated(self, measures):
-            CalibrationWarning.warn(said)
-        whole = pd.concat(trials, ignore_index=True)
-        return Outcome(self, given, tuple(models), measures, whole)
+        if warning := uncalibrated(self, measures):
+            CalibrationWarning.warn(warning)
+        all_trials = pd.concat(trials, ignore_index=True)
+        return Outcome(self, named, tuple(models), measures, all_trials)
 
     def _key(self, condition: Observed, model: BasalGanglia) -> Hashable:
         """Return what the behaviour of a condition depends on; None if it is not to be kept."""
@@ -251,7 +251,7 @@ class Outcome(Facts):
     def facts(self) -> dict[str, str]:
         """Return the number of trials, the circuit, and each condition's accuracy and mean time."""
         model, values = self.models[0], self.measures.set_index(["condition", "measure"])["value"]
-        found = {
+        facts = {
             "trials": f"{self.given.evidence.trials} per condition",
             "circuit": model.circuit.name,
             "engine": model.engine.id,
@@ -262,17 +262,17 @@ class Outcome(Facts):
         for condition in CONDITIONS:
             sign = "+" if condition == "change" else ""
             accuracy, mean_ms = values[condition, "accuracy"], values[condition, "mean_ms"]
-            found[condition] = f"accuracy {accuracy:{sign}.3f} in {mean_ms:{sign}.0f} ms"
-        return found
+            facts[condition] = f"accuracy {accuracy:{sign}.3f} in {mean_ms:{sign}.0f} ms"
+        return facts
 
     def summary(self) -> pd.DataFrame:
         """Return a readable table of each measure in both conditions, and of its change."""
         shown = self.measures[self.measures["condition"].isin(CONDITIONS)]
-        found: dict[str, pd.Series] = {}
+        table: dict[str, pd.Series] = {}
         for name in CONDITIONS:
             rows = shown[shown["condition"] == name].set_index("measure")
-            found |= {name: rows["value"], f"{name}_low": rows["low"], f"{name}_high": rows["high"]}
-        return Readable(found).round(3)
+            table |= {name: rows["value"], f"{name}_low": rows["low"], f"{name}_high": rows["high"]}
+        return Readable(table).round(3)
 
     def verdicts(self) -> pd.DataFrame:
         """Return each prediction with the observed change, the verdict and its reason."""
@@ -319,14 +319,14 @@ class Outcome(Facts):
         return forest(self.measures, self.verdicts(), self.published(), title)
 
 
-def _table(found: list[dict[str, Any]], trials: int, stops: int) -> pd.DataFrame:
+def _table(per_condition: list[dict[str, Any]], trials: int, stops: int) -> pd.DataFrame:
     """Return the measures of both conditions and of their change as a table."""
-    control, manipulation = found
+    control, manipulation = per_condition
     change = {name: manipulation[name] - control[name] for name in control}
     # The change in per cent is undefined for a control of 0.
     of = {name: np.where(control[name] == 0, np.nan, control[name]) for name in RELATIVE}
     percent = {name: 100 * change[name] / of[name] for name in RELATIVE}
-    counts = [int(values["decided"][0]) for values in found]
+    counts = [int(values["decided"][0]) for values in per_condition]
     behind = dict.fromkeys(OF_STOP, stops)
     rows = [
         (

@@ -104,17 +104,17 @@ def outcomes(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
     change = by["change"][["value", "low", "high"]].reindex([*MEASURES, *OF_STOP])
     rows = []
     for p in experiment.predictions:
-        found = tuple(map(float, change.loc[p.measure].to_numpy()))
+        estimate = tuple(map(float, change.loc[p.measure].to_numpy()))
 
         def judged(name: str, shift: float = 0.0, p: Prediction = p) -> str:
             low, high = map(float, change.loc[name, ["low", "high"]].to_numpy())
             return p.outcome(low + shift, high + shift)
 
-        said, why = _verdict(experiment, table, p.measure, judged)
-        if said == DISAGREES and (none := _no_room(p, by["control"]["value"].loc[p.measure])):
-            said, why = OPEN, none
+        outcome, why = _verdict(experiment, table, p.measure, judged)
+        if outcome == DISAGREES and (none := _no_room(p, by["control"]["value"].loc[p.measure])):
+            outcome, why = OPEN, none
         trials = (by[name].loc[p.measure, "trials"] for name in CONDITIONS[:2])
-        rows.append((p.measure, p.direction, p.at_least, *found, said, why, *trials))
+        rows.append((p.measure, p.direction, p.at_least, *estimate, outcome, why, *trials))
     names = ["measure", "direction", "at_least", "value", "low", "high", "outcome", "reason"]
     return pd.DataFrame(rows, columns=[*names, *(f"{name}_trials" for name in CONDITIONS[:2])])
 
@@ -137,21 +137,21 @@ def _verdict(
         return OPEN, UNCHANGED
     if against := _below_chance(experiment, table):
         return OPEN, against
-    said = judged(measure)
-    if measure not in OF_DECIDED or said == OPEN:
-        return said, ""
+    verdict = judged(measure)
+    if measure not in OF_DECIDED or verdict == OPEN:
+        return verdict, ""
     if _few(table):
         return OPEN, f"fewer than {FEWEST_DECIDED} trials of a condition are decided"
     control, manipulation = _both(table, "missed")
     lost = f"the control misses {control:.1%} of trials, the manipulation {manipulation:.1%}"
     for name, other in _of_all(table, measure, judged).items():
-        if other != said:
-            return OPEN, f"{said} on decided trials, {other} on all ({name}): {lost}"
+        if other != verdict:
+            return OPEN, f"{verdict} on decided trials, {other} on all ({name}): {lost}"
     # Times of missed trials are unbounded: if both conditions have many, either may be slower.
     unbounded = measure == "mean_ms" and min(control, manipulation) > MANY_MISSED
     if unbounded or (measure == "median_ms" and abs(manipulation - control) > CUT_OFF):
-        return OPEN, f"{said} on decided trials, unknown on all: {lost}"
-    return said, ""
+        return OPEN, f"{verdict} on decided trials, unknown on all: {lost}"
+    return verdict, ""
 
 
 def _of_all(table: pd.DataFrame, measure: str, judged: Judged) -> dict[str, str]:
@@ -234,19 +234,19 @@ def beside_published(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.Da
     rows = []
     for effect in experiment.effects:
         condition = PERCENT if effect.unit == PERCENT else CONDITIONS[2]
-        found = table[table["condition"] == condition].set_index("measure")
-        found = found[["value", "low", "high"]].astype(float).reindex([*MEASURES, *OF_STOP])
+        ours = table[table["condition"] == condition].set_index("measure")
+        ours = ours[["value", "low", "high"]].astype(float).reindex([*MEASURES, *OF_STOP])
 
         def judged(
-            name: str, shift: float = 0.0, effect: Effect = effect, found: pd.DataFrame = found
+            name: str, shift: float = 0.0, effect: Effect = effect, ours: pd.DataFrame = ours
         ) -> str:
             if effect.unit == PERCENT:
                 shift *= 100 / control[name]
-            return _held(effect, *(found.loc[name].to_numpy(dtype=float) + shift))
+            return _held(effect, *(ours.loc[name].to_numpy(dtype=float) + shift))
 
-        said, why = _verdict(experiment, table, effect.measure, judged)
-        numbers = (effect.value, *effect.interval, *map(float, found.loc[effect.measure]))
-        rows.append((condition, effect.measure, *numbers, effect.source, said, why))
+        verdict, why = _verdict(experiment, table, effect.measure, judged)
+        numbers = (effect.value, *effect.interval, *map(float, ours.loc[effect.measure]))
+        rows.append((condition, effect.measure, *numbers, effect.source, verdict, why))
     names = ["condition", "measure", "published", "published_low", "published_high"]
     names += ["value", "low", "high", "effect_source", "comparison", "comparison_reason"]
     return pd.DataFrame(rows, columns=names)
@@ -283,12 +283,12 @@ def page(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
     ]
     for measure, cells in measured(table):
         lines.append(f"{measure:<{wide}}" + "".join(f"{cell:<26}" for cell in cells))
-    said = uncalibrated(experiment, table)
+    warning = uncalibrated(experiment, table)
     lines += [
         "",
         _units(table),
         *unknown(experiment, table),
-        *([said] if said else []),
+        *([warning] if warning else []),
     ]
     return "\n".join(line.rstrip() for line in lines)
 
@@ -297,14 +297,14 @@ def measured(table: pd.DataFrame, *, every: bool = False) -> list[tuple[str, lis
     """Return each measure with the texts of control, manipulation and change, as on a page."""
     # Without missed trials these repeat the measures of decided ones.
     repeated = OF_ALL if not any(_both(table, "missed")) else ()
-    found = []
+    lines = []
     rows = table[table["condition"] != PERCENT]
     names, numbers = rows["measure"].to_numpy(), rows[["value", "low", "high"]].to_numpy(float)
     for measure in dict.fromkeys(names):
         cells = numbers[names == measure]
         if every or (measure not in repeated and np.isfinite(cells[:, 0]).any()):
-            found.append((measure, [_cell(measure, *cell) for cell in cells]))
-    return found
+            lines.append((measure, [_cell(measure, *cell) for cell in cells]))
+    return lines
 
 
 def _setting(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
@@ -321,7 +321,7 @@ def _setting(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
 
 
 def _learned(experiment: ExperimentRecord) -> str:
-    """Return what each condition learned before the trials that count, or an empty string."""
+    """Describe the likelihoods of each condition, learned or exact; empty if both are exact."""
     texts = ["exact likelihoods" if one is None else one.text() for one in experiment.learnings]
     if texts[0] == texts[1]:
         return "" if experiment.learnings[0] is None else f"{texts[0]}; "
@@ -336,10 +336,10 @@ def predicted(
     reasons = []
     for row in outcomes(experiment, table).to_dict("records"):
         within = "within" if row["direction"] == "none" else "by"
-        found = _cell(row["measure"], row["value"], row["low"], row["high"])
+        cell = _cell(row["measure"], row["value"], row["low"], row["high"])
         trials = " and ".join(f"{row[f'{name}_trials']:.0f}" for name in CONDITIONS[:2])
         asked = f"{row['measure']} {row['direction']}, {within} {row['at_least']:g}"
-        rows.append((asked, found, trials, f"the model {VERDICTS[row['outcome']]}"))
+        rows.append((asked, cell, trials, f"the model {VERDICTS[row['outcome']]}"))
         if row["reason"]:
             reasons.append(f"{asked}: {row['reason']}")
     return rows, reasons
@@ -349,8 +349,8 @@ def _verdicts(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
     """Return predictions and outcomes, one line per prediction."""
     if not experiment.predictions:
         return ["no prediction was made before the run, so there is no verdict"]
-    found, reasons = predicted(experiment, table)
-    rows = [PREDICTED, *found]
+    compared, reasons = predicted(experiment, table)
+    rows = [PREDICTED, *compared]
     widths = [2 + max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ["".join(f"{t:<{w}}" for t, w in zip(row, widths, strict=True)) for row in rows]
     return [*lines, *reasons]
@@ -361,8 +361,8 @@ def _effects(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
     lines = ["", "published effects, and the model's:"] if experiment.effects else []
     for row in beside_published(experiment, table).to_dict("records"):
         relative = row["condition"] == PERCENT
-        whole = row["measure"].endswith("_ms")
-        form = "+.1f" if relative else "+.0f" if whole else "+.3f"
+        in_ms = row["measure"].endswith("_ms")
+        form = "+.1f" if relative else "+.0f" if in_ms else "+.3f"
         published = f"{row['published']:{form}}"
         if np.isfinite(row["published_low"]):
             ends = (row["published_low"], row["published_high"])
@@ -394,7 +394,7 @@ def _withheld(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
     if not predicted and (experiment.task.file is not None or experiment.task.channels != 2):
         return []
     values = table.set_index(["condition", "measure"])["value"]
-    found = []
+    lines = []
     for condition in CONDITIONS[:2]:
         missed = values[condition, "missed"]
         if missed > CUT_OFF:
@@ -406,8 +406,8 @@ def _withheld(experiment: ExperimentRecord, table: pd.DataFrame) -> list[str]:
             why = NO_DIFFUSION
         else:
             continue
-        found.append(f"{', '.join(OF_DIFFUSION)} of the {condition} are withheld: {why}")
-    return found
+        lines.append(f"{', '.join(OF_DIFFUSION)} of the {condition} are withheld: {why}")
+    return lines
 
 
 def _without_ssrt(table: pd.DataFrame) -> list[str]:

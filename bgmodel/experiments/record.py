@@ -114,20 +114,20 @@ class ExperimentRecord(Observed):
         alike = control.threshold_nats == manipulation.threshold_nats
         alike &= self.learnings[0] == self.learnings[1]
         if alike and control.edited == manipulation.edited:
-            said = "the manipulation changes nothing: control and manipulation are alike"
+            message = "the manipulation changes nothing: control and manipulation are alike"
             if self.stop is not None:
                 course = f"add {self.stop.nucleus} amount=-2 from_ms=200 to_ms=400"
-                said += f", [stop] included; input of one of them is an edit, such as {course!r}"
-            raise InputError(said, "manipulation")
+                message += f", [stop] included; input of one of them is an edit, such as {course!r}"
+            raise InputError(message, "manipulation")
         manipulation.check(control)
 
     def given(self) -> NamedEvidence:
         """Return the evidence with the names of its hypotheses and further columns of a table."""
-        found = self._drawn()
-        drawn = found.evidence
+        named = self._drawn()
+        drawn = named.evidence
         truth = needed_truth(drawn)
         self._check_truth(drawn.hypotheses)
-        return found if self.truth is None else found.where(truth == self.truth)
+        return named if self.truth is None else named.where(truth == self.truth)
 
     def _drawn(self) -> NamedEvidence:
         """Return the trials of the task with their exact likelihoods."""
@@ -151,18 +151,18 @@ class ExperimentRecord(Observed):
             return None
         return np.arange(trials) % shared
 
-    def heard(self, models: Sequence[BasalGanglia], given: NamedEvidence) -> list[Evidence]:
+    def heard(self, models: Sequence[BasalGanglia], named: NamedEvidence) -> list[Evidence]:
         """Return the evidence on which each condition decides: exact, or as it has been learned."""
-        found = []
+        per_condition = []
         for learning, model in zip(self.learnings, models, strict=True):
             if learning is None:
-                found.append(given.evidence)
+                per_condition.append(named.evidence)
                 continue
             features = learning.features(self.task, self.seed)
             if self.truth is not None:
                 features = features.at(np.flatnonzero(features.truth == self.truth))
-            found.append(heard(learning.learned(self.task, model, self.seed), features))
-        return found
+            per_condition.append(heard(learning.learned(self.task, model, self.seed), features))
+        return per_condition
 
     def _check_truth(self, hypotheses: int) -> None:
         if self.truth is not None and self.truth not in range(hypotheses):
@@ -191,6 +191,6 @@ def uncalibrated(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
     for condition in CONDITIONS[:2] if experiment.truth is None else ():
         names = ("mean_posterior", "accuracy", "decided")
         posterior, accuracy, decided = (float(values[condition, name]) for name in names)
-        if said := calibration(posterior, accuracy, decided):
-            return f"{condition}: {said}"
+        if warning := calibration(posterior, accuracy, decided):
+            return f"{condition}: {warning}"
     return ""

@@ -25,8 +25,7 @@ TO_PREDICT = """
 def toml_text(experiment: ExperimentRecord) -> str:
     """Return an experiment as the text of a file; settings at their defaults are left out.
 
-    Paths are written as they are in the record, so a relative path is seen from the folder of the
-    new file.
+    Paths are written unchanged, so a relative path is read from the folder of the new file.
     """
     import tomlkit
 
@@ -47,10 +46,10 @@ def python_text(experiment: ExperimentRecord) -> str:
 
 def _changed(record: Any) -> Iterator[tuple[str, Any]]:
     """Yield the fields of a record that differ from their defaults, plain ones before records."""
-    found = [
+    changed = [
         (f.name, getattr(record, f.name)) for f in fields(record) if not _is_default(f, record)
     ]
-    yield from sorted(found, key=lambda pair: _is_table(pair[1]))
+    yield from sorted(changed, key=lambda pair: _is_table(pair[1]))
 
 
 def _is_default(field: Field[Any], record: Any) -> bool:

@@ -84,7 +84,7 @@ class Memory:
 
 
 def _task(state: State) -> tuple[Hashable, ...]:
-    """Return what determines the evidence of a state."""
+    """Return the settings that determine the evidence of a state."""
     experiment = state.experiment
     return experiment.task, experiment.seed, experiment.truth
 
@@ -114,7 +114,7 @@ def _behaviour(state: State, memory: Memory, workers: int) -> Iterator[Panel]:
     """Run the experiment, and return the panels of behaviour."""
     with collected() as notes:
         outcome = state.experiment.run(
-            workers=workers, given=memory.evidence(state), kept=memory.conditions
+            workers=workers, named=memory.evidence(state), kept=memory.conditions
         )
     memory.outcome = state.key, outcome
     if state.alike:
@@ -180,7 +180,7 @@ def _measures(outcome: Outcome, state: State) -> tuple[str, tuple[pd.DataFrame, 
 
 
 def _medians(outcome: Outcome, state: State) -> str:
-    """Return what the distributions show in words."""
+    """Describe the distributions in words."""
     values = _values(outcome)
     line = "" if state.alike else "; the lines are the control"
     medians = [f"{k} {_number(values[k, 'median_ms'], 0, ' ms')}" for k in _shown(state)]
@@ -297,6 +297,6 @@ def trials_of(state: State, memory: Memory) -> Mapping[str, Shown]:
 
 
 def _course(row: Course) -> str:
-    """Return what a course adds, and when, in words."""
+    """Describe in words the input that a course adds, and when."""
     ends = f" to {row.to_ms:g} ms" if np.isfinite(row.to_ms) else " ms on"
     return f"{row.what} {row.amount:+g} from {row.from_ms:g}{ends}"

@@ -61,7 +61,7 @@ def _change(
     edits = Edits([*control.manipulation.edits, line])
     experiment = replace(control, manipulation=replace(control.manipulation, edits=edits))
     with quiet():
-        outcome = experiment.run(workers=workers, given=evidence, kept=kept)
+        outcome = experiment.run(workers=workers, named=evidence, kept=kept)
     cells = dict(measured(outcome.measures, every=True))
     table: pd.DataFrame = outcome.measures
     (by,) = table.loc[(table["condition"] == "change") & (table["measure"] == "mean_ms"), "value"]

@@ -35,7 +35,7 @@ class Runs:
         self._thread = ThreadPoolExecutor(1, "explorer")
 
     def show(self, state: State) -> None:
-        """Compute the panels of a state, and cancel what is being computed for an older one."""
+        """Compute the panels of a state, and cancel the computation for an older one."""
         self._shows += 1
         self._submit(state, lambda: panels(state, self.memory, workers=self._workers))
 

@@ -162,8 +162,8 @@ def draw_comparison(table: pd.DataFrame, by_person: Mapping[str, Array], title: 
     bars = 2 * table["standard_error"]
     total.errorbar(table["difference"], place, xerr=bars, **DATA, marker="o", capsize=2)
     for row, name in zip(place, table.index, strict=True):
-        own = by_person[str(name)]
-        each.plot(own, np.full(len(own), row), "|", color=PALETTE[0], ms=9)
+        scores = by_person[str(name)]
+        each.plot(scores, np.full(len(scores), row), "|", color=PALETTE[0], ms=9)
     titles = ("a  All trials, with 2 standard errors", "b  Each participant")
     for ax, text in zip((total, each), titles, strict=True):
         ax.axvline(0, color=GREY, lw=0.8)

@@ -62,19 +62,19 @@ class Fit(Facts):
     def facts(self) -> dict[str, str]:
         """Return log likelihood, each number with its standard error, and largest residuals."""
         likelihood, table = self.optimum.likelihood, self.parameters()
-        own = self.simulation.log_likelihood
-        said = f" +- {own:.1f}" if own else ""
-        found = {
+        error = self.simulation.log_likelihood
+        uncertainty = f" +- {error:.1f}" if error else ""
+        facts = {
             "data": likelihood.design.who,
             "trials": f"{likelihood.design.trials.sum()}",
-            "log likelihood": f"{self.log_likelihood:.1f}{said} nats",
+            "log likelihood": f"{self.log_likelihood:.1f}{uncertainty} nats",
         }
         for row in table.itertuples():
-            found[str(row.parameter)] = f"{row.value:.4g} +- {row.standard_error:.2g}"
+            facts[str(row.parameter)] = f"{row.value:.4g} +- {row.standard_error:.2g}"
         worst = self.residuals()[:WORST].to_dict("records")
-        found |= {f"residual {n}": phrase(row) for n, row in enumerate(worst, 1)}
+        facts |= {f"residual {n}": phrase(row) for n, row in enumerate(worst, 1)}
         few = too_few(self.cells())
-        return found | ({"errors": few} if few else {})
+        return facts | ({"errors": few} if few else {})
 
     def residuals(self) -> pd.DataFrame:
         """Return differences between quantiles of data and model; see ``quantiles.residuals``."""
@@ -108,19 +108,19 @@ class Fit(Facts):
         and high (central 0.9 of the posterior, widened by the simulation error; NaN if none),
         at_bound.
         """
-        own = self.simulation.parameters
-        found = {
+        errors = self.simulation.parameters
+        columns = {
             "parameter": self.optimum.likelihood.freedom.names,
             "value": self.optimum.vector,
-            "standard_error": np.hypot(self.directions.standard_errors, np.nan_to_num(own)),
-            "simulation_error": own,
+            "standard_error": np.hypot(self.directions.standard_errors, np.nan_to_num(errors)),
+            "simulation_error": errors,
             "low": np.nan,
             "high": np.nan,
             "at_bound": self.optimum.at_bound,
         }
-        table = pd.DataFrame(found)
+        table = pd.DataFrame(columns)
         if self.posterior is not None:
-            table["low"], table["high"] = widened(self.posterior, own)
+            table["low"], table["high"] = widened(self.posterior, errors)
         return table
 
     def cells(self) -> pd.DataFrame:
@@ -128,9 +128,9 @@ class Fit(Facts):
         return cells_with_misfit(self.optimum, self.misfit)
 
 
-def _impossible(found: Optimum) -> list[str]:
-    """Return a warning if the fitted model rules trials out: the search may not have begun well."""
-    seen, log = found.likelihood.design.observed, found.likelihood.each(found.vector)
+def _impossible(fitted: Optimum) -> list[str]:
+    """Return a warning if trials are impossible under the fitted model: a sign of a poor start."""
+    seen, log = fitted.likelihood.design.observed, fitted.likelihood.each(fitted.vector)
     out = np.flatnonzero(log <= np.log(TINY))
     if not len(out):
         return []
@@ -154,9 +154,9 @@ def widened(drawn: Posterior, simulation: Array) -> Array:
     return np.stack([middle - np.hypot(middle - low, half), middle + np.hypot(high - middle, half)])
 
 
-def cells_with_misfit(found: Optimum, apart: Misfit) -> pd.DataFrame:
+def cells_with_misfit(fitted: Optimum, apart: Misfit) -> pd.DataFrame:
     """Return ``cells_of`` an optimum, with ``z_accuracy`` and ``z_mean_rt`` of its ``Misfit``."""
-    table = cells_of(found.complete.likelihood.design, found.complete.density)
+    table = cells_of(fitted.complete.likelihood.design, fitted.complete.density)
     return table.assign(z_accuracy=apart.z_accuracy, z_mean_rt=apart.z_mean_rt)
 
 
@@ -171,8 +171,8 @@ def cells_of(design: Design, density: Array) -> pd.DataFrame:
     every, _ = design.observed.outcomes(density)
     mass = design.observed.with_times(every)
     with np.errstate(invalid="ignore"):  # without times
-        said = moments(mass / design.grid.width_s, design.grid)
-    said["accuracy"] = every[:, 1].sum(axis=1) / every.sum(axis=(1, 2))
+        model = moments(mass / design.grid.width_s, design.grid)
+    model["accuracy"] = every[:, 1].sum(axis=1) / every.sum(axis=(1, 2))
     rows = []
     for cell in range(design.cells):
         seen = (design.observed.cell == cell) & (design.observed.response >= 0)
@@ -181,7 +181,7 @@ def cells_of(design: Design, density: Array) -> pd.DataFrame:
         row |= {name: levels[cell] for name, levels in design.conditions.items()}
         row |= {"trials": int(design.trials[cell]), "answered": int(seen.sum())}
         row |= _seen(rt_s, response) | observed_quantiles(rt_s, response)
-        row |= {f"model_{name}": said[name][cell] for name in ("accuracy", "mean_s", "sd_s")}
+        row |= {f"model_{name}": model[name][cell] for name in ("accuracy", "mean_s", "sd_s")}
         row |= predicted_quantiles(mass[cell], design.grid.width_s)
         total = mass[cell].sum(axis=1)
         total[total == 0] = np.nan  # of a response that the model never gives
@@ -222,19 +222,19 @@ def fit_likelihood(
     of the standard error, and too few posterior samples.
     """
     tell("optimum")
-    found = optimum(likelihood, tell=lambda done, best: tell(f"optimum {done}: {best:.1f}"))
-    found = resolved(found)
-    likelihood = found.likelihood
-    warn_of_slow(found)
-    there = directions(likelihood, found.vector)
+    fitted = optimum(likelihood, tell=lambda done, best: tell(f"optimum {done}: {best:.1f}"))
+    fitted = resolved(fitted)
+    likelihood = fitted.likelihood
+    warn_of_slow(fitted)
+    there = directions(likelihood, fitted.vector)
     tell("simulation error")
     left = without_parts(likelihood, there)
     simulated = simulation_error(likelihood, there, left)
-    apart = misfit(found, left)
+    apart = misfit(fitted, left)
     drawn = None
     if draws:
         drawn = posterior(likelihood, there, tell=lambda n: tell(f"posterior {n}"))
-    own = [*_impossible(found), *apart.cautions(found), *there.cautions()]
-    for caution in [*own, *cautions(found, there, simulated, drawn)]:
+    warnings = [*_impossible(fitted), *apart.cautions(fitted), *there.cautions()]
+    for caution in [*warnings, *cautions(fitted, there, simulated, drawn)]:
         FitWarning.warn(caution)
-    return Fit(found, there, simulated, apart, drawn)
+    return Fit(fitted, there, simulated, apart, drawn)

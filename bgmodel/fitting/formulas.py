@@ -28,13 +28,13 @@ class Formula:
     @property
     def columns(self) -> list[str]:
         """Columns of the table of trials that the terms name."""
-        found: set[str] = set()
+        names: set[str] = set()
         for term in self._parsed():
             for factor in term.factors:
                 if factor.eval_method.value != "literal":
                     column = factor.eval_method.value == "lookup"
-                    found |= {str(factor.expr)} if column else _names(str(factor.expr))
-        return sorted(found)
+                    names |= {str(factor.expr)} if column else _names(str(factor.expr))
+        return sorted(names)
 
     def matrix(
         self, conditions: Mapping[str, Sequence[str]], cell: Integers, cells: int
@@ -68,12 +68,12 @@ class Formula:
         except ImportError as error:
             raise ImportError('formulas need formulaic: pip install ".[fit]"') from error
         try:
-            found = formulaic.Formula(self.terms)
+            parsed = formulaic.Formula(self.terms)
         except Exception as error:  # its parser fails on some texts with an AttributeError
             raise self._refused(f"cannot be read ({_first_line(error)})") from None
-        if not isinstance(found, formulaic.SimpleFormula):
+        if not isinstance(parsed, formulaic.SimpleFormula):
             raise self._refused("must have one part, without |")
-        return found
+        return parsed
 
     def _frame(self, conditions: Mapping[str, Sequence[str]], cells: int) -> pd.DataFrame:
         """Return the conditions of each cell, as numbers where all are."""
@@ -84,8 +84,8 @@ class Formula:
             if column not in conditions:
                 there = ", ".join(conditions) or "none"
                 raise self._refused(f"has the unknown column {column!r}: conditions are {there}")
-            count, given = len(set(conditions[column])), pd.Series(list(conditions[column]))
-            numbers = pd.to_numeric(given, errors="coerce")
+            count, texts = len(set(conditions[column])), pd.Series(list(conditions[column]))
+            numbers = pd.to_numeric(texts, errors="coerce")
             levels = bool(numbers.isna().any())
             if count < 2:
                 raise self._refused(f"needs two values of {column!r}, which has one: leave it out")
@@ -93,7 +93,7 @@ class Formula:
                 raise self._refused(
                     f"needs at most {MOST_LEVELS} levels of {column!r}, which has {count}"
                 )
-            frame[column] = given if levels else numbers
+            frame[column] = texts if levels else numbers
         return pd.DataFrame(frame, index=range(cells))
 
     def _check(self, design: Array, labels: list[str]) -> None:
@@ -138,9 +138,9 @@ def ranged(
     limits = np.concatenate([rows, -rows]), np.repeat([within[1], -within[0]], len(rows))
     aim = np.eye(len(columns))[k]
     ends = [linprog(sign * aim, *limits, bounds=(None, None)).fun for sign in (1, -1)]
-    own = np.linalg.lstsq(rows, np.full(len(rows), start), rcond=None)[0][k]
+    coefficient = np.linalg.lstsq(rows, np.full(len(rows), start), rcond=None)[0][k]
     low, high = float(ends[0]), float(-ends[1])
-    return low, high, float(np.clip(round(own, 12), low, high))
+    return low, high, float(np.clip(round(coefficient, 12), low, high))
 
 
 def _names(factor: str) -> set[str]:

@@ -36,13 +36,13 @@ class Directions:
     def standard_errors(self) -> Array:
         """Standard error of each with all others free; infinite if it is not identifiable."""
         length = np.sqrt(np.diag(self.information))
-        found = np.full(len(length), np.inf)
+        errors = np.full(len(length), np.inf)
         some = np.flatnonzero(length > 0)
         cosines = self.cosines[np.ix_(some, some)]
         # An estimate of a nearly singular matrix may have negative eigenvalues.
         if len(some) and np.linalg.eigvalsh(cosines)[0] > SINGULAR:
-            found[some] = np.sqrt(np.diag(np.linalg.inv(cosines))) / length[some]
-        return found
+            errors[some] = np.sqrt(np.diag(np.linalg.inv(cosines))) / length[some]
+        return errors
 
     @property
     def alone(self) -> Array:
@@ -56,35 +56,35 @@ class Directions:
         Of pairs it gives the cosine, and the ridge along which one compensates for the other.
         """
         cosines = self.cosines
-        found = []
+        warnings = []
         for i, j in zip(*np.triu_indices(len(self.names), 1), strict=True):
             if abs(cosines[i, j]) < ALIKE:
                 continue
             step = STEP * abs(self.vector[i]) or STEP
             ridge = -self.information[i, j] / self.information[j, j] * step
-            found.append(
+            warnings.append(
                 f"trials of this design hardly distinguish {self.names[i]} from "
                 f"{self.names[j]} (cosine {cosines[i, j]:.2f}): a change of {self.names[i]} by "
                 f"{step:+.3g} is compensated by one of {self.names[j]} by {ridge:+.3g}. Fix one "
                 "of them, or add a condition that changes it alone"
             )
-        found += [f"nothing in this design depends on {name}: fix it" for name in self.idle]
+        warnings += [f"nothing in this design depends on {name}: fix it" for name in self.idle]
         lacking = [
             name
             for name, error in zip(self.names, self.standard_errors, strict=True)
             if np.isinf(error)
         ]
-        if lacking and not found:
-            found.append(
+        if lacking and not warnings:
+            warnings.append(
                 f"no standard error can be given for {', '.join(lacking)}: the design, or too few "
                 "simulated trials, do not identify them. Fix one of them, or simulate more "
                 "trials (trials)"
             )
-        return found
+        return warnings
 
 
 def directions(likelihood: Likelihood, vector: Array) -> Directions:
     """Return how parameters change the likelihood at a point, priors included."""
-    found, still = likelihood.information(vector)
+    information, still = likelihood.information(vector)
     _, precision = likelihood.freedom.prior_slope(vector)
-    return Directions(likelihood.freedom.names, vector, found + np.diag(precision), still)
+    return Directions(likelihood.freedom.names, vector, information + np.diag(precision), still)

@@ -1,4 +1,4 @@
-"""The likelihood of one person's trials under a model: what every search and sampler works on.
+"""The likelihood of one person's trials under a model, for every search and sampler.
 
 Models come in two kinds. A model of decisions gives the distribution of decision times in each cell
 of a design (``exact.algorithms.Model``): its responses follow with a non-decision time and lapses,
@@ -127,18 +127,18 @@ class Likelihood:
         return float(self.each(vector).sum()) if self.freedom.inside(vector) else -np.inf
 
     def height(self, vector: Array) -> float:
-        """Return what a fit maximises: log likelihood plus log prior."""
-        found = self(vector)
-        return found + self.freedom.log_prior(vector) if np.isfinite(found) else found
+        """Return the quantity that a fit maximises: log likelihood plus log prior."""
+        nats = self(vector)
+        return nats + self.freedom.log_prior(vector) if np.isfinite(nats) else nats
 
     def heights(self, vectors: Array) -> Array:
         """Return ``height`` at several vectors, (vectors,), from one call of ``many``."""
         inside = np.array([self.freedom.inside(vector) for vector in vectors])
-        found = np.full(len(vectors), -np.inf)
+        heights = np.full(len(vectors), -np.inf)
         if inside.any():
             prior = [self.freedom.log_prior(vector) for vector in vectors[inside]]
-            found[inside] = self.many(vectors[inside]).sum(axis=1) + prior
-        return found
+            heights[inside] = self.many(vectors[inside]).sum(axis=1) + prior
+        return heights
 
     @property
     def groups(self) -> Integers:
@@ -174,16 +174,16 @@ class Likelihood:
         seen = self.design.observed
         ends_s = (seen.window_s[1], getattr(self.model, "seconds", np.inf), MOST_S)
         most, first = int(min(ends_s) / seen.grid.width_s), seen.grid
-        found, answered = self, self._answered(vector)
+        likelihood, answered = self, self._answered(vector)
         while seen.deadline_s is None and seen.grid.bins < most:
             bins = min(2 * seen.grid.bins, most)
             seen = replace(seen, grid=Grid(bins, first.width_s, first.bins))
-            wider = replace(found, design=replace(found.design, observed=seen))
+            wider = replace(likelihood, design=replace(likelihood.design, observed=seen))
             more = wider._answered(vector)
             if (more - answered).max() < BEYOND:
                 break
-            found, answered = wider, more
-        return found
+            likelihood, answered = wider, more
+        return likelihood
 
     def _answered(self, vector: Array) -> Array:
         """Return the share of responses on the grid, (cells,)."""
@@ -267,17 +267,17 @@ class BinnedLikelihood(Likelihood):
         other. It is 0 if there are too few stored trials to tell.
         """
         halves = self.model.halves()
-        whole = len({id(each) for each in halves}) == 1
+        unsplit = len({id(each) for each in halves}) == 1
         first = replace(self, model=halves[0])._changes(vector)
-        second = first if whole else replace(self, model=halves[1])._changes(vector)
+        second = first if unsplit else replace(self, model=halves[1])._changes(vector)
         weight = self.design.trials[:, None] / np.maximum(self._masses(vector), 1e-12)
         information = np.einsum("icb,cb,jcb->ij", first, weight, second)
-        found = (information + information.T) / 2
+        symmetric = (information + information.T) / 2
         # Negative information means an error as large as the quantity.
-        unknown = np.diag(found) <= 0
-        found[unknown], found[:, unknown] = 0.0, 0.0
+        unknown = np.diag(symmetric) <= 0
+        symmetric[unknown], symmetric[:, unknown] = 0.0, 0.0
         still = ~(first != 0).any(axis=(1, 2))
-        return found, tuple(np.array(self.freedom.names)[still].tolist())
+        return symmetric, tuple(np.array(self.freedom.names)[still].tolist())
 
     def _changes(self, vector: Array) -> Array:
         """Return the derivative of each outcome's probability by each parameter."""
@@ -339,12 +339,12 @@ class TrialLikelihood(Likelihood):
 
     def _checked(self, values: Mapping[str, Array], shape: tuple[int, ...]) -> Array:
         """Return the model's log densities of the trials that count, (..., trials)."""
-        found = np.asarray(self.model.log_density(self.trials, values), dtype=np.float64)
-        if found.shape != shape or np.isnan(found).any():
+        densities = np.asarray(self.model.log_density(self.trials, values), dtype=np.float64)
+        if densities.shape != shape or np.isnan(densities).any():
             must = f"must return {len(self.cell)} numbers, one per trial"
-            raise InputError.of("log_density", must, found[..., :3])
+            raise InputError.of("log_density", must, densities[..., :3])
         # A trial that the model rules out counts as one of the least probability.
-        floored: Array = np.maximum(found, np.log(TINY))
+        floored: Array = np.maximum(densities, np.log(TINY))
         return floored if self.kept is None else floored[..., self.kept]
 
     def drawn(self, vector: Array, rng: np.random.Generator) -> tuple[Array, Integers]:
@@ -397,8 +397,8 @@ def likelihood_of(
     _warn_of_later(model, design)
     unit = design.strength.max() if largest is None else largest
     names = ("low", "high", "start")
-    own = replace(SENSITIVITY, **{name: getattr(SENSITIVITY, name) / unit for name in names})
-    known = [own if each is SENSITIVITY else each for each in model.parameters]
+    scaled = replace(SENSITIVITY, **{name: getattr(SENSITIVITY, name) / unit for name in names})
+    known = [scaled if each is SENSITIVITY else each for each in model.parameters]
     if not design.timed:
         known = _without_times(model, known, [*(free or ()), *(vary or ()),
                                               *(each.parameter for each in formulas)])  # fmt: skip

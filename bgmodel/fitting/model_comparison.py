@@ -73,8 +73,8 @@ class ModelComparison(Facts):
     def facts(self) -> dict[str, str]:
         """Return the method, the number of trials and the verdict on each model."""
         table = self.table
-        found = {"method": self.method, "trials": f"{len(self.scores[self.best].trials)}"}
-        return found | {str(name): str(said) for name, said in table["verdict"].items()}
+        facts = {"method": self.method, "trials": f"{len(self.scores[self.best].trials)}"}
+        return facts | {str(name): str(verdict) for name, verdict in table["verdict"].items()}
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -137,12 +137,12 @@ class ModelComparison(Facts):
 
 def _apart(score: Score, best: Score) -> dict[str, float]:
     """Return the difference between a score and the best one, and its errors."""
-    found = better_by(score.predicted, best.predicted, score.person)
+    advantage = better_by(score.predicted, best.predicted, score.person)
     each = by_person(score.trials - best.trials, score.person)
     return {
-        "difference": found.nats,
-        "standard_error": found.error,
-        "simulation_error": found.simulation_error,
+        "difference": advantage.nats,
+        "standard_error": advantage.error,
+        "simulation_error": advantage.simulation_error,
         "people_better": float((each > 0).sum()),
     }
 

@@ -176,8 +176,8 @@ def _climbed(likelihood: Likelihood, start: Array, iterations: int) -> tuple[Arr
     bounds = list(zip(low, high, strict=True))
     options = {"maxiter": iterations, "ftol": 1e-9}
     first = np.clip(freed.to_scale(start) / unit, low, high)
-    found = minimize(falling, first, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
-    return outer(found.x), -float(found.fun), int(found.nfev) * (len(start) + 1)
+    minimum = minimize(falling, first, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+    return outer(minimum.x), -float(minimum.fun), int(minimum.nfev) * (len(start) + 1)
 
 
 def _slid(likelihood: Likelihood, start: Array) -> tuple[Array, float, int]:
@@ -200,8 +200,8 @@ def _slid(likelihood: Likelihood, start: Array) -> tuple[Array, float, int]:
     bounds = list(zip(low, high, strict=True))
     options = {"maxiter": LONG, "ftol": SCORED_SHARE, "maxcor": 30}
     first = freed.to_scale(start) / unit
-    found = minimize(falling, first, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
-    return outer(found.x), -float(found.fun), int(found.nfev) * (len(start) + 1)
+    minimum = minimize(falling, first, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+    return outer(minimum.x), -float(minimum.fun), int(minimum.nfev) * (len(start) + 1)
 
 
 def _polished(

@@ -80,10 +80,10 @@ class Parameter:
 
     def __post_init__(self) -> None:
         require(self.scale in SCALES, "scale", f"must be one of {', '.join(SCALES)}", self.scale)
-        given = (self.low, self.start, self.high)
-        if not (all(map(math.isfinite, given)) and self.low <= self.start <= self.high):
+        numbers = (self.low, self.start, self.high)
+        if not (all(map(math.isfinite, numbers)) and self.low <= self.start <= self.high):
             raise InputError(
-                f"{self.name}: low <= start <= high must hold and be finite: {given}", "start"
+                f"{self.name}: low <= start <= high must hold and be finite: {numbers}", "start"
             )
         ends = {"log": (0.0, math.inf), "logit": (0.0, 1.0), "atanh": (-1.0, 1.0)}
         first, last = ends.get(self.scale, (-math.inf, math.inf))
@@ -194,11 +194,13 @@ class ParameterSpace:
     @cached_property
     def _priors(self) -> tuple[Integers, Array, Array]:
         """Places, medians and standard deviations, on the scale, of the numbers with a prior."""
-        own = [(k, each.parameter) for k, each in enumerate(self.moved)
+        pairs = [(k, each.parameter) for k, each in enumerate(self.moved)
                if each.parameter.prior is not None and not each.effect]  # fmt: skip
-        given = [(float(p.scaled(p.prior[0])), p.prior[1]) for _, p in own if p.prior is not None]
-        medians, spreads = np.reshape(given, (-1, 2)).T
-        return np.array([k for k, _ in own], dtype=np.int64), medians, spreads
+        priors = [
+            (float(p.scaled(p.prior[0])), p.prior[1]) for _, p in pairs if p.prior is not None
+        ]
+        medians, spreads = np.reshape(priors, (-1, 2)).T
+        return np.array([k for k, _ in pairs], dtype=np.int64), medians, spreads
 
     def log_prior(self, vector: Array) -> float:
         """Return the log prior density on the scale, up to a constant; 0 without priors."""
@@ -255,13 +257,13 @@ class ParameterSpace:
                          AT_BOUND * width)  # fmt: skip
         most = np.where(self.by_factors, AT_BOUND * np.abs(high) + AT_BOUND**2 * width,
                         AT_BOUND * width)  # fmt: skip
-        found = np.asarray((vector - low < least) | (high - vector < most))
+        at_bound = np.asarray((vector - low < least) | (high - vector < most))
         for each in self._sums:
             if each.bounded:
                 value, close = each.value(vector), AT_BOUND * (each.high - each.low)
                 ends = (value - each.low < close) | (each.high - value < close)
-                found[each.places] |= (each.design[:, ends] != 0).any(axis=1)
-        return found
+                at_bound[each.places] |= (each.design[:, ends] != 0).any(axis=1)
+        return at_bound
 
     def inside(self, vector: Array) -> bool:
         """Return whether numbers, and the parameter in every cell, are within their bounds."""
@@ -277,14 +279,14 @@ class ParameterSpace:
     @cached_property
     def _sums(self) -> list[_Sum]:
         """The parameters that have free numbers."""
-        found = []
+        sums = []
         for each in self.parameters:
-            own = [k for k, one in enumerate(self.moved) if one.parameter.name == each.name]
-            if own:
-                design = np.array([self.moved[k].weights for k in own], float)
-                effects = any(self.moved[k].effect for k in own)
-                found.append(_Sum(each.name, np.array(own), design, each.low, each.high, effects))
-        return found
+            places = [k for k, one in enumerate(self.moved) if one.parameter.name == each.name]
+            if places:
+                design = np.array([self.moved[k].weights for k in places], float)
+                effects = any(self.moved[k].effect for k in places)
+                sums.append(_Sum(each.name, np.array(places), design, each.low, each.high, effects))
+        return sums
 
     @property
     def held(self) -> dict[str, float]:
@@ -294,15 +296,15 @@ class ParameterSpace:
 
     def values(self, vector: Array) -> dict[str, Array]:
         """Return each parameter in every cell, (cells,); formulas are limited to its range."""
-        found = {name: start.copy() for name, start in self._starts.items()}
+        values = {name: start.copy() for name, start in self._starts.items()}
         for each in self._sums:
             value = each.value(vector)
             if each.bounded:
                 value = np.clip(value, each.low, each.high)
             if not each.everywhere:
-                value = np.where(each.applies, value, found[each.name])
-            found[each.name] = value
-        return found
+                value = np.where(each.applies, value, values[each.name])
+            values[each.name] = value
+        return values
 
     @cached_property
     def _starts(self) -> dict[str, Array]:
@@ -378,11 +380,11 @@ def _numbers(each: Parameter, design: Mapping[str, Array]) -> list[FreeParameter
     """Return the numbers of a parameter that is linear in the columns of a design."""
     columns = np.array(list(design.values()), float)
     levels = bool(np.isin(columns, (0, 1)).all() and (columns.sum(axis=0) <= 1).all())
-    found = []
+    numbers = []
     for k, label in enumerate(design):
-        own = each
+        parameter = each
         if not levels:
             low, high, start = ranged((each.low, each.high), each.start, columns, k)
-            own = replace(each, low=low, high=high, start=start, scale="identity", prior=None)
-        found.append(FreeParameter(f"{each.name}[{label}]", own, columns[k], not levels))
-    return found
+            parameter = replace(each, low=low, high=high, start=start, scale="identity", prior=None)
+        numbers.append(FreeParameter(f"{each.name}[{label}]", parameter, columns[k], not levels))
+    return numbers

@@ -89,10 +89,10 @@ def posterior(
     moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
 
     def heights(vectors: Array) -> Array:
-        found = likelihood.heights(vectors)
-        for k in np.flatnonzero(np.isfinite(found)):
-            found[k] += likelihood.freedom.log_slope(vectors[k])
-        return found
+        log_posterior = likelihood.heights(vectors)
+        for k in np.flatnonzero(np.isfinite(log_posterior)):
+            log_posterior[k] += likelihood.freedom.log_slope(vectors[k])
+        return log_posterior
 
     size = state.shape[1]
     sampler = emcee.EnsembleSampler(walkers, size, heights, moves=moves, vectorize=True)
@@ -131,5 +131,5 @@ def _correlated(chain: Array) -> float:
     from emcee.autocorr import integrated_time
 
     # With a tolerance of 0 emcee does not complain about short chains; see ``lasts``.
-    found = float(np.max(integrated_time(chain, tol=0)))
-    return max(found, 1.0) if np.isfinite(found) else float(len(chain))
+    steps = float(np.max(integrated_time(chain, tol=0)))
+    return max(steps, 1.0) if np.isfinite(steps) else float(len(chain))

@@ -81,8 +81,8 @@ def better_by(first: Predicted, second: Predicted, person: Integers | None = Non
     one, other = (
         each.without.sum(axis=1) if len(each.without) else np.zeros(1) for each in (first, second)
     )
-    own = float(jackknifed(one - other))
-    return Better(float(apart.sum()), math.hypot(sampling, own), own)
+    simulation_error = float(jackknifed(one - other))
+    return Better(float(apart.sum()), math.hypot(sampling, simulation_error), simulation_error)
 
 
 def by_person(trials: Array, person: Integers) -> Array:

@@ -32,7 +32,7 @@ def observed_quantiles(rt_s: Array, response: Integers) -> dict[str, float]:
     """
     from scipy.stats.mstats import mjci
 
-    found: dict[str, float] = {}
+    quantiles: dict[str, float] = {}
     for name, side in SIDES.items():
         times = rt_s[(response == side) & np.isfinite(rt_s)]
         at, error = np.full((2, len(QUANTILES)), np.nan)
@@ -40,8 +40,8 @@ def observed_quantiles(rt_s: Array, response: Integers) -> dict[str, float]:
             at = np.quantile(times, QUANTILES, method="hazen")
             error = np.asarray(mjci(times, QUANTILES))
         for (_, percent), value, se in zip(PERCENT.items(), at, error, strict=True):
-            found |= {f"{name}_q{percent}_s": float(value), f"{name}_q{percent}_se": float(se)}
-    return found
+            quantiles |= {f"{name}_q{percent}_s": float(value), f"{name}_q{percent}_se": float(se)}
+    return quantiles
 
 
 def predicted_quantiles(mass: Array, width_s: float) -> dict[str, float]:
@@ -76,12 +76,12 @@ def residuals(cells: pd.DataFrame) -> pd.DataFrame:
     no rows.
     """
     columns = ["strength", *conditions_of(cells)]
-    found = pd.DataFrame(
+    differences = pd.DataFrame(
         [{**{name: row[name] for name in columns}, **each} for row, each in _each(cells)],
         columns=[*columns, "response", "responses", "quantile", "data_ms", "model_ms",
                  "residual_ms", "se_ms", "z"],
     )  # fmt: skip
-    return found.sort_values("z", key=np.abs, ascending=False, ignore_index=True)
+    return differences.sort_values("z", key=np.abs, ascending=False, ignore_index=True)
 
 
 def _each(cells: pd.DataFrame) -> Iterator[tuple[Row, dict[str, object]]]:
@@ -110,7 +110,7 @@ def _counts(row: Row) -> dict[str, int]:
 
 
 def too_few(cells: pd.DataFrame) -> str:
-    """Return a sentence on cells with too few errors for quantiles; empty if there are none."""
+    """Return a sentence on cells with too few errors for quantiles, or an empty text."""
     rows = cells.to_dict("records")
     few = [n for row in rows if (n := _counts(row)["wrong"]) < FEWEST]
     if not few or cells["mean_s"].isna().all():

@@ -97,8 +97,8 @@ class FitSettings:
             value, usual = getattr(self, each.name), each.default
             same = value is usual or (isinstance(value, type(usual)) and value == usual)
             if each.name in names and not same:
-                said = f"{each.name} has no effect {reason}: leave it out"
-                raise InputError(said, each.name)
+                message = f"{each.name} has no effect {reason}: leave it out"
+                raise InputError(message, each.name)
 
     @property
     def by(self) -> list[str]:
@@ -109,12 +109,12 @@ class FitSettings:
     @property
     def varied(self) -> dict[str, str]:
         """Parameters that differ between conditions, with their columns."""
-        found: dict[str, str] = {}
+        columns: dict[str, str] = {}
         for name, column in (_pair(each, "vary") for each in self.vary):
-            if name in found:
+            if name in columns:
                 raise InputError(f"{name} varies with two columns", "vary", self.vary)
-            found[name] = column
-        return found
+            columns[name] = column
+        return columns
 
     @property
     def effects(self) -> list[str]:
@@ -132,12 +132,12 @@ class FitSettings:
     @property
     def formulas(self) -> dict[str, Formula]:
         """Formulas, by the name of their parameter."""
-        found: dict[str, Formula] = {}
+        by_parameter: dict[str, Formula] = {}
         for each in self._parsed:
-            if each.parameter in found:
+            if each.parameter in by_parameter:
                 raise InputError(f"{each.parameter} has two formulas", "formula", self.formula)
-            found[each.parameter] = each
-        return found
+            by_parameter[each.parameter] = each
+        return by_parameter
 
     def split(self, trials: Trials) -> tuple[Self, list[Formula]]:
         """Return the settings without the formulas of predictors between people, and these.
@@ -149,20 +149,20 @@ class FitSettings:
         between = [each for each in self._parsed if apart & set(each.columns)]
         for name, column in self.varied.items():
             if column.partition("/")[0] in apart:
-                said = "differs between people alone, and vary is for conditions within them"
-                raise InputError(f"{column} {said}: give a formula, {name} ~ {column}", column)
+                problem = "differs between people alone, and vary is for conditions within them"
+                raise InputError(f"{column} {problem}: give a formula, {name} ~ {column}", column)
         for each in between:
             column = sorted(apart & set(each.columns))[0]
             if not self.hierarchical:
-                said = "must differ between trials of a person: here it differs between people"
+                problem = "must differ between trials of a person: here it differs between people"
                 raise InputError(
-                    f"{column} {said} alone. Fit them as a group (hierarchical=True, at the "
+                    f"{column} {problem} alone. Fit them as a group (hierarchical=True, at the "
                     "terminal --people hierarchical)", column,
                 )  # fmt: skip
             if set(each.columns) - apart:
-                said = f"{column} differs between people, and other columns within them"
+                problem = f"{column} differs between people, and other columns within them"
                 instead = f"give {each.parameter} two formulas, one of each kind"
-                raise InputError(f"{said}: {instead}", "formula", self.formula)
+                raise InputError(f"{problem}: {instead}", "formula", self.formula)
         written = zip(self._parsed, self.formula, strict=True)
         kept = tuple(text for each, text in written if not apart & set(each.columns))
         return replace(self, formula=kept), between
@@ -177,17 +177,17 @@ class FitSettings:
 
         first = next(iter(likelihoods.values()))
         rows = [int(np.argmax(trials.participant == who)) for who in likelihoods]
-        given = {str(name): [str(x) for x in trials.conditions[name].iloc[rows]]
+        levels = {str(name): [str(x) for x in trials.conditions[name].iloc[rows]]
                  for name in trials.conditions}  # fmt: skip
         names: list[str] = []
         columns, of = [], []
         for each in between:
-            own = own_name(each.parameter, first.model)
-            made = each.matrix(given, np.arange(len(rows)), len(rows))
+            parameter = own_name(each.parameter, first.model)
+            made = each.matrix(levels, np.arange(len(rows)), len(rows))
             if made.pop("Intercept", None) is None:
                 must = "must have an intercept: the group's mean"
                 raise InputError.of("formula", must, f"{each.parameter} ~ {each.terms}")
-            places = [k for k, x in enumerate(first.freedom.moved) if x.parameter.name == own]
+            places = [k for k, x in enumerate(first.freedom.moved) if x.parameter.name == parameter]
             require(places, "formula", "must be of a parameter that is fitted", each.parameter)
             for label, column in made.items():
                 for k in places:
@@ -215,14 +215,16 @@ class FitSettings:
         formula = tuple(each for other, each in written if other != name)
         return replace(self, free=(*self.free, *more), vary=vary, formula=formula)
 
-    def _freed(self, known: Mapping[str, Parameter], own: Callable[[str], str]) -> list[str] | None:
+    def _freed(
+        self, known: Mapping[str, Parameter], name_of: Callable[[str], str]
+    ) -> list[str] | None:
         """Return the names of free parameters of a model; None for those that are by default."""
         added = [name.startswith(ADDED) for name in self.free]
         if any(added) and not all(added):
             must = "must have a plus before all names (in addition to the default) or before none"
             raise InputError.of("free", must, self.free)
         plus = ADDED if any(added) else ""
-        named = [own(each) for each in self.named if own(each) in known]
+        named = [name_of(each) for each in self.named if name_of(each) in known]
         return [plus + each for each in dict.fromkeys(named)] or None
 
     def read(self, data: str | Path | pd.DataFrame | Trials) -> Trials:
@@ -328,18 +330,18 @@ class FitSettings:
                 if name not in known and name != "threshold":
                     there = ", ".join(("threshold", *known))
                     raise InputError.of(option, f"must name a parameter, one of {there}", name)
-        found = []
+        warnings = []
         for name, model in models.items():
-            own = {each.name for each in model.parameters} | {"threshold"}
-            lacking = ", ".join(each for each in self.named if each not in own)
+            parameters = {each.name for each in model.parameters} | {"threshold"}
+            lacking = ", ".join(each for each in self.named if each not in parameters)
             if lacking and self.free[0].startswith(ADDED):
-                found.append(f"{name} has no {lacking} and is fitted without")
+                warnings.append(f"{name} has no {lacking} and is fitted without")
             elif lacking:
-                found.append(
+                warnings.append(
                     f"{name} has no {lacking}, so all its parameters outside --free are fixed; "
                     "'threshold' is each model's own"
                 )
-        return found
+        return warnings
 
     def likelihood(
         self, design: Design, model: AnyModel, largest: float | None = None
@@ -351,20 +353,21 @@ class FitSettings:
 
     def freedom(self, model: AnyModel) -> dict[str, Any]:
         """Return arguments of ``likelihood_of``, without parameters that only other models have."""
-        known, own = {each.name: each for each in model.parameters}, partial(own_name, model=model)
-        fixed = {own(k): v for k, v in self.fixed.items()}
-        vary = {own(k): v for k, v in self.varied.items()}
+        known = {each.name: each for each in model.parameters}
+        name_of = partial(own_name, model=model)
+        fixed = {name_of(k): v for k, v in self.fixed.items()}
+        vary = {name_of(k): v for k, v in self.varied.items()}
         if len(vary) < len(self.varied):
-            said = f"threshold is {own('threshold')} here, which varies with two columns"
-            raise InputError(said, "vary", self.vary)
+            message = f"threshold is {name_of('threshold')} here, which varies with two columns"
+            raise InputError(message, "vary", self.vary)
         return {
-            "free": self._freed(known, own),
+            "free": self._freed(known, name_of),
             "fixed": {k: v for k, v in fixed.items() if k in known},
             "vary": {k: v for k, v in vary.items() if k in known},
             "formulas": [
-                replace(each, parameter=own(name))
+                replace(each, parameter=name_of(name))
                 for name, each in self.formulas.items()
-                if own(name) in known
+                if name_of(name) in known
             ],
         }
 
@@ -399,14 +402,14 @@ def shared_ranges(likelihoods: Mapping[str, Likelihood]) -> dict[str, Likelihood
         np.min([each.low for each in every], axis=0),
         np.max([each.high for each in every], axis=0),
     )
-    found = {}
+    shared = {}
     for who, each in likelihoods.items():
         moved = tuple(
             replace(one, parameter=replace(one.parameter, low=float(a), high=float(b)))
             for one, a, b in zip(each.freedom.moved, low, high, strict=True)
         )
-        found[who] = replace(each, freedom=replace(each.freedom, moved=moved))
-    return found
+        shared[who] = replace(each, freedom=replace(each.freedom, moved=moved))
+    return shared
 
 
 EXAMPLES = {"fix": '{"lapse": 0.02}', "vary": '{"sensitivity": "conflict"}'}
@@ -415,12 +418,12 @@ EXAMPLES = {"fix": '{"lapse": 0.02}', "vary": '{"sensitivity": "conflict"}'}
 
 def _between(trials: Trials) -> set[str]:
     """Return the conditions that differ between people, and within none of them."""
-    found = set()
+    between = set()
     for name, levels in trials.conditions.items():
         kinds = levels.groupby(trials.participant).nunique()
         if len(kinds) > 1 and (kinds == 1).all() and levels.nunique() > 1:
-            found.add(str(name))
-    return found
+            between.add(str(name))
+    return between
 
 
 def settings_of(
@@ -471,19 +474,19 @@ def need_fit() -> None:
         raise ImportError(f'fits need {needed}: pip install ".[fit]"') from error
 
 
-def names_of(given: str | Iterable[str], option: str = "free") -> tuple[str, ...]:
+def names_of(names: str | Iterable[str], option: str = "free") -> tuple[str, ...]:
     """Return one name, or several, as a tuple; ValueError for anything else."""
-    texts = isinstance(given, (str, list, tuple)) and all(isinstance(each, str) for each in given)
+    texts = isinstance(names, (str, list, tuple)) and all(isinstance(each, str) for each in names)
     if not texts:
         kind = "the name of a parameter" if option == "free" else "a formula"
-        raise InputError.of(option, f"must be {kind}, or a list of them", given)
-    return (given,) if isinstance(given, str) else tuple(given)
+        raise InputError.of(option, f"must be {kind}, or a list of them", names)
+    return (names,) if isinstance(names, str) else tuple(names)
 
 
-def _pairs(option: str, given: Mapping[str, object] | None) -> Iterable[tuple[str, object]]:
-    if not isinstance(given, Mapping | None):
-        raise InputError.of(option, f"must be a mapping such as {EXAMPLES[option]}", given)
-    return (given or {}).items()
+def _pairs(option: str, settings: Mapping[str, object] | None) -> Iterable[tuple[str, object]]:
+    if not isinstance(settings, Mapping | None):
+        raise InputError.of(option, f"must be a mapping such as {EXAMPLES[option]}", settings)
+    return (settings or {}).items()
 
 
 def _pair(text: str, option: str) -> tuple[str, str]:

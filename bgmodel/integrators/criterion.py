@@ -36,9 +36,9 @@ class LoweredGain(float):
     """A default gain that was lowered to fit evidence; other trials of the task vary a little."""
 
 
-def gain_of(circuit: Circuit, given: float | None = None) -> float:
+def gain_of(circuit: Circuit, asked: float | None = None) -> float:
     """Return the given gain, or by default that of the circuit, 1 for an exact circuit."""
-    gain = circuit.default_gain if given is None else given
+    gain = circuit.default_gain if asked is None else asked
     if gain is None and (circuit.unedited or circuit).exact:
         return 1.0  # the output of an exact table is -ln P at any gain
     if gain is None:
@@ -113,14 +113,14 @@ def readout_of(circuit: Circuit) -> ReadOut:
 
 
 def doubts(circuit: Circuit) -> list[str]:
-    """Return what keeps a circuit from deciding by its evidence, with the cures."""
+    """Return reasons why a circuit cannot decide by its evidence, with remedies."""
     loop = loops.said(wired(circuit.steady), resting_state(circuit.steady)[0])
     texts = (unfiltered(circuit), off_chance(circuit), loop.removeprefix(": "))
     return [f"{circuit.name}: {text}" for text in texts if text]
 
 
 def acts_as(circuit: Circuit, before: Circuit | None = None) -> str:
-    """Return what edits amount to if they shift OUT by the same everywhere; "" if they do not.
+    """Describe edits that shift OUT by the same amount everywhere; "" for others.
 
     ``before`` is by default the circuit before its edits. Deciding when ``-ln P + shift`` falls
     below a threshold is deciding, before the edits, at ``exp(shift)`` times the posterior.
@@ -145,7 +145,7 @@ def unfiltered(circuit: Circuit) -> str:
 
 
 def off_chance(circuit: Circuit) -> str:
-    """Return what lets OUT rest at chance, ln N; empty if it does, and after a lesion.
+    """Return how to make OUT rest at chance, ln N; "" if it does, and after a lesion.
 
     The rate is ``baseline + gain OUT``: input raises both, and a lower baseline keeps the rate.
     """

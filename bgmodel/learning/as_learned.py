@@ -1,4 +1,4 @@
-"""Decisions at what reward taught: circuit in spikes, circuit by populations, and the test."""
+"""Decisions with settings learned from reward: circuit in spikes or populations, and the test."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Learning a level of dopamine, or a criterion, from reward, and the cost of what is learned."""
+"""Learning a level of dopamine, or a criterion, from reward, and the cost of the learned level."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ UNITS = {THRESHOLD: "boundary separation (nats)", DOPAMINE: "level of dopamine",
 
 @dataclass(frozen=True, repr=False)
 class FromReward(Facts):
-    """What reward taught, scored on trials that were not used for learning."""
+    """The result of learning from reward, scored on trials that were not used for learning."""
 
     what: str  # "threshold", "dopamine" or "weights"
     unit: str  # what the values are, with their unit
@@ -88,16 +88,16 @@ class FromReward(Facts):
     # weights run, hypothesis, unit, weight.
     table: pd.DataFrame
     cautions: tuple[str, ...]  # what limits the result, usually empty
-    found: CircuitLearned | LearnedWeights | dict[str, Any]
+    details: CircuitLearned | LearnedWeights | dict[str, Any]
     scored: Features | None = None
 
     @property
     def regret(self) -> float:
-        """Regret of what was learned, mean over runs, per cent."""
+        """Regret of the learned values, mean over runs, per cent."""
         return float(self.regrets.loc["learned", "value"])  # type: ignore[arg-type]
 
     def facts(self) -> dict[str, str]:
-        """Return what was learned, the result in a sentence, and cautions."""
+        """Return the learned quantity, the result in a sentence, and cautions."""
         facts = {"learned": self.unit, "result": self.verdict()}
         return facts | {f"caution {k}": text for k, text in enumerate(self.cautions, 1)}
 
@@ -136,8 +136,8 @@ class FromReward(Facts):
         """
         from bgmodel.plots import acquisition
 
-        if isinstance(self.found, LearnedWeights) and self.scored is not None:
-            return self.found.plot(self.scored)
+        if isinstance(self.details, LearnedWeights) and self.scored is not None:
+            return self.details.plot(self.scored)
         figure, ax = one_panel(None)
         every = self.table[self.table["episode"] % max(1, len(self.table) // 4000) == 0]
         wide = every.pivot(index="run", columns="episode", values="mean")
@@ -232,7 +232,7 @@ def planned(
     taps: Any = None,
     **more: Any,
 ) -> Callable[[], FromReward]:
-    """Check all arguments of ``learn``, and return what learns."""
+    """Check all arguments of ``learn``, and return the function that learns."""
     require(isinstance(task, Task), "task", "must be a task, such as bg.SameDifferent()", task)
     right = model is None or isinstance(model, BasalGanglia)
     require(right, "model", "must be a bg.BasalGanglia or None, for the test", model)
@@ -439,7 +439,7 @@ def _weights(
 def _features(
     task: Drawn, source: dict[str, Any], units: int
 ) -> tuple[Any, Callable[..., Features]]:
-    """Return what sensory units see while learning, and how trials to score are drawn."""
+    """Return the features for learning, and a function that draws those of trials to score."""
     timing: dict[str, Any] = {"t_max": task.t_max, "step_ms": task.step_ms}
     if isinstance(task, Gaussian):
         drawn = GaussianFeatures(task.d_prime, task.channels, units, **timing)

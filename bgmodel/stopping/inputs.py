@@ -153,11 +153,11 @@ def _per_step(step_ms: float, every_ms: float | None) -> int:
     return count
 
 
-def _per_trial(name: str, evidence: Evidence, given: npt.ArrayLike) -> Array:
+def _per_trial(name: str, evidence: Evidence, numbers: npt.ArrayLike) -> Array:
     """Return one number per trial, (trials, 1)."""
     # A mask would be onsets of 0 and 1 ms, and amounts of 0 and 1 nat.
-    require(np.asarray(given).dtype != bool, name, "must be numbers, not true and false", given)
-    values = np.asarray(reals(name, given), dtype=np.float64)
+    require(np.asarray(numbers).dtype != bool, name, "must be numbers, not true and false", numbers)
+    values = np.asarray(reals(name, numbers), dtype=np.float64)
     must = f"must be one number, or ({evidence.trials},)"
     require(values.shape in ((), (evidence.trials,)), name, must, values.shape)
     return np.broadcast_to(values, (evidence.trials,))[:, None]

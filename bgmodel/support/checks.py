@@ -86,11 +86,11 @@ def check_flag(name: str, value: object) -> None:
     require(isinstance(value, (bool, np.bool_)), name, "must be True or False", value)
 
 
-def path_of(given: str | Path, field: str = "path") -> Path:
+def path_of(path: str | Path, field: str = "path") -> Path:
     """Return the path of a file; ValueError for anything else."""
-    if not isinstance(given, (str, PathLike)):
-        raise InputError.of(field, "must be the path of a file", given)
-    return Path(given)
+    if not isinstance(path, (str, PathLike)):
+        raise InputError.of(field, "must be the path of a file", path)
+    return Path(path)
 
 
 class Problems:

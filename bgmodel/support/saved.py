@@ -69,7 +69,7 @@ def load(path: str | Path) -> Any:
 
 
 def unpacked(arrays: Arrays, name: str = "the record") -> Any:
-    """Return the record of ``packed``; an InputError with the name if there is none."""
+    """Return the record of ``packed``; InputError, with the name, for arrays without one."""
     if TREE not in arrays:
         raise InputError(f"{name} is not a result that .save wrote", "path", name)
     tree = from_json(arrays[TREE].tobytes())
@@ -109,7 +109,7 @@ def _plain(value: Any, arrays: list[npt.NDArray[Any]]) -> Any:
 
 
 def _restored(value: Any, arrays: dict[str, npt.NDArray[Any]]) -> Any:
-    """Return what ``_plain`` made JSON of."""
+    """Invert ``_plain``: return the value of a JSON tree."""
     match value:
         case {"array": int(place), "of": str(kind)}:
             array = arrays[str(place)]

@@ -45,7 +45,7 @@ def _given(path: Path) -> dict[str, Any]:
     return parsed_toml(text, path.name)
 
 
-def decoded(given: dict[str, Any], kind: type[T], name: str, inside: str = "") -> T:
+def decoded(contents: dict[str, Any], kind: type[T], name: str, inside: str = "") -> T:
     """Return a dataclass from the contents of a file, or of a part of it.
 
     Errors begin with the file's ``name``, or "" for a part, whose key in the file is ``inside``.
@@ -59,7 +59,7 @@ def decoded(given: dict[str, Any], kind: type[T], name: str, inside: str = "") -
 
     try:
         # JSON mode accepts lists for tuples but makes no other conversions.
-        record: T = _adapter(cast(Any, kind)).validate_json(json.dumps(given, default=refused))
+        record: T = _adapter(cast(Any, kind)).validate_json(json.dumps(contents, default=refused))
         return record
     except ValidationError as error:
         wrongs = error.errors(include_url=False)
@@ -99,16 +99,16 @@ def as_toml(text: str) -> Any:
     return int(value) if integral else value  # type: ignore[arg-type]
 
 
-def value(given: Any, kind: Any, name: str) -> Any:
+def value(raw: Any, kind: Any, name: str) -> Any:
     """Return a single value of a file or of the terminal as a type; ValueError naming it."""
     from pydantic import ValidationError
 
-    several = get_origin(kind) is tuple and not isinstance(given, list)
+    several = get_origin(kind) is tuple and not isinstance(raw, list)
     try:
-        return _adapter(kind).validate_json(json.dumps([given] if several else given), strict=True)
+        return _adapter(kind).validate_json(json.dumps([raw] if several else raw), strict=True)
     except ValidationError as error:
         says = error.errors(include_url=False)[0]["msg"].removeprefix("Input ")
-        raise InputError.of(name, says, given) from None
+        raise InputError.of(name, says, raw) from None
 
 
 @cache

@@ -18,14 +18,14 @@ HSSM = {"1", "-1"}
 """Responses of HSSM: to the upper and to the lower boundary."""
 
 
-def renamed(table: pd.DataFrame, **given: str | None) -> pd.DataFrame:
-    """Return a table with our names of columns; ``given`` has the user's, None where they agree.
+def renamed(table: pd.DataFrame, **names: str | None) -> pd.DataFrame:
+    """Return a table with our column names; ``names`` has the user's, None where they agree.
 
     A table of PyDDM (RT or rt, and choice) is recognised by its columns if neither rt nor response
     is named, and responses of HSSM (1 and -1) by their values: -1 becomes 0.
     """
-    table = named(table, {name: (OTHER.get(name, name), theirs) for name, theirs in given.items()})
-    if given.get("rt") is None and given.get("response") is None:
+    table = named(table, {name: (OTHER.get(name, name), theirs) for name, theirs in names.items()})
+    if names.get("rt") is None and names.get("response") is None:
         table = _of_pyddm(table)
     return _of_hssm(table)
 

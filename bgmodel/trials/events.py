@@ -77,32 +77,32 @@ def read_events(path: Path, columns: Mapping[str, str] | None = None) -> pd.Data
     table = pd.concat(parts, ignore_index=True)
     if left_out:
         DataWarning.warn(f"{left_out} events are neither go nor stop trials, and are left out")
-    for kind, found in (("go", table["ssd"].isna()), ("stop", table["ssd"].notna())):
-        require(found.any(), "trial_type", f"must include {kind} trials", "none")
+    for kind, present in (("go", table["ssd"].isna()), ("stop", table["ssd"].notna())):
+        require(present.any(), "trial_type", f"must include {kind} trials", "none")
     table["trial"] = table.groupby("participant_id").cumcount()
     return table[["participant_id", "trial", "rt", "ssd"]]
 
 
 def _files(path: Path) -> list[Path]:
-    """Return the files of events, sorted; ValueError if there are none, or of several tasks.
+    """Return the files of events, sorted; ValueError without any, or for several tasks.
 
     Hidden and empty files, and copies under derivatives or sourcedata or with "desc-" in their
     name, are no data.
     """
     if not path.is_dir():
         return [path]
-    found = sorted(file for file in path.rglob(f"*{ENDING}") if _is_data(file, path))
-    stops = [file for file in found if re.search("stop", _entity(file, "task"), re.IGNORECASE)]
+    all_files = sorted(file for file in path.rglob(f"*{ENDING}") if _is_data(file, path))
+    stops = [file for file in all_files if re.search("stop", _entity(file, "task"), re.IGNORECASE)]
     packed = [file.name for file in path.rglob(f"*{ENDING}.gz")]
     require(not packed, "path", f"must hold plain files, not {ENDING}.gz: unpack them", packed[:3])
-    require(found, "path", f"must hold files that end in {ENDING}", str(path))
-    files = stops or found
+    require(all_files, "path", f"must hold files that end in {ENDING}", str(path))
+    files = stops or all_files
     for kind in ("task", "ses"):
         names = sorted({_entity(file, kind) for file in files} - {""})
         if len(names) > 1:
             each = ", ".join(f"{kind}-{name}" for name in names)
-            said = f"{path.name} holds {each}: give a folder with the files of one"
-            raise InputError(f"path: {said}", "path")
+            message = f"{path.name} holds {each}: give a folder with the files of one"
+            raise InputError(f"path: {message}", "path")
     return files
 
 
@@ -115,8 +115,8 @@ def _is_data(file: Path, folder: Path) -> bool:
 
 def _entity(file: Path, name: str) -> str:
     """Return the label of an entity in a BIDS name, such as that of task-; "" without one."""
-    found = re.search(rf"(?:^|_){name}-([A-Za-z0-9]+)", file.name)
-    return found.group(1) if found else ""
+    match = re.search(rf"(?:^|_){name}-([A-Za-z0-9]+)", file.name)
+    return match.group(1) if match else ""
 
 
 def _read(file: Path, columns: Mapping[str, str]) -> tuple[pd.DataFrame, int]:
@@ -145,11 +145,11 @@ def _read(file: Path, columns: Mapping[str, str]) -> tuple[pd.DataFrame, int]:
 def _column(cells: pd.DataFrame, name: str, columns: Mapping[str, str]) -> str:
     """Return the name that a file has for a column; ValueError if it has none."""
     wanted = (columns[name],) if name in columns else NAMES[name]
-    found = [each for each in wanted if each in cells]
-    if not found:
+    matches = [each for each in wanted if each in cells]
+    if not matches:
         must = f"must be a column, called {' or '.join(wanted)}; columns= gives another name"
         raise InputError.of(name, must, list(cells.columns))
-    return found[0]
+    return matches[0]
 
 
 def _numbers(cells: pd.DataFrame, column: str) -> Array:

@@ -116,13 +116,13 @@ class Columns:
 
     def __post_init__(self) -> None:
         for name in ("rt", "response", "participant", "ssd", "trial_type", "stimulus"):
-            given = getattr(self, name)
-            named = given is None or isinstance(given, str)
-            require(named, name, "must be the name of a column", given)
+            text = getattr(self, name)
+            named = text is None or isinstance(text, str)
+            require(named, name, "must be the name of a column", text)
         for name in ("upper", "withheld"):
-            given = getattr(self, name)
-            named = given is None or isinstance(given, str)
-            require(named, name, "must be the name of a response, as text", given)
+            text = getattr(self, name)
+            named = text is None or isinstance(text, str)
+            require(named, name, "must be the name of a response, as text", text)
         known = isinstance(self.rt_unit, str) and self.rt_unit in UNITS
         require(known, "rt_unit", f"must be one of {', '.join(UNITS)}", self.rt_unit)
         check_flag("restore_delays", self.restore_delays)
@@ -231,19 +231,19 @@ def read_trials(
             kind = "known evidence" if spikes is None else "spikes and choices"
             check_effect(kind, columns, strength)
             asked = (evidence, step_ms, forced)
-            found = _known(table, wanted, participant, columns, asked, spikes)
+            trials = _known(table, wanted, participant, columns, asked, spikes)
         elif "ssd" in table:
             check_effect("stop-signal trials", columns, strength)
-            found = _stop_signals(table, wanted, participant, columns)
+            trials = _stop_signals(table, wanted, participant, columns)
         elif {"pair", "reward"} <= set(table):
             check_effect("rewarded choices", columns, strength)
-            found = _rewarded(table, wanted, participant, columns)
+            trials = _rewarded(table, wanted, participant, columns)
         else:
             check_effect("choices", columns, strength)
-            found = _choices(table, strength, wanted, participant, columns)
+            trials = _choices(table, strength, wanted, participant, columns)
     except ValueError as error:
         raise within(name, error, "source") from None
-    return replace(found, source=name)
+    return replace(trials, source=name)
 
 
 NAMES = {"rt", "response", "participant", "rt_unit"}
@@ -260,8 +260,8 @@ USED = {
 
 def check_effect(kind: str, columns: Columns, strength: str | None = None) -> None:
     """Raise ValueError for a setting without effect on a kind of trials."""
-    given = {each.name: getattr(columns, each.name) != each.default for each in fields(Columns)}
-    for name, is_given in (given | {"strength": strength is not None}).items():
+    changed = {each.name: getattr(columns, each.name) != each.default for each in fields(Columns)}
+    for name, is_given in (changed | {"strength": strength is not None}).items():
         if is_given and name not in USED[kind]:
             raise InputError(f"{name} has no effect on {kind}: leave it out", name)
 
@@ -309,18 +309,18 @@ def _choices(
     if signed is not None:
         warn_of_far(signed)
         warn_of_units(signed)
-    found = Trials(
+    trials = Trials(
         participants(table), rt_s, chosen, signed, pd.DataFrame(held, index=range(len(table))),
         columns.deadline_s, alternatives=number, withheld=withheld,
     )  # fmt: skip
-    warn_of_twins(found.participant, rt_s, chosen)
-    _check_cells(found)
-    _check_both_chosen(found)
+    warn_of_twins(trials.participant, rt_s, chosen)
+    _check_cells(trials)
+    _check_both_chosen(trials)
     if number == 2:
         check_signs(signed, chosen)
     if strength is None:
         warn_without_strength(table, [*used, several.COLUMN], chosen, number)
-    return found
+    return trials
 
 
 def _check_alone(table: pd.DataFrame, chosen: npt.NDArray[np.int8], columns: Columns) -> None:
@@ -341,9 +341,9 @@ def _others(
     held = pd.DataFrame({each: levels(table[each]) for each in wanted}, index=range(len(table)))
     if participant is None:
         return table, who, rt_s, held
-    own = who == named_participant(participant, who)
-    part, conditions = (each[own].reset_index(drop=True) for each in (table, held))
-    return part, who[own], rt_s[own], conditions
+    kept = who == named_participant(participant, who)
+    part, conditions = (each[kept].reset_index(drop=True) for each in (table, held))
+    return part, who[kept], rt_s[kept], conditions
 
 
 def _stop_signals(
@@ -359,15 +359,15 @@ def _stop_signals(
     warn_of_twins(who, rt_s, np.isnan(ssd_s).astype(np.int8))
     for each in np.unique(who).tolist():
         if not np.isnan(ssd_s[who == each]).any():
-            said = f"ssd must be empty in some trials of {each}, the go trials: it is given in all"
-            raise InputError(said, "ssd")
+            text = f"ssd must be empty in some trials of {each}, the go trials: it is given in all"
+            raise InputError(text, "ssd")
     right = np.ones(len(rt_s), bool) if correct is None else correct
     chosen = np.where(np.isnan(rt_s), NO_RESPONSE, right).astype(np.int8)
     if not columns.restore_delays:
         _warn_of_zeros(rt_s, ssd_s)
     side = None if correct is None else np.ones(len(rt_s))
-    found = Trials(who, rt_s, chosen, side, held, columns.deadline_s, ssd_s=ssd_s)
-    return restored_delays(found) if columns.restore_delays else found
+    trials = Trials(who, rt_s, chosen, side, held, columns.deadline_s, ssd_s=ssd_s)
+    return restored_delays(trials) if columns.restore_delays else trials
 
 
 def _rewarded(
@@ -400,22 +400,22 @@ def _known(
     table, timed = with_times(table)
     table, who, rt_s, held = _others(table, ["response", "trial"], wanted, participant, columns)
     evidence, step_ms, forced = asked
-    given = read_readings(evidence, step_ms, participant if "participant_id" in table else None)
+    unmatched = read_readings(evidence, step_ms, participant if "participant_id" in table else None)
     missing = silent(table)
     refuse(timed & np.isnan(rt_s) & ~missing, table["rt"], "given where there is a response")
     missing |= timed & np.isnan(rt_s)
-    matched = answered(given, table, who.tolist(), rt_s, missing, columns.upper)
+    matched = answered(unmatched, table, who.tolist(), rt_s, missing, columns.upper)
     readings = replace(matched, forced=forced)
     several.check_number(len(readings.names))
     choice = np.asarray(readings.choice)
     favoured = 1 if len(readings.names) == 2 else seen_sums(readings, rt_s).argmax(axis=1)
     response = np.where(choice < 0, NO_RESPONSE, choice == favoured).astype(np.int8)
-    found = Trials(
+    trials = Trials(
         who, rt_s, response, None, held, alternatives=len(readings.names), readings=readings
     )
     if spikes is None:
-        return found
-    return replace(found, spikes=spikes_of(spikes, [trial for _, trial in readings.ids], rt_s))
+        return trials
+    return replace(trials, spikes=spikes_of(spikes, [trial for _, trial in readings.ids], rt_s))
 
 
 def _correct(table: pd.DataFrame, rt_s: Array) -> Truths | None:
@@ -473,9 +473,9 @@ def _table(source: str | Path | pd.DataFrame, columns: Columns) -> tuple[str, pd
     if str(source) in READ:
         return str(source), shipped_table(str(source))[0]
     if is_events(path):
-        given = {name: getattr(columns, name) for name in ("trial_type", "rt", "ssd")}
-        events = read_events(path, {n: each for n, each in given.items() if each is not None})
-        ours = {ours: theirs for theirs, ours in given.items() if ours is not None}
+        named = {name: getattr(columns, name) for name in ("trial_type", "rt", "ssd")}
+        events = read_events(path, {n: each for n, each in named.items() if each is not None})
+        ours = {ours: theirs for theirs, ours in named.items() if ours is not None}
         return path.name, events.rename(columns={v: k for k, v in ours.items()})
     if not path.suffix:
         must = f"must be a .csv, .tsv or .parquet or one of {', '.join(READ)}"
@@ -501,9 +501,9 @@ def _check_both_chosen(choices: Trials) -> None:
     """Raise ValueError if a participant gave only one of the two responses, or none."""
     for who in choices.people():
         mine = choices.response[choices.participant == who]
-        given = sorted({int(code) for code in mine} - {NO_RESPONSE})
-        if len(given) < 2:
-            got = f"{given[0]} only" if given else "none"
+        codes = sorted({int(code) for code in mine} - {NO_RESPONSE})
+        if len(codes) < 2:
+            got = f"{codes[0]} only" if codes else "none"
             kinds = "both" if choices.alternatives == 2 else "correct (1) and wrong (0)"
             raise InputError(
                 f"{kinds} responses must occur, got {got} in the {len(mine)} trials of participant "

@@ -186,10 +186,10 @@ def readings_of(table: pd.DataFrame, step_ms: float | None = None) -> Readings:
         raise InputError(f"evidence needs the columns {FORMS}; got {', '.join(names)}", "evidence")
     if "step" in names:
         if step_ms is None:
-            said = (
+            hint = (
                 "give the time between them, step_ms, ms (--evidence FILE step_ms= at a terminal)"
             )
-            raise InputError(f"the evidence has steps instead of times: {said}", "step_ms")
+            raise InputError(f"the evidence has steps instead of times: {hint}", "step_ms")
         check_positive(step_ms=step_ms)
         return _numbered(table, None, step_ms)
     if step_ms is not None:
@@ -239,16 +239,16 @@ def _of_cues(table: pd.DataFrame) -> pd.DataFrame:
         side = np.array([as_written(each) for each in table["side"]])
         refuse((side == "") | (side == "nan"), table["side"], "given for every cue")
         names = sorted(set(side.tolist()))
-        said = "cues must be on two sides or more, or have a sign and no side"
+        must = "cues must be on two sides or more, or have a sign and no side"
         if len(names) < 2:
-            raise InputError(f"{said}; got side {', '.join(names)} only", "side")
-        given = np.array(names) == side[:, None]
+            raise InputError(f"{must}; got side {', '.join(names)} only", "side")
+        on_side = np.array(names) == side[:, None]
         if (value < 0).any():
             DataWarning.warn(
                 f"{(value < 0).sum()} cues have a side and a value below 0, and count against that "
                 "side: leave side out if the sign of value says which side is favoured"
             )
-        columns = np.where(given, value[:, None], 0.0)
+        columns = np.where(on_side, value[:, None], 0.0)
     else:
         names, columns = list(SIGNED), np.stack([-value / 2, value / 2], axis=1)
     keys = [name for name in KEYS if name in table.columns]
@@ -261,8 +261,8 @@ def _matched(table: pd.DataFrame, readings: Readings) -> npt.NDArray[np.intp]:
     """Return the index of each trial's readings; ValueError for trials without any."""
     person = any(who for who, _ in readings.ids) and "participant_id" in table
     if not person and len({trial for _, trial in readings.ids}) < len(readings.ids):
-        said = "several participants share ids of trials: both tables need participant_id"
-        raise InputError(f"in the evidence, {said}", "participant_id")
+        problem = "several participants share ids of trials: both tables need participant_id"
+        raise InputError(f"in the evidence, {problem}", "participant_id")
     place = {each if person else ("", each[1]): k for k, each in enumerate(readings.ids)}
     who = table["participant_id"].map(as_written) if person else [""] * len(table)
     keys = [(str(p), as_written(t)) for p, t in zip(who, table["trial"], strict=True)]
@@ -287,18 +287,18 @@ def _choices(
     column: pd.Series, missing: npt.NDArray[np.bool_], names: Sequence[str], upper: str | None
 ) -> Integers:
     """Return the index of each response among the alternatives, -1 without a response."""
-    said = np.array([as_written(each) for each in column], dtype=object)
+    texts = np.array([as_written(each) for each in column], dtype=object)
     if upper is not None:
         if len(names) != 2 or upper not in names:
             must = f"must be one of two alternatives of the evidence, {', '.join(names)}"
             raise InputError.of("upper", must, upper)
         other = next(name for name in names if name != upper)
-        said = np.array([{"1": upper, "0": other}.get(each, each) for each in said], dtype=object)
-    known = np.isin(said, list(names))
-    empty = np.isin(said, ["", "nan", "NA", "None", "<NA>"])
+        texts = np.array([{"1": upper, "0": other}.get(each, each) for each in texts], dtype=object)
+    known = np.isin(texts, list(names))
+    empty = np.isin(texts, ["", "nan", "NA", "None", "<NA>"])
     hint = ": name the alternative that is coded as 1 (upper)" if len(names) == 2 else ""
     refuse(~known & ~(empty & missing), column, f"one of {', '.join(names)}", hint)
-    index = pd.Index(list(names)).get_indexer(pd.Index(said))
+    index = pd.Index(list(names)).get_indexer(pd.Index(texts))
     return np.where(missing, -1, index).astype(np.int64)
 
 

@@ -134,8 +134,8 @@ class Trials(Facts):
     @property
     def kind(self) -> str:
         """What was done in these trials; a name in ``KINDS``."""
-        given = (self.spikes, self.readings, self.ssd_s, self.reward)
-        return next((k for k, x in zip(KINDS[1:], given, strict=True) if x is not None), KINDS[0])
+        parts = (self.spikes, self.readings, self.ssd_s, self.reward)
+        return next((k for k, x in zip(KINDS[1:], parts, strict=True) if x is not None), KINDS[0])
 
     @property
     def timed(self) -> bool:
@@ -169,9 +169,9 @@ class Trials(Facts):
         mask : (trials,) bool
             Which trials to keep.
         """
-        own = ("participant", "rt_s", "response", *self._more)
-        given = {name: getattr(self, name) for name in own}
-        parts: dict[str, Any] = {n: None if x is None else x[mask] for n, x in given.items()}
+        per_trial = ("participant", "rt_s", "response", *self._more)
+        columns = {name: getattr(self, name) for name in per_trial}
+        parts: dict[str, Any] = {n: None if x is None else x[mask] for n, x in columns.items()}
         for name, each in (("readings", self.readings), ("spikes", self.spikes)):
             parts[name] = None if each is None else each.where(mask)
         return replace(self, conditions=self.conditions.loc[mask].reset_index(drop=True), **parts)
@@ -234,12 +234,12 @@ class Trials(Facts):
 
     def _given(self, *taken: str) -> dict[str, Any]:
         """Return strength and conditions as columns; ValueError for a name that is taken."""
-        found: dict[str, Any] = {} if self.strength is None else {"strength": self.strength}
-        both = sorted({*taken, "rt", "participant_id", *found} & {*self.conditions})
+        columns: dict[str, Any] = {} if self.strength is None else {"strength": self.strength}
+        both = sorted({*taken, "rt", "participant_id", *columns} & {*self.conditions})
         if both:
-            said = f"conditions must be other columns than {', '.join(both)}"
-            raise InputError(said, "conditions")
-        return found | {str(name): self.conditions[name].to_numpy() for name in self.conditions}
+            message = f"conditions must be other columns than {', '.join(both)}"
+            raise InputError(message, "conditions")
+        return columns | {str(name): self.conditions[name].to_numpy() for name in self.conditions}
 
     def _digest(self) -> str:
         texts = {name: self.conditions[name].tolist() for name in self.conditions}

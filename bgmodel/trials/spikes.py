@@ -222,27 +222,29 @@ def read_nwb(path: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
                 "spike_times",
             )
         first, last = (np.searchsorted(times, x) for x in (start - BEFORE_S, stop + AFTER_S))
-        own = [(k, times[a:b] - start[k]) for k, (a, b) in enumerate(zip(first, last, strict=True))]
-        count = [len(each) for _, each in own]
+        trains = [
+            (k, times[a:b] - start[k]) for k, (a, b) in enumerate(zip(first, last, strict=True))
+        ]
+        count = [len(each) for _, each in trains]
         if sum(count) == 0:
             DataWarning.warn(f"unit {name} has no spikes in any trial: it is left out")
-        found = {"cell": str(name), "trial": np.repeat(np.arange(len(own)), count)}
-        rows.append(pd.DataFrame({**found, "time_s": np.concatenate([x for _, x in own])}))
+        columns = {"cell": str(name), "trial": np.repeat(np.arange(len(trains)), count)}
+        rows.append(pd.DataFrame({**columns, "time_s": np.concatenate([x for _, x in trains])}))
     table = pd.DataFrame(trials).assign(trial=np.arange(len(start)), stimulus_s=stop - start)
     return table, pd.concat(rows, ignore_index=True)
 
 
 def _columns(group: Any) -> dict[str, Any]:
     """Return the columns of a table in HDMF's form; ragged ones as lists of arrays."""
-    found: dict[str, Any] = {}
+    columns: dict[str, Any] = {}
     for name in group:
         if name.endswith("_index") or not hasattr(group[name], "shape"):
             continue
         values = group[name].asstr()[:] if group[name].dtype.kind == "O" else group[name][:]
         if f"{name}_index" in group:
             values = np.split(values, group[f"{name}_index"][:-1].astype(np.int64))
-        found[name] = list(values)
-    return found
+        columns[name] = list(values)
+    return columns
 
 
 def without_silent(spikes: Spikes, least: int) -> Spikes:

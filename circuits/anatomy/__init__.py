@@ -16,6 +16,7 @@ from circuits.anatomy.exact import appendix_b, bogacz_gurney, linear_gpe
 from circuits.anatomy.gpr import gpr
 from circuits.anatomy.humphries import humphries
 from circuits.anatomy.macaque import macaque
+from circuits.anatomy.macaque_tuned import macaque_tuned
 from circuits.anatomy.spiking_msprt import spiking_msprt
 from circuits.anatomy.stewart import stewart
 from circuits.circuit import Circuit
@@ -33,11 +34,22 @@ __all__ = [
     "linear_gpe",
     "load_circuit",
     "macaque",
+    "macaque_tuned",
     "spiking_msprt",
     "stewart",
 ]
 
-_TABLES = (bogacz_gurney, appendix_b, linear_gpe, macaque, spiking_msprt, gpr, humphries, stewart)
+_TABLES = (
+    bogacz_gurney,
+    appendix_b,
+    linear_gpe,
+    macaque,
+    macaque_tuned,
+    spiking_msprt,
+    gpr,
+    humphries,
+    stewart,
+)
 CIRCUITS: dict[str, Callable[..., Circuit]] = {table.__name__: table for table in _TABLES}
 """All tables by name; each takes the number of channels."""
 MOST_COMPARED = 12
@@ -53,6 +65,7 @@ def load_circuit(name: str | Path, channels: int | None = None) -> Circuit:
         The path of a .toml file, or the name of a circuit:
 
         - "macaque": spiking basal ganglia of the macaque, driven by raw evidence;
+        - "macaque_tuned": the same computation with the animal's resting rates and beta;
         - "spiking_msprt": spiking cells that compute the MSPRT;
         - "bogacz_gurney": the exact circuit of Bogacz & Gurney (2007), where OUT = -ln P;
         - "appendix_b": the exact circuit with all pathways (their appendix B);
@@ -103,17 +116,18 @@ def is_included(circuit: Circuit) -> bool:
         return False
 
 
-def _own(found: Circuit, path: Path) -> Circuit:
+def _own(circuit: Circuit, path: Path) -> Circuit:
     """Return the circuit of a file under a name that no included circuit has."""
-    if found.name not in CIRCUITS or is_included(found):
-        return found
-    make = CIRCUITS[found.name]
+    if circuit.name not in CIRCUITS or is_included(circuit):
+        return circuit
+    make = CIRCUITS[circuit.name]
     for channels in range(2, MOST_COMPARED + 1):
-        if channels != found.channels and make(channels).populations == found.populations:
+        if channels != circuit.channels and make(channels).populations == circuit.populations:
             EditWarning.warn(
-                f"{path.name} is for {found.channels} channels, but its rows, whose biases depend "
-                f"on that number, are those of {found.name} for {channels}: write the file again "
-                f"with `bgmodel circuit show {found.name} --channels {found.channels} --save`"
+                f"{path.name} is for {circuit.channels} channels, but its rows, whose biases "
+                f"depend on that number, are those of {circuit.name} for {channels}: write the "
+                f"file again with `bgmodel circuit show {circuit.name} --channels "
+                f"{circuit.channels} --save`"
             )
             break
-    return replace(found, name=path.stem)
+    return replace(circuit, name=path.stem)

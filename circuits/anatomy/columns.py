@@ -18,7 +18,7 @@ def rows(kind: type[Row], *parts: tuple[str | tuple[Any, ...], ...]) -> tuple[Ro
     their columns, and begin with the columns that identify a row.
     """
     names = NAMES[kind]
-    found: dict[tuple[Any, ...], dict[str, Any]] = {}
+    by_key: dict[tuple[Any, ...], dict[str, Any]] = {}
     for number, (header, *lines) in enumerate(parts):
         columns = tuple(str(header).split())
         if columns[: len(names)] != names:
@@ -27,7 +27,7 @@ def rows(kind: type[Row], *parts: tuple[str | tuple[Any, ...], ...]) -> tuple[Ro
             if len(line) != len(columns):
                 raise ValueError(f"{line[0]}: {len(columns)} columns, got {len(line)} values")
             key = tuple(line[: len(names)])
-            if number and key not in found:
+            if number and key not in by_key:
                 raise ValueError(f"{header!r} has a row {'->'.join(key)}, the first part does not")
-            found.setdefault(key, {}).update(zip(columns, line, strict=True))
-    return tuple(kind(**row) for row in found.values())
+            by_key.setdefault(key, {}).update(zip(columns, line, strict=True))
+    return tuple(kind(**row) for row in by_key.values())

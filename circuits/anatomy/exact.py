@@ -86,9 +86,9 @@ def appendix_b(
 def _check_weights(w_gpe_stn: float, w_gpe_snr: float, w_d2_gpe: float, w_d1_snr: float) -> None:
     """Raise ValueError unless the weights cancel Sigma, as they must in the exact family."""
     if min(w_gpe_stn, w_gpe_snr, w_d2_gpe) < 0 or not math.isclose(w_gpe_stn + w_gpe_snr, 1.0):
-        given = f"{w_gpe_stn} + {w_gpe_snr}, w_d2_gpe {w_d2_gpe}"
-        said = f"w_gpe_stn + w_gpe_snr must be 1 with no weight negative, got {given}"
-        raise InputError(said, "w_gpe_stn")
+        weights = f"{w_gpe_stn} + {w_gpe_snr}, w_d2_gpe {w_d2_gpe}"
+        message = f"w_gpe_stn + w_gpe_snr must be 1 with no weight negative, got {weights}"
+        raise InputError(message, "w_gpe_stn")
     must = f"must be 1 + w_d2_gpe = {1 + w_d2_gpe}"
     require(math.isclose(w_d1_snr, 1 + w_d2_gpe), "w_d1_snr", must, w_d1_snr)
 

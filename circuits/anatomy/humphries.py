@@ -137,7 +137,7 @@ def humphries(channels: int = 2, *, dopamine: float = 0.3) -> Circuit:
     slow_msn, slow_stn, slow_gpe, slow_snr = (
         to.excited(NMDA_PSP_MV, NMDA_MS) for to in (msn, stn, gpe, snr)
     )
-    n, own, all_n = channels, 0.25, 0.25 / channels
+    n, within, all_n = channels, 0.25, 0.25 / channels
     tonic, of_ctx = TONIC_HZ / SALIENCE_HZ, SALIENCE_HZ / HZ
     # fmt: off
     populations = rows(Population, (
@@ -161,21 +161,21 @@ def humphries(channels: int = 2, *, dopamine: float = 0.3) -> Circuit:
     projections = rows(Projection, (
         "source      target      weight                    pattern    delay_ms probability cite",
         ("ctx",      "ctx_NMDA", of_ctx,                   "channel", 0.0,     1,          SLOW),
-        ("ctx",      "D1",       of_ctx * d1 * fast_msn,   "channel", 10,      own,        AMPA),
-        ("ctx",      "D2",       of_ctx * d2 * fast_msn,   "channel", 10,      own,        AMPA),
-        ("ctx",      "STN",      of_ctx * stn_ * fast_stn, "channel", 2.5,     own,        AMPA),
+        ("ctx",      "D1",       of_ctx * d1 * fast_msn,   "channel", 10,      within,     AMPA),
+        ("ctx",      "D2",       of_ctx * d2 * fast_msn,   "channel", 10,      within,     AMPA),
+        ("ctx",      "STN",      of_ctx * stn_ * fast_stn, "channel", 2.5,     within,     AMPA),
         ("ctx_NMDA", "D1",       d1 * slow_msn,            "channel", 10,      1,          NMDA),
         ("ctx_NMDA", "D2",       d2 * slow_msn,            "channel", 10,      1,          NMDA),
         ("ctx_NMDA", "STN",      stn_ * slow_stn,          "channel", 2.5,     1,          NMDA),
-        ("D1",       "SNr",      4 * snr.inhibited(1),     "channel", 4,       own,        DISTAL),
-        ("D2",       "GPe",      4 * half * d2_gpe,        "channel", 5,       own,        BOTH),
+        ("D1",       "SNr",      4 * snr.inhibited(1),     "channel", 4,       within,     DISTAL),
+        ("D2",       "GPe",      4 * half * d2_gpe,        "channel", 5,       within,     BOTH),
         ("STN",      "STN_NMDA", 1,                        "channel", 0.0,     1,          SLOW),
         ("STN",      "GPe",      half * fast_gpe / n,      "diffuse", 2,       all_n,      AMPA),
         ("STN",      "SNr",      fast_snr / n,             "diffuse", 1.5,     all_n,      AMPA),
         ("STN_NMDA", "GPe",      half * slow_gpe / n,      "diffuse", 2,       1,          NMDA),
         ("STN_NMDA", "SNr",      slow_snr / n,             "diffuse", 1.5,     1,          NMDA),
-        ("GPe",      "STN",      half * gpe_stn,           "channel", 4,       own,        BOTH),
-        ("GPe",      "SNr",      snr.inhibited(0),         "channel", 3,       own,        CLAMP),
+        ("GPe",      "STN",      half * gpe_stn,           "channel", 4,       within,     BOTH),
+        ("GPe",      "SNr",      snr.inhibited(0),         "channel", 3,       within,     CLAMP),
         ("GPe",      "GPe",      gpe.inhibited(0) / n,     "diffuse", 1,       all_n,      CLAMP),
         ("SNr",      "SNr",      snr.inhibited(0) / n,     "diffuse", 1,       all_n,      CLAMP),
     ), (

@@ -46,7 +46,7 @@ TO_SLOW = "input from STN, gain, time assumed"
 TO_CTX = "GPe to frontal cortex, Saunders et al. 2015, mouse; delay assumed"
 
 
-def macaque(channels: int = 2) -> Circuit:
+def macaque(channels: int = 2, *, name: str = "macaque") -> Circuit:
     """Return the circuit driven by raw evidence, which cancels input common to all channels.
 
     The cortex of each channel receives that channel's evidence. Input common to all channels moves
@@ -73,7 +73,7 @@ def macaque(channels: int = 2) -> Circuit:
     Some resting rates lie outside those published for the macaque (Lienard & Girard 2014: MSN 0-1,
     STN 15-23, GPe 56-75, GPi and SNr 59-80 Hz): MSN at 3 and 5 Hz, because silent ones cannot
     follow a fall; STN at 44 / N and SNr at 20 + 36 ln N Hz, which depend on the number of
-    alternatives as -ln P does. Tuned on separate seeds.
+    alternatives as -ln P does. Tuned on separate seeds. ``macaque_tuned`` has the animal's rates.
     """
     check_channels(channels)
     log_n = log(channels)
@@ -142,7 +142,7 @@ def macaque(channels: int = 2) -> Circuit:
     ))
     # fmt: on
     return Circuit(
-        name="macaque",
+        name=name,
         populations=populations,
         projections=projections,
         channels=channels,

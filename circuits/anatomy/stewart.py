@@ -36,7 +36,7 @@ def stewart(channels: int = 2, *, dopamine: float = 0.2) -> Circuit:
     check_channels(channels)
     check_range(0, 1, dopamine=dopamine)
     cell = Phase(0.0)
-    given = f"no synapse, {CODE}"
+    from_code = f"no synapse, {CODE}"
     d1, d2 = 1 + dopamine, 1 - dopamine
     # fmt: off
     populations = rows(Population, (
@@ -50,9 +50,9 @@ def stewart(channels: int = 2, *, dopamine: float = 0.2) -> Circuit:
     ))
     projections = rows(Projection, (
         "source target weight pattern    tau_ms   cite",
-        ("ctx", "D1",  d1,    "channel", 0.0,     given),
-        ("ctx", "D2",  d2,    "channel", 0.0,     given),
-        ("ctx", "STN", 1,     "channel", 0.0,     given),
+        ("ctx", "D1",  d1,    "channel", 0.0,     from_code),
+        ("ctx", "D2",  d2,    "channel", 0.0,     from_code),
+        ("ctx", "STN", 1,     "channel", 0.0,     from_code),
         ("D1",  "SNr", -1,    "channel", GABA_MS, GABA_A),
         ("D2",  "GPe", -1,    "channel", GABA_MS, GABA_A),
         ("STN", "GPe", 0.9,   "diffuse", AMPA_MS, AMPA),

@@ -1,4 +1,4 @@
-"""Motifs: nuclei with their pathways, added to a circuit under one name."""
+"""Motifs: rows that are added to a circuit under one name: nuclei with pathways, or courses."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
 from circuits.cells import Phase
+from circuits.declaration.courses import Course
 from circuits.declaration.rows import GABA, Population, Projection
 from circuits.declaration.table import CircuitTable
 
-Row = Population | Projection
+Row = Population | Projection | Course
 Given = TypeVar("Given")
 
 LIENARD = "Lienard & Girard 2014"
@@ -52,7 +53,39 @@ def striatal_fsi(circuit: CircuitTable) -> tuple[Row, ...]:
     return (cells, *pathways)
 
 
-MOTIFS: dict[str, Callable[[CircuitTable], tuple[Row, ...]]] = {"striatal_FSI": striatal_fsi}
+FELL = (
+    "the criterion of monkeys falls by a factor e within 0.5 s, that of people within 1 to 3 s "
+    "(fits of a falling gap); size assumed"
+)
+ONSET = "cortex responds to the onset of a stimulus, whatever its direction; size and times assumed"
+
+
+def urgency(circuit: CircuitTable) -> tuple[Row, ...]:
+    """Return a fall of OUT in all channels by 0.5 nats, with a time constant of 1 s.
+
+    A falling criterion is the optimal policy where trials differ in difficulty (Drugowitsch et al.
+    2012). With two alternatives the fall exceeds what separates a posterior of 0.8 from chance, so
+    that in the end any lead decides. The circuit's unit must be nats.
+    """
+    circuit.check_nats("urgency, a course in nats,")
+    return (Course(circuit.readout, -0.5, rise_ms=1000.0, cite=FELL),)
+
+
+def onset_transient(circuit: CircuitTable) -> tuple[Row, ...]:
+    """Return a burst of 1.2 nats in the input of every channel at the onset of the evidence.
+
+    Being common to all channels, it moves no -ln P. The circuit's unit must be nats.
+    """
+    circuit.check_nats("onset_transient, a course in nats,")
+    burst = Course(circuit.input, 1.2, to_ms=120.0, rise_ms=20.0, decay_ms=120.0, cite=ONSET)
+    return (burst,)
+
+
+MOTIFS: dict[str, Callable[[CircuitTable], tuple[Row, ...]]] = {
+    "striatal_FSI": striatal_fsi,
+    "urgency": urgency,
+    "onset_transient": onset_transient,
+}
 """All motifs by name; each takes the circuit that it is added to."""
 
 

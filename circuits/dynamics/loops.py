@@ -25,7 +25,7 @@ def amplifying(wiring: Wiring, x: Array) -> tuple[list[str], float]:
     slope = wiring.units_slope(wiring.deliver @ wiring.rates(x) + wiring.constant)
     direct = (wiring.weight * slope) @ (wiring.deliver * wiring.rates_slope(x))
     loops = [([names[i] for i in loop], gain) for loop, gain in _loops(wiring, direct)]
-    return max(loops, key=lambda found: found[1], default=([], 0.0))
+    return max(loops, key=lambda pair: pair[1], default=([], 0.0))
 
 
 def said(wiring: Wiring, x: Array) -> str:

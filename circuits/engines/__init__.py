@@ -84,6 +84,6 @@ def run(
     must = "must be a Circuit, as from circuits.anatomy.load_circuit"
     require(isinstance(circuit, CircuitTable), "circuit", must, circuit)
     chosen = engine_of(engine, **options)
-    found = chosen.run(circuit, drive, step_ms=step_ms, seed=seed, first_trial=first_trial)
+    activity = chosen.run(circuit, drive, step_ms=step_ms, seed=seed, first_trial=first_trial)
     warn_of_late(circuit.courses, np.shape(drive)[1] * step_ms)
-    return found
+    return activity

@@ -58,5 +58,5 @@ def edges(dtype: np.dtype, matrix: np.ndarray) -> tuple[Any, Any]:
     """Return the first nonzero entry of each row, by number, and the entries as records."""
     rows, columns = np.nonzero(matrix)
     starts = np.searchsorted(rows, np.arange(len(matrix) + 1))
-    found = records(dtype, len(rows), index=columns, weight=matrix[rows, columns])
-    return starts, found
+    entries = records(dtype, len(rows), index=columns, weight=matrix[rows, columns])
+    return starts, entries

@@ -233,11 +233,11 @@ class SpikingEngine(TimedEngine):
 
     def __post_init__(self) -> None:
         """Accept any collection of names of populations, or one name."""
-        given = (self.spikes,) if isinstance(self.spikes, str) else self.spikes
-        names = given if isinstance(given, Collection) else (None,)
+        spikes = (self.spikes,) if isinstance(self.spikes, str) else self.spikes
+        names = spikes if isinstance(spikes, Collection) else (None,)
         if not all(isinstance(name, str) for name in names):
-            raise InputError.of("spikes", "must be names of populations, such as ('STN',)", given)
-        object.__setattr__(self, "spikes", tuple(given))
+            raise InputError.of("spikes", "must be names of populations, such as ('STN',)", spikes)
+        object.__setattr__(self, "spikes", tuple(spikes))
         super().__post_init__()
 
     @property
@@ -276,8 +276,8 @@ class CompiledEngine(TimedEngine):
     def __post_init__(self) -> None:
         """Also check the number of threads and the level."""
         super().__post_init__()
-        whole = is_whole(self.workers) and self.workers >= 1
-        require(whole, "workers", "must be a whole number >= 1", self.workers)
+        allowed = is_whole(self.workers) and self.workers >= 1
+        require(allowed, "workers", "must be a whole number >= 1", self.workers)
         require(self.drop_below == self.drop_below, "drop_below", "must be a number", math.nan)
 
     def tuned(self, **options: Any) -> Self:

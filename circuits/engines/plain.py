@@ -49,9 +49,9 @@ def run(
     courses = timed(scheme.wiring, clock)
     late, every = clock.settle_ticks, clock.sample_ticks
     rates, outputs, spikes = [], [], []
-    for t, given in enumerate(drive):
+    for t, readings in enumerate(drive):
         trial = _Trial(scheme, clock, courses, seed, first_trial + t)
-        ticks = (trial.tick(k, given) for k in range(clock.ticks))
+        ticks = (trial.tick(k, readings) for k in range(clock.ticks))
         fired = [[now[b] for b in kept] for now in ticks]
         sampled = trial.rates[late:].reshape(clock.samples, every, -1)
         rates.append(sampled.mean(axis=1))
@@ -128,8 +128,10 @@ class _Trial:
         # 3. cells
         fired: Fired = {}
         for b, cells in self.cells.items():
-            own = sum((path.tick(k, self.fired, factors) for path in self.own[b]), np.float64(0.0))
-            fired[b] = cells.tick(k, nats[b] + own)
+            sparse_nats = sum(
+                (path.tick(k, self.fired, factors) for path in self.own[b]), np.float64(0.0)
+            )
+            fired[b] = cells.tick(k, nats[b] + sparse_nats)
             self.rates[k, b] = fired[b].sum() * cells.spike_hz
         self.fired.append(fired)
         if k >= self.longest:
@@ -166,14 +168,14 @@ class _Cells:
         ones = noise.counts_at(self.counts, k)
         fired, *state = self.step(heard, ones, *self.state, *self.constants)
         self.state = tuple(self._each(value) for value in state)
-        given: Truths = self._each(fired)
-        return given
+        per_cell: Truths = self._each(fired)
+        return per_cell
 
     def _each(self, value: Any) -> Any:
         """Return a value of all cells, or of each, as an array over cells."""
         # numpy.broadcast_to takes longer than most uses of the values.
-        whole = np.shape(value) == (self.neurons,)
-        return value if whole else np.broadcast_to(value, self.neurons)
+        per_cell = np.shape(value) == (self.neurons,)
+        return value if per_cell else np.broadcast_to(value, self.neurons)
 
     def _expected(self, nats: Any) -> Array:
         """Filter the input; return the expected spikes in a tick, of all cells or of each."""
@@ -214,14 +216,14 @@ class _OwnInputs:
 def _own_inputs(scheme: Scheme) -> tuple[dict[int, list[_OwnInputs]], Array]:
     """Return each block's sparse pathways, and the remaining weights, for whole blocks."""
     w, circuit = scheme.wiring, scheme.wiring.circuit
-    own: dict[int, list[_OwnInputs]] = {b: [] for b in range(w.blocks)}
+    inputs: dict[int, list[_OwnInputs]] = {b: [] for b in range(w.blocks)}
     weight = w.weight.copy()
     for i, p in enumerate(circuit.projections):
         if circuit.is_sparse(p):
             weight[:, w.path == i] = 0
             for channel, b in enumerate(w.blocks_of(p.target)):
-                own[int(b)].append(_OwnInputs(scheme, i, channel))
-    return own, weight
+                inputs[int(b)].append(_OwnInputs(scheme, i, channel))
+    return inputs, weight
 
 
 def _listed(blocks: list[int], fired: list[list[Truths]]) -> Index:

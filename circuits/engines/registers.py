@@ -87,7 +87,7 @@ def instruction(result, *kinds):
     def made(emit):
         @intrinsic
         @wraps(emit)
-        def typed(typing, *given):
+        def typed(typing, *operands):
             return result(*kinds), lambda _, builder, __, values: emit(builder, *values)
 
         return typed
@@ -103,8 +103,8 @@ def elementwise(emit):
 
     @intrinsic
     @wraps(emit)
-    def typed(typing, *given):
-        return given[0](*given), lambda _, builder, __, values: emit(builder, *values)
+    def typed(typing, *operands):
+        return operands[0](*operands), lambda _, builder, __, values: emit(builder, *values)
 
     return typed
 
@@ -218,8 +218,8 @@ def marked(typing, marks, place, t):
         kind = ir.VectorType(ir.IntType(8), WIDTH)
         pointer = _pointer(context, builder, signature.args[0], marks, place, kind)
         bit = builder.shl(ir.Constant(ir.IntType(8), 1), builder.trunc(t, ir.IntType(8)))
-        found = builder.and_(builder.load(pointer, align=1), _spread(builder, bit, WIDTH))
-        return builder.icmp_unsigned("!=", found, ir.Constant(kind, [0] * WIDTH))
+        selected = builder.and_(builder.load(pointer, align=1), _spread(builder, bit, WIDTH))
+        return builder.icmp_unsigned("!=", selected, ir.Constant(kind, [0] * WIDTH))
 
     return TRUTHS(marks, types.uint64, types.int64), build
 
@@ -304,16 +304,16 @@ def interpolated(typing, at, within, points):
     def build(context, builder, signature, arguments):
         at, within, points = arguments
         kind, width = at.type, at.type.count
-        whole = builder.fptosi(within, ir.VectorType(_I32, width))
+        below = builder.fptosi(within, ir.VectorType(_I32, width))
         data = context.make_array(signature.args[2])(context, builder, points).data
         ends = [ir.Constant(kind, ir.Undefined)] * 2
         for lane in map(_I32, range(width)):
-            index = builder.zext(builder.extract_element(whole, lane), _I64)
+            index = builder.zext(builder.extract_element(below, lane), _I64)
             for ahead in (0, 1):
                 point = builder.gep(data, [builder.add(index, _I64(ahead))])
                 value = builder.load(point, align=4)
                 ends[ahead] = builder.insert_element(ends[ahead], value, lane)
-        share = builder.fsub(at, builder.sitofp(whole, kind))
+        share = builder.fsub(at, builder.sitofp(below, kind))
         rise = builder.fsub(ends[1], ends[0])
         return _named(builder, f"llvm.fma.v{width}f32", share, rise, ends[0])
 
@@ -348,15 +348,15 @@ def _transpose(builder, rows, pointer):
 
 
 @intrinsic
-def look_up_rows(typing, table, places, found):
-    """Write a row of a flat table for each lane, and each number of it to a row of ``found``.
+def look_up_rows(typing, table, places, numbers):
+    """Write a row of a flat table for each lane, and each number of it to a row of ``numbers``.
 
     Rows have as many numbers as there are lanes; ``places`` is where each lane's row begins.
-    ``found`` holds the first number of every lane, then the second, and so on.
+    ``numbers`` holds the first number of every lane, then the second, and so on.
     """
 
     def build(context, builder, signature, arguments):
-        table, places, found = arguments
+        table, places, numbers = arguments
         at = context.make_array(signature.args[1])(context, builder, places).data
         target, kind = signature.args[2], FLOATS_OF_TRIALS.vector
         rows = []
@@ -364,26 +364,26 @@ def look_up_rows(typing, table, places, found):
             place = builder.load(builder.gep(at, [_I64(lane)]))
             pointer = _pointer(context, builder, signature.args[0], table, place, kind)
             rows.append(builder.load(pointer, align=4))
-        _transpose(builder, rows, partial(_pointer, context, builder, target, found))
+        _transpose(builder, rows, partial(_pointer, context, builder, target, numbers))
 
-    return types.void(table, places, found), build
+    return types.void(table, places, numbers), build
 
 
 @intrinsic
-def transpose(typing, values, place, found):
+def transpose(typing, values, place, columns):
     """Exchange rows and columns of a square of numbers, one row after the other from a place on."""
 
     def build(context, builder, signature, arguments):
-        values, place, found = arguments
+        values, place, columns = arguments
         kind, rows = FLOATS_OF_TRIALS.vector, []
         for lane in range(TRIALS):
             row = builder.add(place, _I64(lane * TRIALS))
             pointer = _pointer(context, builder, signature.args[0], values, row, kind)
             rows.append(builder.load(pointer, align=4))
         target = signature.args[2]
-        _transpose(builder, rows, partial(_pointer, context, builder, target, found))
+        _transpose(builder, rows, partial(_pointer, context, builder, target, columns))
 
-    return types.void(values, types.int64, found), build
+    return types.void(values, types.int64, columns), build
 
 
 @intrinsic

@@ -36,17 +36,17 @@ def register(kind: E) -> E:
     return kind
 
 
-def engine_of(given: Engine | str, **options: object) -> Engine:
+def engine_of(engine: Engine | str, **options: object) -> Engine:
     """Return an engine from its id or from a record, with options (its fields) changed."""
-    if not isinstance(given, Engine):
-        known = isinstance(given, str) and given in ENGINES
-        require(known, "engine", f"must be one of {', '.join(ENGINES)}", given)
-        given = ENGINES[given]()
-    names = [f.name for f in fields(given)]
+    if not isinstance(engine, Engine):
+        known = isinstance(engine, str) and engine in ENGINES
+        require(known, "engine", f"must be one of {', '.join(ENGINES)}", engine)
+        engine = ENGINES[engine]()
+    names = [f.name for f in fields(engine)]
     for name in options:
         if name not in names:
-            raise InputError(f"the {given.id} engine takes no {name!r}: {', '.join(names)}", name)
-    return replace(given, **options) if options else given
+            raise InputError(f"the {engine.id} engine takes no {name!r}: {', '.join(names)}", name)
+    return replace(engine, **options) if options else engine
 
 
 class EngineOrName:

@@ -39,8 +39,8 @@ class Stream:
         """Hold a drive (channels,), nats, for one step; return OUT (samples, channels) in it."""
         if self.steps == self.clock.steps:
             raise InputError(f"this trial has had all its {self.steps} readings", "reading")
-        given = checked_drive(self.circuit, np.asarray(reading)[None, None])[0, 0]
-        self.drive[self.steps] = given
+        drive = checked_drive(self.circuit, np.asarray(reading)[None, None])[0, 0]
+        self.drive[self.steps] = drive
         ends = [self.clock.settle_ticks + k * self.clock.step_ticks for k in (0, 1)]
         first, last = (end + self.steps * self.clock.step_ticks for end in ends)
         self._onward(first if self.steps else 0, last)

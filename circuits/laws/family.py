@@ -56,7 +56,7 @@ OFFSET = "offset"
 
 
 class Constraint(NamedTuple):
-    """One constraint, what it asks, and by how much a circuit fails it."""
+    """One constraint, its requirement, and by how much a circuit fails it."""
 
     name: str
     must: str
@@ -93,8 +93,8 @@ class Reduced:
     @property
     def unlike(self) -> float:
         """The largest difference between channels, per nat or nats."""
-        own = self.direct[:, None, None] * np.eye(self.evidence.shape[1])
-        apart = np.abs(self.evidence - own - self.across[:, None, None]).max()
+        within = self.direct[:, None, None] * np.eye(self.evidence.shape[1])
+        apart = np.abs(self.evidence - within - self.across[:, None, None]).max()
         return float(max(apart, np.ptp(self.terms, axis=1).max()))
 
 
@@ -144,22 +144,22 @@ def reduced(circuit: CircuitTable) -> Reduced:
 
 
 def _terms(p: Projection, delivered: Array, tone: float, stn: str) -> tuple[float, float, float]:
-    """Return the coefficients of Sigma, ln Sigma and 1 in what one pathway's synapses sum."""
+    """Return the coefficients of Sigma, ln Sigma and 1 in the sum of one pathway's synapses."""
     if p.source != stn:
         must = f"must be linear, as only the sum over {stn} may be bent"
         require(p.transfer == "linear", "transfer", must, p.transfer, owner=p.name)
         return 0.0, 0.0, tone
     if np.ptp(delivered) > TOLERANCE:
-        said = f"{p.name} must transmit the sum over {stn}, with all channels alike"
-        raise InputError(said, "pattern")
+        problem = f"{p.name} must transmit the sum over {stn}, with all channels alike"
+        raise InputError(problem, "pattern")
     share = float(delivered[0])
     if p.transfer == "linear":
         return share, 0.0, tone
     must = f"must be linear or {BENT}"
     require(p.transfer == BENT, "transfer", must, p.transfer, owner=p.name)
     if share <= 0 or abs(tone) > TOLERANCE:
-        said = f"{p.name} must transmit a multiple of the sum over {stn}, it transmits {share:g}"
-        raise InputError(f"{said} of it and a constant {tone:.3g}", "intact")
+        problem = f"{p.name} must transmit a multiple of the sum over {stn}, it transmits {share:g}"
+        raise InputError(f"{problem} of it and a constant {tone:.3g}", "intact")
     return share, -1.0, -float(np.log(share))
 
 
@@ -176,7 +176,7 @@ def constraints(circuit: CircuitTable) -> tuple[Constraint, ...]:
     stn, out = parts.stn, circuit.readout
     (p, d), (sigma, log, offset) = parts.direct, parts.terms.sum(axis=0).mean(axis=0)
     common = f"evidence common to all channels must cancel in {stn} and {out}"
-    found = (
+    misses = (
         ("exponent", f"evidence must reach {stn} with a weight of 1 in all", p * parts.gain - 1),
         ("direct", f"evidence must reach {out} with a weight of -1 in all", d * parts.gain + 1),
         ("sum", f"the sum over {stn} must cancel in {stn} and {out}", sigma),
@@ -185,7 +185,7 @@ def constraints(circuit: CircuitTable) -> tuple[Constraint, ...]:
         ("alike", "all channels must have the same weights", parts.unlike),
         (OFFSET, f"{out} must rest at -ln P, nats", offset),
     )
-    return tuple(Constraint(name, must, float(value)) for name, must, value in found)
+    return tuple(Constraint(name, must, float(value)) for name, must, value in misses)
 
 
 def failures(circuit: CircuitTable) -> list[str]:

@@ -41,7 +41,7 @@ class Linear(NamedTuple):
     into: Complex  # transfer from a block's own noise, Hz, to each input, nats/Hz
     out: Complex  # transfer from a block's own noise, Hz, to each rate, Hz/Hz
     bend: Array  # (trials, F, blocks) Hz/nat^2: change of the mean rate per unit of input variance
-    own: Array  # (trials, F, blocks) Hz^2/Hz: two-sided power of the blocks' own noise
+    noise: Array  # (trials, F, blocks) Hz^2/Hz: two-sided power of the noise of each block
     det: Complex  # (trials, F): ``det(1 - L)``, L the loop gain
 
 
@@ -62,7 +62,7 @@ def linear(
     """
     _check(wiring)
     frequency = np.asarray(frequency_hz, dtype=np.float64)
-    gain, bend, own = _cells(wiring, x, frequency)
+    gain, bend, noise = _cells(wiring, x, frequency)
     turn = 2j * np.pi * frequency[:, None] / 1000
     block = 1 / (1 + turn * wiring.column("tau_ms"))
     slope = wiring.units_slope(_activity(wiring, x, extra_hz))[:, None, None]
@@ -72,7 +72,7 @@ def linear(
     loops = one - heard * gain[:, :, None, :]
     into: Complex = np.linalg.solve(loops, heard).astype(np.complex128)
     out: Complex = one + gain[..., None] * into
-    return Linear(into, out, bend, own, np.linalg.det(loops).astype(np.complex128))
+    return Linear(into, out, bend, noise, np.linalg.det(loops).astype(np.complex128))
 
 
 def swept(wiring: Wiring, x: Array, extra_hz: Array | float = 0.0) -> tuple[Array, Linear]:
@@ -80,9 +80,9 @@ def swept(wiring: Wiring, x: Array, extra_hz: Array | float = 0.0) -> tuple[Arra
 
     The arguments are those of ``linear``; states must be stable.
     """
-    frequency, found = FREQUENCIES_HZ, linear(wiring, x, FREQUENCIES_HZ, extra_hz)
+    frequency, transfers = FREQUENCIES_HZ, linear(wiring, x, FREQUENCIES_HZ, extra_hz)
     for _ in range(MOST_HALVINGS):
-        moved = np.abs(np.log(found.det[:, 1:] / found.det[:, :-1])).max(axis=0) > MOST_TURN
+        moved = np.abs(np.log(transfers.det[:, 1:] / transfers.det[:, :-1])).max(axis=0) > MOST_TURN
         # Identical channels turn together, perhaps by a whole turn between two frequencies.
         moved[1:-1] |= moved[:-2] | moved[2:]
         if not moved.any():
@@ -92,10 +92,12 @@ def swept(wiring: Wiring, x: Array, extra_hz: Array | float = 0.0) -> tuple[Arra
         frequency = np.append(frequency, between)
         order = np.argsort(frequency)
         frequency = frequency[order]
-        both = (np.concatenate(pair, axis=1)[:, order] for pair in zip(found, more, strict=True))
-        found = Linear(*both)
-    _check_stable(wiring, found.det)
-    return frequency, found
+        both = (
+            np.concatenate(pair, axis=1)[:, order] for pair in zip(transfers, more, strict=True)
+        )
+        transfers = Linear(*both)
+    _check_stable(wiring, transfers.det)
+    return frequency, transfers
 
 
 def extra(wiring: Wiring, x: Array) -> Extra:
@@ -104,16 +106,16 @@ def extra(wiring: Wiring, x: Array) -> Extra:
     Raises ValueError as ``swept``, and if noise meets a kink: a line that saturates, or a pathway
     with its threshold, right at the state.
     """
-    frequency, found = swept(wiring, x)
-    power = np.einsum("tfbc,tfc->tfb", np.abs(found.into) ** 2, found.own)
+    frequency, transfers = swept(wiring, x)
+    power = np.einsum("tfbc,tfc->tfb", np.abs(transfers.into) ** 2, transfers.noise)
     activity = _activity(wiring, x)
     bent = np.array([p.transfer != "linear" for p in wiring.projections], bool)
     reach = wiring.synapse(frequency)[:, bent, None] * wiring.deliver[bent]
-    arriving = np.einsum("tfuc,tfc->tfu", np.abs(reach @ found.out) ** 2, found.own)
+    arriving = np.einsum("tfuc,tfc->tfu", np.abs(reach @ transfers.out) ** 2, transfers.noise)
     # Two-sided: negative frequencies contribute as much.
     blocks, units = (2 * np.trapezoid(part, frequency, axis=1) for part in (power, arriving))
     _check_kinks(wiring, x, activity, np.sqrt(blocks), bent, np.sqrt(units))
-    rates = 2 * np.trapezoid(found.bend * power, frequency, axis=1)
+    rates = 2 * np.trapezoid(transfers.bend * power, frequency, axis=1)
     lifted = wiring.units_curvature(activity)[:, bent] / 2 * units
     return Extra(np.asarray(rates), np.asarray(lifted @ wiring.weight[:, bent].T))
 
@@ -126,19 +128,19 @@ def _activity(wiring: Wiring, x: Array, extra_hz: Array | float = 0.0) -> Array:
 def _cells(wiring: Wiring, x: Array, frequency_hz: Array) -> tuple[Complex, Array, Array]:
     """Return the blocks' gain (Hz/nat), bend and own noise, each (trials, F, blocks)."""
     shape = (len(x), len(frequency_hz), wiring.blocks)
-    gain, bend, own = np.empty(shape, np.complex128), np.empty(shape), np.empty(shape)
+    gain, bend, noise = np.empty(shape, np.complex128), np.empty(shape), np.empty(shape)
     laws = [law(x) for law in (wiring.rates, wiring.rates_slope, wiring.rates_curvature)]
     for row in wiring.circuit.populations:
         blocks = wiring.blocks_of(row.name)
         line = Line(*(law[:, blocks].ravel() for law in laws))
         states = x[:, blocks].ravel()
-        found = mean_response(row.cell, row.heterogeneity, states, line, frequency_hz)
-        for kept, values in zip((gain, bend, own), found, strict=True):
+        response = mean_response(row.cell, row.heterogeneity, states, line, frequency_hz)
+        for kept, values in zip((gain, bend, noise), response, strict=True):
             wide = np.broadcast_to(values, (len(x) * len(blocks), len(frequency_hz)))
             kept[..., blocks] = wide.reshape(len(x), len(blocks), -1).swapaxes(1, 2)
         # A lesion reduces the output delivered, not the cells that are simulated.
-        own[..., blocks] /= row.neurons
-    return gain, bend, own
+        noise[..., blocks] /= row.neurons
+    return gain, bend, noise
 
 
 def _check_stable(wiring: Wiring, det: Complex) -> None:
@@ -146,8 +148,8 @@ def _check_stable(wiring: Wiring, det: Complex) -> None:
     turned = np.unwrap(np.angle(det), axis=1)
     # Each unstable root turns it by half a turn; an integrator's pole at 0 by a quarter.
     if (np.abs(turned[:, -1] - turned[:, 0]) > 0.75 * np.pi).any():
-        said = f"the fixed point of {wiring.circuit.name} is unstable: the circuit oscillates"
-        raise ValueError(f"{said}, and the finite-size theory does not apply")
+        problem = f"the fixed point of {wiring.circuit.name} is unstable: the circuit oscillates"
+        raise ValueError(f"{problem}, and the finite-size theory does not apply")
 
 
 def _check_kinks(
@@ -162,9 +164,9 @@ def _check_kinks(
     at = _jumps(wiring.units_slope, activity)[:, bent] & (units > KINK_NATS)
     names += [wiring.projection(u).name for u in np.flatnonzero(bent)[at.any(axis=0)]]
     if names:
-        said = f"{names[0]} of {wiring.circuit.name} is right at a kink"
+        problem = f"{names[0]} of {wiring.circuit.name} is right at a kink"
         jumps = "where its slope jumps: the finite-size theory does not apply there"
-        raise ValueError(f"{said}, {jumps}")
+        raise ValueError(f"{problem}, {jumps}")
 
 
 def _jumps(slope: Callable[[Array], Array], at: Array) -> npt.NDArray[np.bool_]:
@@ -176,5 +178,5 @@ def _jumps(slope: Callable[[Array], Array], at: Array) -> npt.NDArray[np.bool_]:
 def _check(wiring: Wiring) -> None:
     for p in wiring.circuit.projections:
         if wiring.circuit.is_sparse(p):
-            said = "the finite-size theory needs all-to-all connections"
-            raise ValueError(f"{said}: {p.name} connects {p.probability:.0%}")
+            problem = "the finite-size theory needs all-to-all connections"
+            raise ValueError(f"{problem}: {p.name} connects {p.probability:.0%}")

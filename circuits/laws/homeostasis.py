@@ -72,14 +72,14 @@ def balanced_factor(circuit: CircuitTable, source: str = "STN") -> float:
     both = np.array([-STEP_NATS, STEP_NATS])[:, None] * np.ones(circuit.channels)
     units = wiring.rates(solve(wiring, both)) @ wiring.deliver.T + wiring.constant
     blocks = wiring.blocks_of(circuit.readout)
-    own = np.array([u for u, p in enumerate(wiring.projections) if p in rows])
-    whole = float(np.diff(wiring.inputs(units)[:, blocks].mean(axis=1))[0])
-    carried = np.dot(units[:, own], wiring.weight[np.ix_(blocks, own)].T)
+    of_rows = np.array([u for u, p in enumerate(wiring.projections) if p in rows])
+    total = float(np.diff(wiring.inputs(units)[:, blocks].mean(axis=1))[0])
+    carried = np.dot(units[:, of_rows], wiring.weight[np.ix_(blocks, of_rows)].T)
     part = float(np.diff(carried.mean(axis=1))[0])
     if abs(part) < SAME_NATS:
-        said = f"{row.name} does not transmit common input, so the rule has nothing to balance"
-        raise InputError(said, "source")
-    return 1 - whole / part
+        message = f"{row.name} does not transmit common input, so the rule has nothing to balance"
+        raise InputError(message, "source")
+    return 1 - total / part
 
 
 def biases(
@@ -94,17 +94,17 @@ def biases(
     """
     goal = _goal(circuit, reference, rebound_nats)
     wiring = goal.wiring
-    found = {}
+    biases = {}
     now = wiring.inputs(wiring.deliver @ goal.rates_hz + wiring.constant)
     change = goal.needed(now) - now
     for row in circuit.populations:
-        own = change[wiring.blocks_of(row.name)]
-        if np.ptp(own) > ALIKE_NATS:
-            said = f"{row.name} has one bias but a different resting input in each channel"
+        of_row = change[wiring.blocks_of(row.name)]
+        if np.ptp(of_row) > ALIKE_NATS:
+            problem = f"{row.name} has one bias but a different resting input in each channel"
             rule = "there is no closed form (circuits.laws.homeostasis.recovery runs the rule)"
-            raise ValueError(f"{said}: {rule}")
-        found[row.name] = row.bias_nats + float(own.mean())
-    return found
+            raise ValueError(f"{problem}: {rule}")
+        biases[row.name] = row.bias_nats + float(of_row.mean())
+    return biases
 
 
 def recovery(
@@ -183,20 +183,20 @@ class _Goal:
         It is the present input if that gives the rate, and on a flat part of the line the end next
         to the rest of the line.
         """
-        wiring, found = self.wiring, now.copy()
+        wiring, inputs = self.wiring, now.copy()
         off = np.abs(wiring.rates(now) - self.rates_hz) / wiring.gain_hz_per_nat
         for b in np.flatnonzero(off > SAME_NATS):
             row = wiring.row(b)
             activity = (self.rates_hz[b] - row.baseline_hz) / row.gain_hz_per_nat
             inverse = transfer.named(row.transfer).inverse
-            found[b] = self.before_nats[b] if inverse is None else inverse(np.array([activity]))[0]
-        off = np.abs(wiring.rates(found) - self.rates_hz) / wiring.gain_hz_per_nat
+            inputs[b] = self.before_nats[b] if inverse is None else inverse(np.array([activity]))[0]
+        off = np.abs(wiring.rates(inputs) - self.rates_hz) / wiring.gain_hz_per_nat
         if (wrong := np.flatnonzero(~(off < ALIKE_NATS))).size:
             row = wiring.row(wrong[0])
-            said = f"{row.name} cannot rest at {self.rates_hz[wrong[0]]:.3g} Hz"
+            problem = f"{row.name} cannot rest at {self.rates_hz[wrong[0]]:.3g} Hz"
             known = f"no input to its transfer {row.transfer!r} is known to give this rate"
-            raise ValueError(f"{said}: {known}")
-        return found
+            raise ValueError(f"{problem}: {known}")
+        return inputs
 
     def with_held(self, held: Truths) -> Array:
         """Return the rates (blocks,), Hz, at which the others settle while some are fixed."""
@@ -213,39 +213,39 @@ class _Goal:
     def mean_over_channels(self) -> Array:
         """The matrix (populations, blocks) that averages over the channels of each population."""
         rows = np.arange(len(self.wiring.circuit.populations))
-        own = (self.wiring.owner == rows[:, None]).astype(np.float64)
-        return np.asarray(own / own.sum(axis=1, keepdims=True))
+        members = (self.wiring.owner == rows[:, None]).astype(np.float64)
+        return np.asarray(members / members.sum(axis=1, keepdims=True))
 
     def factors(self, speed: Mapping[str, float]) -> Array:
         """Return W of each population: total afferent weight in the reference, at least 1."""
         wiring = self.before
         each = np.abs(wiring.weight) @ (np.abs(wiring.deliver) * wiring.gain_hz_per_nat)
         total = each.sum(axis=1)
-        found = {row.name: 0.0 for row in self.wiring.circuit.populations}
+        factors = {row.name: 0.0 for row in self.wiring.circuit.populations}
         for row in wiring.circuit.populations:
-            if row.name in found:
-                found[row.name] = max(1.0, total[wiring.blocks_of(row.name)].mean())
+            if row.name in factors:
+                factors[row.name] = max(1.0, total[wiring.blocks_of(row.name)].mean())
         for name, value in speed.items():
             self.wiring.circuit.population(name)
             check_range(0, np.inf, owner=name, speed=value)
-            found[name] = value
-        return np.array(list(found.values()))
+            factors[name] = value
+        return np.array(list(factors.values()))
 
 
 def _goal(
     circuit: CircuitTable, reference: CircuitTable | None, rebound_nats: Mapping[str, float] | None
 ) -> _Goal:
-    whole = _reference(circuit, reference)
-    before, wiring = wired(whole), wire(circuit)
+    original = _reference(circuit, reference)
+    before, wiring = wired(original), wire(circuit)
     x = rest(before)
     hz, rates = before.rates(x), wiring.rates(wiring.bias)
     inputs = np.full(wiring.blocks, np.nan)
     line = ("transfer", "baseline_hz", "gain_hz_per_nat", "cell")
-    known = {row.name for row in whole.populations}
+    known = {row.name for row in original.populations}
     for row in circuit.populations:
         if row.name not in known:
             continue
-        old, blocks = whole.population(row.name), wiring.blocks_of(row.name)
+        old, blocks = original.population(row.name), wiring.blocks_of(row.name)
         rates[blocks] = hz[before.blocks_of(row.name)]
         if all(getattr(row, name) == getattr(old, name) for name in line):
             inputs[blocks] = x[before.blocks_of(row.name)]
@@ -254,8 +254,8 @@ def _goal(
     for name, nats in (rebound_nats or {}).items():
         blocks = wiring.blocks_of(name)
         if name not in known:
-            said = f"{name} is new: without an old rate it can't rebound above it"
-            raise InputError(said, "rebound_nats")
+            message = f"{name} is new: without an old rate it can't rebound above it"
+            raise InputError(message, "rebound_nats")
         check_finite(owner=name, rebound_nats=nats)
         rates[blocks] += nats * wiring.gain_hz_per_nat[blocks]
         inputs[blocks] = np.nan if nats else inputs[blocks]
@@ -285,6 +285,6 @@ def _reference(circuit: CircuitTable, reference: CircuitTable | None) -> Circuit
     require(same, "reference", must, reference.channels)
     for row in circuit.populations:
         if row.pooled != getattr(reference.get(row.name, row), "pooled", row.pooled):
-            said = f"{row.name} is pooled in only one of circuit and reference"
-            raise InputError(said, "reference")
+            message = f"{row.name} is pooled in only one of circuit and reference"
+            raise InputError(message, "reference")
     return reference

@@ -39,8 +39,8 @@ def settled(
     are added to rates and inputs.
     """
     outside, extra = wiring.drive(drive) + extra_nats, np.broadcast_to(extra_hz, start.shape)
-    given = zip(outside, extra, start, strict=True)
-    return np.array([_settled(wiring, *each) for each in given]).reshape(start.shape)
+    trials = zip(outside, extra, start, strict=True)
+    return np.array([_settled(wiring, *each) for each in trials]).reshape(start.shape)
 
 
 def _settled(wiring: Wiring, outside: Array, extra_hz: Array, start: Array) -> Array:
@@ -59,6 +59,6 @@ def _settled(wiring: Wiring, outside: Array, extra_hz: Array, start: Array) -> A
 
     solution = root(residual, start, jac=jacobian, tol=TOLERANCE)
     if not solution.success:
-        said = "no fixed point was found with the cells' own f-I curves"
-        raise ValueError(f"{wiring.circuit.name}: {said}")
+        problem = "no fixed point was found with the cells' own f-I curves"
+        raise ValueError(f"{wiring.circuit.name}: {problem}")
     return np.asarray(solution.x)

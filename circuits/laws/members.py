@@ -51,21 +51,21 @@ def directions(circuit: CircuitTable) -> list[Direction]:
     """
     wiring = wired(circuit.steady)
     stn = wiring.blocks_of(reduced(circuit).stn)
-    found = [Direction(SIGMA0, float(np.exp(rest(wiring)[stn]).sum()), "nats of activity")]
+    directions = [Direction(SIGMA0, float(np.exp(rest(wiring)[stn]).sum()), "nats of activity")]
     bound = {p for pair in dependent(circuit).values() for p in circuit.pathways(*pair)}
     rows: tuple[Population | Projection, ...] = (*circuit.populations, *circuit.projections)
     for row in rows:
         names = [name for name in FREE if hasattr(row, name)]
-        found += [
+        directions += [
             Direction(f"{row.name}.{name}", float(getattr(row, name)), FREE[name])
             for name in names
             if name != "weight" or row not in bound
         ]
-    return found
+    return directions
 
 
 def loop(circuit: CircuitTable) -> dict[str, float]:
-    """Return what a member's free weights amount to in the loop of STN and GPe.
+    """Return the properties of the loop of STN and GPe that follow from a member's free weights.
 
     The loop gain is ``w v (Sigma0 - 1)`` at rest, the loop share is the part ``w v`` of the bent
     sum that returns to STN, and the indirect share is the part ``w omega`` of the evidence that
@@ -97,10 +97,10 @@ def dependent(circuit: CircuitTable) -> dict[str, tuple[str, str]]:
         if source == cortex and (name, out) in pairs and name not in (stn, *bent)
     ]
     if not bent or not direct:
-        said = (
+        problem = (
             f"{circuit.name}: a member needs a pathway from {stn} of transfer {BENT}, and a nucleus"
         )
-        raise InputError(f"{said} that {cortex} excites and that inhibits {out}", "pathway")
+        raise InputError(f"{problem} that {cortex} excites and that inhibits {out}", "pathway")
     log = (bent[0], out) if (bent[0], out) in pairs else (stn, bent[0])
     return {"log": log, "exponent": (cortex, stn), "direct": (cortex, direct[0]), "sum": (stn, out)}
 
@@ -136,18 +136,18 @@ def moved(circuit: Table, to: Mapping[str, float]) -> Table:
         )
         require(name in known, "to", f"must name free directions, such as {near}", name)
         check_finite(owner=name, to=value)
-    found = circuit
+    member = circuit
     for name in to.keys() - {SIGMA0}:
-        found = found.set(name, float(to[name]))
+        member = member.set(name, float(to[name]))
     if any(name == SIGMA0 or name.endswith(".weight") for name in to):
         for name, pair in dependent(circuit).items():
-            found = _meeting(found, name, *pair)
-        found = _resting(found, circuit, to.get(SIGMA0, known[SIGMA0]))
-        if fails := failures(found):
+            member = _meeting(member, name, *pair)
+        member = _resting(member, circuit, to.get(SIGMA0, known[SIGMA0]))
+        if fails := failures(member):
             raise InputError(f"{circuit.name} can't move there: {fails[0]}", "to")
     gauge = all(name.rpartition(".")[2] in OF_GAUGE for name in to)
     lead = circuit.max_lead_nats if gauge else math.inf  # not measured there
-    return replace(found, exact=circuit.exact, unedited=circuit.unedited, max_lead_nats=lead)
+    return replace(member, exact=circuit.exact, unedited=circuit.unedited, max_lead_nats=lead)
 
 
 def _meeting(circuit: Table, name: str, source: str, target: str) -> Table:
@@ -162,8 +162,8 @@ def _meeting(circuit: Table, name: str, source: str, target: str) -> Table:
         return circuit
     factor = 1 - now / (twice - now) if twice != now else -1.0
     if factor < 0:
-        said = f"no weight of {source}->{target} of its sign meets the constraint {name!r}"
-        raise InputError(f"{circuit.name}: {said}, which is off by {now:+.3g}", "weight")
+        problem = f"no weight of {source}->{target} of its sign meets the constraint {name!r}"
+        raise InputError(f"{circuit.name}: {problem}, which is off by {now:+.3g}", "weight")
     return circuit.scale(source, target, factor)
 
 
@@ -188,6 +188,6 @@ def _resting(circuit: Table, reference: Table, sigma0: float) -> Table:
 
 
 def _at(wiring: Wiring, p: Projection, units: Array) -> float:
-    """Return what a pathway adds to its target's input, before its weight."""
+    """Return the input that a pathway adds to its target, before its weight."""
     here = [u for u, row in enumerate(wiring.projections) if row.name == p.name]
     return float(transfer.named(p.transfer)(units[here]).mean())

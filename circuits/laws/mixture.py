@@ -37,8 +37,8 @@ def mean_response(
     cell: Cell, heterogeneity: float, x: Array, line: Line, frequency_hz: Array
 ) -> Response:
     """Return the mean response at inputs x (S,) on a line, at frequencies (F,)."""
-    found = [
+    responses = [
         each.response(x, Line(*(factor * part for part in line)), frequency_hz)
         for each, factor in differing(cell, heterogeneity)
     ]
-    return Response(*(np.mean(part, axis=0) for part in zip(*found, strict=True)))
+    return Response(*(np.mean(part, axis=0) for part in zip(*responses, strict=True)))

@@ -30,8 +30,8 @@ def off_nats(circuit: CircuitTable, competitors: int | None = None) -> tuple[flo
     drive = np.full((STEPS, circuit.channels), -BEHIND_NATS)
     drive[:, 0] = 0.0
     drive[:, 1 : count + 1] = (np.log(np.expm1(want)) - np.log(count))[:, None]
-    found = _out(circuit, _entering(circuit, drive))[:, 0] - want
-    return float(found.min()), float(found.max())
+    off = _out(circuit, _entering(circuit, drive))[:, 0] - want
+    return float(off.min()), float(off.max())
 
 
 def _entering(circuit: CircuitTable, drive: Array) -> Array:

@@ -38,10 +38,10 @@ def rate_spectrum(
     wiring = wired(circuit)
     x, extra_hz = _state(wiring, drive)
     swept(wiring, x, extra_hz)  # raises if there is no spectrum
-    found = linear(wiring, x, frequency, extra_hz)
-    out, own = found.out[0], found.own[0]
+    fluctuations = linear(wiring, x, frequency, extra_hz)
+    out, noise = fluctuations.out[0], fluctuations.noise[0]
     mean = out[:, wiring.blocks_of(name)].mean(axis=1)
-    return np.asarray(2 * (np.abs(mean) ** 2 * own).sum(axis=1))
+    return np.asarray(2 * (np.abs(mean) ** 2 * noise).sum(axis=1))
 
 
 def out_variance(
@@ -53,10 +53,10 @@ def out_variance(
     ``rate_spectrum``.
     """
     wiring = wired(circuit)
-    frequency, found = swept(wiring, *_state(wiring, drive))
-    out, own = found.out[0], found.own[0]
+    frequency, fluctuations = swept(wiring, *_state(wiring, drive))
+    out, noise = fluctuations.out[0], fluctuations.noise[0]
     read = wiring.blocks_of(circuit.readout)
-    power = np.abs(out[:, read]) ** 2 * own[:, None] / wiring.gain_hz_per_nat[read][:, None] ** 2
+    power = np.abs(out[:, read]) ** 2 * noise[:, None] / wiring.gain_hz_per_nat[read][:, None] ** 2
     turn = 2 * np.pi * frequency * circuit.readout_tau_ms / 1000
     seen = np.sinc(frequency * mean_ms / 1000) ** 2 / (1 + turn**2)
     # Two-sided: negative frequencies contribute as much.
@@ -77,9 +77,9 @@ def count_ratio(circuit: CircuitTable, name: str) -> float:
     wiring = wired(circuit)
     blocks = wiring.blocks_of(name)
     x = solve(wiring, held_drive(wiring, None))
-    own = linear(wiring, x, FREQUENCIES_HZ[:1]).own[0, 0, blocks].mean()
+    noise = linear(wiring, x, FREQUENCIES_HZ[:1]).noise[0, 0, blocks].mean()
     rate = wiring.rates(x)[0, blocks].mean()
-    return float(own * circuit.population(name).neurons / rate)
+    return float(noise * circuit.population(name).neurons / rate)
 
 
 def _state(wiring: Wiring, drive: npt.ArrayLike | None) -> tuple[Array, Array]:

@@ -44,8 +44,8 @@ def growth(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> complex
     circuit without loops, in which it decays with the filters. Delays and time constants are used
     exactly, not in ticks. The drive (channels,), nats, is by default rest.
     """
-    found = roots(circuit, drive)
-    return complex(found[0]) if len(found) else complex(-math.inf)
+    eigenvalues = roots(circuit, drive)
+    return complex(eigenvalues[0]) if len(eigenvalues) else complex(-math.inf)
 
 
 def roots(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> Complex:
@@ -56,8 +56,8 @@ def roots(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> Complex:
     wiring = wired(circuit)
     x = _held(wiring, drive)[0]
     loops = [_roots(wiring, x, blocks) for blocks, loop in parts(wiring) if loop]
-    found = np.concatenate([np.zeros(0, np.complex128), *loops])
-    return np.asarray(found[np.argsort(-found.real, kind="stable")])
+    eigenvalues = np.concatenate([np.zeros(0, np.complex128), *loops])
+    return np.asarray(eigenvalues[np.argsort(-eigenvalues.real, kind="stable")])
 
 
 def is_stable(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> bool:

@@ -1,7 +1,7 @@
 """Held-out spikes and choices under models of recorded cells, and under descriptive regressions.
 
 Everything is summed over five folds of trials, the same for all. Spikes of a trial are given its
-clicks and choice, and the recent rate of their own cell. A regression has no noise of the sum: the
+clicks and choice, and the recent rate of the same cell. A regression has no noise of the sum: the
 course of a cell (PSTH), its recent rate, and the sum of clicks or the choice over time.
 """
 
@@ -271,7 +271,7 @@ def controls(folder: str, seed: int) -> pd.DataFrame:
 
 
 def chosen_elsewhere(folder: str, seed: int) -> pd.DataFrame:
-    """Return what spikes tell about choices, held out, if choices are those of other trials.
+    """Return the held-out information of spikes about choices that are exchanged between trials.
 
     One row per session, nats. The model is fitted to the shuffled choices.
     """

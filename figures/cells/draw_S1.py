@@ -55,10 +55,10 @@ def draw(
     axes[1].invert_yaxis()
     axes[1].set(xlabel="held-out nats")
     letter(axes[1], "b  models")
-    found = read_table(gains)
-    order = where(found, spikes="recorded").sort_values("gain")["cell"].tolist()
+    by_cell = read_table(gains)
+    order = where(by_cell, spikes="recorded").sort_values("gain")["cell"].tolist()
     for name, (color, marker) in LOOKS.items():
-        rows = where(found, spikes=name).set_index("cell").loc[order]
+        rows = where(by_cell, spikes=name).set_index("cell").loc[order]
         axes[2].errorbar(
             np.arange(len(rows)), rows["gain"], 2 * rows["error"], color=color, fmt=marker, ms=2.5,
             lw=0.7, label=name,

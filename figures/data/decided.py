@@ -46,13 +46,13 @@ def decided_by_circuit(
     # It is run on new evidence: its stored trials, whose number matters to fits, are not used.
     model = fitted_circuit(NONE, TRIALS, DEADLINE_S)
     threshold = np.array([values["threshold_nats"]])
-    found = simulated(
+    crossings = simulated(
         replace(model, seed=seed).run((), float(threshold[0])), threshold, seconds=DEADLINE_S,
         trials=each, seed=seed, drifts=values["sensitivity"] * np.array(strengths),
     )  # fmt: skip
     # Evidence of positive drift speaks for channel 0, which is response 1 here.
-    choice = np.where(found.choice[0] < 0, -1, 1 - found.choice[0])
-    return (found.bins[0] + rng.random(len(choice))) * BIN_S, choice
+    choice = np.where(crossings.choice[0] < 0, -1, 1 - crossings.choice[0])
+    return (crossings.bins[0] + rng.random(len(choice))) * BIN_S, choice
 
 
 def responses(

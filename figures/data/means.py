@@ -64,17 +64,17 @@ def fit_means(design: Design) -> MeansFit:
     def cost(logs: Array) -> float:
         sensitivity, bound, t0 = np.exp(logs)
         drift = sensitivity * design.strength
-        said = np.clip(passage.accuracy(drift, bound), 1e-12, 1 - 1e-12)
+        p_correct = np.clip(passage.accuracy(drift, bound), 1e-12, 1 - 1e-12)
         off = (passage.mean_time_s(drift, bound) + t0 - mean) / error
         speaks = design.strength > 0  # without evidence no response is correct
-        choices = right * np.log(said) + (trials - right) * np.log1p(-said)
+        choices = right * np.log(p_correct) + (trials - right) * np.log1p(-p_correct)
         return float((off**2).sum() / 2 - choices[speaks].sum())
 
-    found = minimize(
+    minimum = minimize(
         cost, np.log([10.0, 0.7, 0.3]), method="Nelder-Mead",
         options={"xatol": 1e-7, "fatol": 1e-7, "maxiter": 5000},
     )  # fmt: skip
-    sensitivity, bound, t0 = (float(value) for value in np.exp(found.x))
+    sensitivity, bound, t0 = (float(value) for value in np.exp(minimum.x))
     drift = sensitivity * design.strength
     return MeansFit(
         bound,

@@ -1,4 +1,4 @@
-"""What additions to the sequential test are worth, in monkeys and people, and how it misses errors.
+"""Gains of additions to the sequential test in monkeys and people, and the misfit of errors.
 
 A bias, starts and drifts that vary across trials, and gaps that fall in three shapes are added to
 the test with a constant gap, alone and together. Every model is fitted to the same trials.
@@ -59,14 +59,14 @@ FAST = (CONSTANT, "start", "variable drift")
 """Models of the coarse form."""
 
 
-def fitted(design: Design, added: Addition, found: Mapping[str, Optimum]) -> Optimum:
+def fitted(design: Design, added: Addition, smaller: Mapping[str, Optimum]) -> Optimum:
     """Return the optimum of a model for one person's trials, given those of smaller models."""
     model = GapModel(GAPS[added.gap])
     default = [each.name for each in model.parameters if each.free]
     likelihood = likelihood_of(model, design, free=[*default, *added.free])
     if not added.within:
         return optimum(likelihood)
-    begun = BEGUN | found[added.within].values
+    begun = BEGUN | smaller[added.within].values
     names = zip(likelihood.freedom.names, likelihood.freedom.start, strict=True)
     return optimum(likelihood, starts=[np.array([begun.get(name, at) for name, at in names])])
 
@@ -78,10 +78,10 @@ def missed(cells: pd.DataFrame) -> dict[str, float]:
 
 
 def person(data: str, who: str, names: tuple[str, ...]) -> pd.DataFrame:
-    """Return the fits to one person: what each addition is worth, and cells."""
+    """Return the fits to one person: the gain of each addition, and cells."""
     choices = read_trials(data, strength="coherence", participant=who)
     made: dict[str, Optimum] = {}
-    found = []
+    parts = []
     with warnings.catch_warnings():
         # A bias that most models lack is what is measured here.
         warnings.simplefilter("ignore")
@@ -97,14 +97,14 @@ def person(data: str, who: str, names: tuple[str, ...]) -> pd.DataFrame:
             "log_likelihood": best.log_likelihood, "gain_nats": gain,
             "bic_nats": gain - more * np.log(choices.trials) / 2,
         }  # fmt: skip
-        found.append(pd.DataFrame([row | missed(cells) | best.values]))
+        parts.append(pd.DataFrame([row | missed(cells) | best.values]))
         if name in SHOWN:
-            found.append(cells.assign(model=name, kind="cells"))
-    return pd.concat(found, ignore_index=True).assign(data=data, participant=who)
+            parts.append(cells.assign(model=name, kind="cells"))
+    return pd.concat(parts, ignore_index=True).assign(data=data, participant=who)
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Go through what the score is made of; threads are not used."""
+    """Yield the pieces of the score; threads are not used."""
     names = FAST if fast else tuple(MODELS)
     for data in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005"):
         choices = read_trials(data, strength="coherence")
@@ -115,13 +115,13 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
     """Return the tables that pages read."""
-    people, found = made["people"], {}
+    people, by_name = made["people"], {}
     for kind in ("worth", "cells"):
         rows = people[people["kind"] == kind].drop(columns="kind")
         who = ["data", "participant", "model"]
         rest = [name for name in rows if name not in who and rows[name].notna().any()]
-        found[kind] = ("people", rows[[*who, *rest]])
-    return found
+        by_name[kind] = ("people", rows[[*who, *rest]])
+    return by_name
 
 
 SCORE = Score("additions", OPTIMUM_SEED, (), pieces, tables, circuit="")

@@ -67,20 +67,20 @@ def person(data: str, who: str, trials: int) -> pd.DataFrame:
     """Return the fits to one person: parameters, cells, and predictions of left-out trials."""
     choices = read_trials(data, strength="coherence", participant=who)
     design = design_of(choices)
-    found = [_means(design).assign(model="closed form", kind="cells")]
+    parts = [_means(design).assign(model="closed form", kind="cells")]
     left_out = {}
     for name, model in models(trials, 3.0).items():
         likelihood = likelihood_of(model, design)
         made = fit_likelihood(likelihood)
         left_out[name] = predicted(likelihood, start=made.optimum.vector)
-        found.append(made.parameters().assign(model=name, kind="parameters"))
-        found.append(made.cells().assign(model=name, kind="cells"))
+        parts.append(made.parameters().assign(model=name, kind="parameters"))
+        parts.append(made.cells().assign(model=name, kind="cells"))
         better = better_by(left_out[name], left_out["constant gap"])
         row = {"model": name, "kind": "predicted", **difference(better)}
         row["log_likelihood"] = made.optimum.log_likelihood
         row["log_likelihood_simulation_error"] = made.simulation.log_likelihood
-        found.append(pd.DataFrame([row]))
-    return pd.concat(found, ignore_index=True).assign(data=data, participant=who)
+        parts.append(pd.DataFrame([row]))
+    return pd.concat(parts, ignore_index=True).assign(data=data, participant=who)
 
 
 def difference(better: Better) -> dict[str, float]:
@@ -93,20 +93,20 @@ def difference(better: Better) -> dict[str, float]:
 
 def _means(design: Design) -> pd.DataFrame:
     """Return the cells of Palmer's fit to accuracy and mean times, its numbers in each row."""
-    found = fit_means(design)
+    fit = fit_means(design)
     seen = design.observed
     rt = [seen.rt_s[seen.cell == cell] for cell in range(design.cells)]
     columns = {
         "strength": design.strength, "trials": design.trials,
         "mean_s": [each.mean() for each in rt], "sd_s": [each.std() for each in rt],
-        "model_mean_s": found.mean_s, "model_sd_s": found.sd_s, "model_accuracy": found.accuracy,
-        "bound": found.bound, "sensitivity": found.sensitivity, "t0_s": found.t0_s,
+        "model_mean_s": fit.mean_s, "model_sd_s": fit.sd_s, "model_accuracy": fit.accuracy,
+        "bound": fit.bound, "sensitivity": fit.sensitivity, "t0_s": fit.t0_s,
     }  # fmt: skip
     return pd.DataFrame(columns)
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Go through what the score is made of."""
+    """Yield the pieces of the score."""
     trials = COARSE_TRIALS if fast else TRIALS
     for data in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005"):
         choices = read_trials(data, strength="coherence")
@@ -118,17 +118,17 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
     """Return the tables that pages and figures read."""
     people = made["people"]
-    found: dict[str, tuple[str, pd.DataFrame]] = {}
+    by_name: dict[str, tuple[str, pd.DataFrame]] = {}
     who = ["data", "participant", "model"]
     for kind, columns in (
         ("parameters", ["parameter", "value", "standard_error", "simulation_error", "at_bound"]),
         ("predicted", PREDICTED),
     ):
-        found[kind] = ("people", people.loc[people["kind"] == kind, [*who, *columns]])
+        by_name[kind] = ("people", people.loc[people["kind"] == kind, [*who, *columns]])
     cells = people[people["kind"] == "cells"]
     empty = [name for name in cells if cells[name].isna().all()]
-    found["cells"] = ("people", cells.drop(columns=[*empty, "kind"]))
-    return found
+    by_name["cells"] = ("people", cells.drop(columns=[*empty, "kind"]))
+    return by_name
 
 
 SCORE = Score("fits", SIMULATION_SEED, (2,), pieces, tables, circuit=DEFAULT)

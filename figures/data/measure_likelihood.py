@@ -46,9 +46,9 @@ def model_of(trials: int, seed: int) -> CircuitModel:
 def density(crossings: FirstPassageTimes, point: dict[str, float], t0_sd_s: float) -> Array:
     """Return the simulated density of responses 0 and 1 at a point, (2, BINS), 1/s."""
     grid = Grid(BINS)
-    found = decided([(crossings, 1.0)], point["threshold"], [point["v"]], grid)
+    decisions = decided([(crossings, 1.0)], point["threshold"], [point["v"]], grid)
     shape = {"t0_s": np.array([point["t0"]]), "t0_sd_s": np.array([t0_sd_s])}
-    return responded(found, grid, **shape, lapse=np.zeros(1))[0]
+    return responded(decisions, grid, **shape, lapse=np.zeros(1))[0]
 
 
 def part(crossings: FirstPassageTimes, half: int) -> FirstPassageTimes:
@@ -79,7 +79,7 @@ def beside(network: LikelihoodNetwork, trials: int, seed: int = SCORING_SEED) ->
     t0_sd_s, rt, rows = network.about["t0_sd_s"], Grid(BINS).middles_s, []
     for point in points(network):
         both, first, second = (density(each, point, t0_sd_s) for each in (crossings, *halves))
-        found = np.stack([network.log_density(**point, rt=rt, response=r) for r in (-1, 1)])
+        logs = np.stack([network.log_density(**point, rt=rt, response=r) for r in (-1, 1)])
         within = (rt - point["t0"] < network.about["rt_after_t0_s"][1]) & (both > 0)
         share = np.where(within, both, 0.0) * BIN_S
         tiny = np.finfo(float).tiny
@@ -88,10 +88,10 @@ def beside(network: LikelihoodNetwork, trials: int, seed: int = SCORING_SEED) ->
             return float((share * np.abs(log_ratio)).sum() / share.sum())
 
         row = {
-            "error_nats": mean(found - np.log(np.maximum(both, tiny))),
+            "error_nats": mean(logs - np.log(np.maximum(both, tiny))),
             "noise_nats": mean(np.log(np.maximum(first, tiny) / np.maximum(second, tiny))) / 2,
-            "most_nats": float(np.abs(found - np.log(np.maximum(both, tiny)))[both > 0.01].max()),
-            "whole": float((np.exp(found) * within).sum() * BIN_S),
+            "most_nats": float(np.abs(logs - np.log(np.maximum(both, tiny)))[both > 0.01].max()),
+            "whole": float((np.exp(logs) * within).sum() * BIN_S),
             "simulated": float(share.sum()),
         }
         rows.append({**point, "accuracy": float(both[int(point["v"] > 0)].sum() * BIN_S), **row})

@@ -95,7 +95,7 @@ def kept_fit(name: str, every: Mapping[str, Likelihood], fast: bool, workers: in
         warnings.simplefilter("ignore", FitWarning)
         return fit_group(
             every, workers=workers, most_draws=COARSE_MOST if fast else MOST, kept=kept,
-            tell=lambda said: print(f"  {name}: {said}", flush=True),
+            tell=lambda text: print(f"  {name}: {text}", flush=True),
         )  # fmt: skip
 
 
@@ -116,12 +116,12 @@ def effects(by: str, terms: str, fast: bool, workers: int) -> pd.DataFrame:
         if not names:
             continue
         places, factors = [known.index(each) for each in names], np.array(list(names.values()))
-        own = fit.individual[..., places] @ factors
-        above = (own > 0).mean(axis=(0, 1))
+        of_patients = fit.individual[..., places] @ factors
+        above = (of_patients > 0).mean(axis=(0, 1))
         counts = {"people": int((above > 0.95).sum()), "people_below": int((above < 0.05).sum())}
         for of, draws in (
             ("group", fit.group[..., places] @ factors),
-            ("patients", own.mean(axis=2)),
+            ("patients", of_patients.mean(axis=2)),
         ):
             rows.append({"of": of, "effect": name, **middle(draws), **counts, **agreed(draws)})
     summary = (
@@ -151,9 +151,9 @@ def theta(fast: bool, workers: int) -> pd.DataFrame:
     rows = []
     for name, weights in THETA.items():
         places = [fit.parameters.index(f"bound[{each}]") for each in weights]
-        own = fit.individual[..., places].sum(axis=-1)
+        of_patients = fit.individual[..., places].sum(axis=-1)
         for of, draws in (
-            ("group", fit.group[..., places].sum(axis=-1)), ("patients", own.mean(axis=2)),
+            ("group", fit.group[..., places].sum(axis=-1)), ("patients", of_patients.mean(axis=2)),
         ):  # fmt: skip
             rows.append({"of": of, "effect": name, **middle(draws), **agreed(draws)})
     return pd.DataFrame(rows).assign(
@@ -182,9 +182,9 @@ def compared(fits: Mapping[str, GroupFit]) -> pd.DataFrame:
     """Return how well each model predicts trials left out (PSIS-LOO)."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FitWarning)
-        found = compare_fits(fits)
-    unreliable = {name: score.unreliable for name, score in found.scores.items()}
-    table = found.to_dataframe()
+        comparison = compare_fits(fits)
+    unreliable = {name: score.unreliable for name, score in comparison.scores.items()}
+    table = comparison.to_dataframe()
     return table.assign(unreliable=table["model"].map(unreliable)).drop(
         columns=["log_likelihood", "parameters", "bic"]
     )
@@ -192,8 +192,8 @@ def compared(fits: Mapping[str, GroupFit]) -> pd.DataFrame:
 
 def compared_terms(by: str, fast: bool, workers: int) -> pd.DataFrame:
     """Compare what the threshold depends on, from the kept chains."""
-    found = compared({terms: fitted(by, terms, fast, workers) for terms in TERMS})
-    return found.rename(columns={"model": "terms"}).assign(by=by)
+    table = compared({terms: fitted(by, terms, fast, workers) for terms in TERMS})
+    return table.rename(columns={"model": "terms"}).assign(by=by)
 
 
 def compared_models(fast: bool, workers: int) -> pd.DataFrame:

@@ -67,13 +67,13 @@ def data_set(by: str, names: list[str], number: int) -> tuple[Design, Array]:
     values = dict(zip(names, truth.tolist(), strict=True))
     each = SET_TRIALS // len(STRENGTHS)
     if by == "test":
-        found = decided_by_test(values, STRENGTHS, each, stream(SCORING_SEED, "test", number))
+        decisions = decided_by_test(values, STRENGTHS, each, stream(SCORING_SEED, "test", number))
     else:
         seed = int(stream(SCORING_SEED, "circuit", number).integers(2**31))
         rng = stream(SCORING_SEED, "within a bin", number)
-        found = decided_by_circuit(values, STRENGTHS, each, seed, rng)
+        decisions = decided_by_circuit(values, STRENGTHS, each, seed, rng)
     rng = stream(SCORING_SEED, "responses", by, number)
-    return responses(values, STRENGTHS, found, rng), truth
+    return responses(values, STRENGTHS, decisions, rng), truth
 
 
 def within_prior(likelihood: Likelihood) -> Likelihood:
@@ -128,8 +128,8 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
     """Return the tables that pages and figures read."""
-    found = made["recovery"]
-    return {"sets": ("recovery", found), "calibration": ("recovery", _calibration(found))}
+    sets = made["recovery"]
+    return {"sets": ("recovery", sets), "calibration": ("recovery", _calibration(sets))}
 
 
 def _calibration(recovery: pd.DataFrame) -> pd.DataFrame:

@@ -50,9 +50,9 @@ MOVES: dict[str, tuple[Mechanism, dict[str, str]]] = {
 """What stimulation of STN may move: edits of the circuit, and what differs with stimulation."""
 
 
-def patient(whole: Trials, who: str, trials: int) -> pd.DataFrame:
-    """Return what stimulation moves: predictions of left-out trials, and the four means."""
-    design = design_of(whole.where(whole.participant == who), STIMULATED)
+def patient(recorded: Trials, who: str, trials: int) -> pd.DataFrame:
+    """Return the effects of stimulation: predictions of left-out trials, and the four means."""
+    design = design_of(recorded.where(recorded.participant == who), STIMULATED)
     left_out: dict[str, Predicted] = {}
     rows = []
     for name, (mechanism, vary) in MOVES.items():
@@ -81,15 +81,15 @@ def stimulated(model: CircuitModel, design: Design, vary: Mapping[str, str]) -> 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Go through the patients."""
-    whole = read_trials("cavanagh_2011", conditions=STIMULATED)
-    for who in whole.people():
-        count = int((whole.participant == who).sum())
-        make = partial(patient, whole, who, COARSE_PATIENT_TRIALS if fast else PATIENT_TRIALS)
+    recorded = read_trials("cavanagh_2011", conditions=STIMULATED)
+    for who in recorded.people():
+        count = int((recorded.participant == who).sum())
+        make = partial(patient, recorded, who, COARSE_PATIENT_TRIALS if fast else PATIENT_TRIALS)
         yield Piece("patients", who, count, 400, make)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the fitted means of each patient, and what each move predicts over all of them."""
+    """Return the fitted means of each patient, and the predictions of each move for all."""
     cells = made["patients"]
     return {"cells": ("patients", cells), "moves": ("patients", _moves(cells))}
 

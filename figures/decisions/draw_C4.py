@@ -58,12 +58,12 @@ def neurons(settings: Settings, *, output: Path) -> None:
     for size in (one for one in SIZES if one <= settings.most_cells):
         table = load_circuit(DEFAULT).with_neurons_times(size)
         model = BasalGanglia(table, "ensemble", gain, settings.seed)
-        for name, found in decide_at_thresholds(
+        for name, swept in decide_at_thresholds(
             model, evidence, thresholds_about(test, HIGHEST)
         ).items():
             rng = stream(settings.seed, "bootstrap")
             measured = matched_measures(
-                test, found, rng=rng, truth=evidence.truth, accuracies=(AT,)
+                test, swept, rng=rng, truth=evidence.truth, accuracies=(AT,)
             )
             parts.append(measured.assign(model=name, size=size))
         steady = steady_out(table, [ODDS], seed=settings.seed, trials=60, mean_ms=int(SPAN_MS))
@@ -88,8 +88,8 @@ def wiring(settings: Settings, *, output: Path) -> None:
         "STN-SNr shuffled": shuffled_stn(table),
     }
     model = BasalGanglia(table, Population(settle_ms=BRIEF_MS), gain_of(table), settings.seed)
-    found = compare_edits(model, edited, evidence, seed=settings.seed, **AT_ACCURACY)
-    write_table(found, output, seed=settings.seed, settings=settings)
+    compared = compare_edits(model, edited, evidence, seed=settings.seed, **AT_ACCURACY)
+    write_table(compared, output, seed=settings.seed, settings=settings)
 
 
 def numbers(settings: Settings, *, output: Path) -> None:
@@ -104,9 +104,9 @@ def numbers(settings: Settings, *, output: Path) -> None:
     names = np.array(list(every))[np.argsort(moved)[::-1][: settings.varied]]
     edits = {name: every[name] for name in names}
     in_spikes = names[: settings.varied_in_spikes]
-    found = with_edits(table, edits, in_spikes, evidence, settings.seed, resamples=200)
-    found.insert(len(found.columns) - 1, "of", len(every))
-    write_table(found, output, seed=settings.seed, settings=settings)
+    compared = with_edits(table, edits, in_spikes, evidence, settings.seed, resamples=200)
+    compared.insert(len(compared.columns) - 1, "of", len(every))
+    write_table(compared, output, seed=settings.seed, settings=settings)
 
 
 def with_edits(
@@ -123,8 +123,8 @@ def with_edits(
         engine = kind(settle_ms=BRIEF_MS)
         model = BasalGanglia(table, engine, gain_of(table), seed)
         some = {name: edits[name] for name in names}
-        found = compare_edits(model, some, evidence, seed=seed, **AT_ACCURACY, **more)
-        parts.append(found.assign(engine=engine.id))
+        compared = compare_edits(model, some, evidence, seed=seed, **AT_ACCURACY, **more)
+        parts.append(compared.assign(engine=engine.id))
     return pd.concat(parts)
 
 

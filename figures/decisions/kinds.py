@@ -57,9 +57,9 @@ def kinds() -> Iterator[Kind]:
         yield Kind("real taps, edge 5 degrees", 2, 60, draw, 1.5)
 
 
-def read(source: Callable[[], Source | Folds], *given: Any, **named: Any) -> Evidence:
+def read(source: Callable[[], Source | Folds], *arguments: Any, **named: Any) -> Evidence:
     """Draw evidence from a source that is created on first use."""
-    return source().draw(*given, **named)
+    return source().draw(*arguments, **named)
 
 
 @cache

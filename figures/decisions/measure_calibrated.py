@@ -63,10 +63,10 @@ def tapped(
     evidence: str, alternatives: int, trials: int, seed: int
 ) -> tuple[Evidence, npt.NDArray[np.intp]]:
     """Draw trials of a kind of taps; return them with the number of each trial's fold."""
-    found = sources_of(evidence, alternatives)
+    source = sources_of(evidence, alternatives)
     rng = stream(seed, "taps", evidence, str(alternatives))
-    taps = found.draw(trials, TAPS, rng=rng)
-    return taps, np.arange(trials) % len(found.sources)
+    taps = source.draw(trials, TAPS, rng=rng)
+    return taps, np.arange(trials) % len(source.sources)
 
 
 def criteria(evidence: Evidence, groups: npt.NDArray[np.intp]) -> pd.DataFrame:
@@ -74,17 +74,17 @@ def criteria(evidence: Evidence, groups: npt.NDArray[np.intp]) -> pd.DataFrame:
 
     Intervals are over whole groups of taps.
     """
-    found = tradeoff(Msprt().run(evidence), evidence, -np.log(POSTERIORS))
+    decided = tradeoff(Msprt().run(evidence), evidence, -np.log(POSTERIORS))
     weights = resampled(evidence.trials, RESAMPLES, stream(SCORING_SEED, "bootstrap"), groups)
     rows = []
-    for k, level in enumerate(np.exp(-found.settings)):
-        row = {"criterion": level, "forced": found.forced[k].mean()}
-        right = found.choice[k] == evidence.truth
+    for k, level in enumerate(np.exp(-decided.settings)):
+        row = {"criterion": level, "forced": decided.forced[k].mean()}
+        right = decided.choice[k] == evidence.truth
         measures = {
             "accuracy": right,
-            "expected": found.posterior[k],
-            "taps": found.time_ms[k] / evidence.step_ms,
-            "excess": right - found.posterior[k],
+            "expected": decided.posterior[k],
+            "taps": decided.time_ms[k] / evidence.step_ms,
+            "excess": right - decided.posterior[k],
         }
         for name, values in measures.items():
             mean, low, high = interval(weights @ values / weights.sum(axis=1))
@@ -101,8 +101,8 @@ def kinds() -> list[str]:
 
 def scored(evidence: str, alternatives: int, trials: int) -> pd.DataFrame:
     """Return the criteria on a kind of taps."""
-    found = criteria(*tapped(evidence, alternatives, trials, SCORING_SEED))
-    return found.assign(evidence=evidence, alternatives=alternatives)
+    table = criteria(*tapped(evidence, alternatives, trials, SCORING_SEED))
+    return table.assign(evidence=evidence, alternatives=alternatives)
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
@@ -116,7 +116,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return the criteria unchanged."""
-    return {name: (name, found) for name, found in made.items()}
+    return {name: (name, table) for name, table in made.items()}
 
 
 SCORE = Score("calibrated", SCORING_SEED, (), pieces, tables)

@@ -51,23 +51,23 @@ HICK = (0.9, 0.95)
 def drawn(trials: int, alternatives: int, d_prime: float, seed: int = SCORING_SEED) -> Evidence:
     """Draw the Gaussian problem; likelihoods assume d' = 0.5 at any d'."""
     rng = stream(seed, "hick", str(alternatives), f"{d_prime:g}")
-    given = {"d_prime": d_prime, "t_max": READINGS, "step_ms": STEP_MS}
-    found = gaussian_evidence(trials, channels=alternatives, seed=rng, **given)
-    return replace(found, log_likelihood=found.log_likelihood * (D_PRIME / d_prime))
+    settings = {"d_prime": d_prime, "t_max": READINGS, "step_ms": STEP_MS}
+    evidence = gaussian_evidence(trials, channels=alternatives, seed=rng, **settings)
+    return replace(evidence, log_likelihood=evidence.log_likelihood * (D_PRIME / d_prime))
 
 
 def deciders(evidence: Evidence, spiking: int) -> dict[str, Tradeoff]:
     """Return decisions of the tests, of populations, and of spikes on the first trials."""
-    found = {MSPRT: tradeoff(Msprt().run(evidence), evidence)}
+    by_decider = {MSPRT: tradeoff(Msprt().run(evidence), evidence)}
     if evidence.hypotheses > most_alternatives():
-        return found
+        return by_decider
     gain = gain_of(load_circuit(DEFAULT, evidence.hypotheses))
-    found[MSPRT_AT_GAIN] = tradeoff(Msprt(gain).run(evidence), evidence)
+    by_decider[MSPRT_AT_GAIN] = tradeoff(Msprt(gain).run(evidence), evidence)
     for engine, trials in (("population", evidence.trials), ("ensemble", spiking)):
         if trials:
             model = model_of(evidence, engine)
-            found[engine] = swept(model, evidence[:trials], found[MSPRT_AT_GAIN])
-    return found
+            by_decider[engine] = swept(model, evidence[:trials], by_decider[MSPRT_AT_GAIN])
+    return by_decider
 
 
 def most_alternatives() -> int:
@@ -83,7 +83,7 @@ def model_of(evidence: Evidence, engine: str) -> BasalGanglia:
 
 
 def at_accuracies(
-    found: dict[str, Tradeoff], groups: npt.NDArray[np.intp] | None = None
+    by_decider: dict[str, Tradeoff], groups: npt.NDArray[np.intp] | None = None
 ) -> pd.DataFrame:
     """Return mean times at equal accuracies, and extra times over the MSPRT at the circuit's gain.
 
@@ -92,12 +92,12 @@ def at_accuracies(
     where the MSPRT is not run at a gain.
     """
     rows = []
-    for name, one in found.items():
+    for name, one in by_decider.items():
         of = None if groups is None else groups[: one.trials]
         weights = resampled(one.trials, RESAMPLES, stream(SCORING_SEED, "bootstrap"), of)
         late = one.forced.mean(axis=1) > MOST_FORCED
         time = time_at(ACCURACIES, curve(one.at(~late), weights))
-        test = found.get(MSPRT_AT_GAIN)
+        test = by_decider.get(MSPRT_AT_GAIN)
         longer = np.full_like(time, np.nan)
         if test is not None:
             longer = time - time_at(ACCURACIES, curve(first_trials(test, one.trials), weights))
@@ -111,16 +111,16 @@ def at_accuracies(
     return pd.DataFrame(rows)
 
 
-def first_trials(found: Tradeoff, trials: int) -> Tradeoff:
+def first_trials(decisions: Tradeoff, trials: int) -> Tradeoff:
     """Return the decisions of the first trials."""
     names = ("choice", "time_ms", "forced", "premature", "posterior")
-    return Tradeoff(found.settings, *(getattr(found, name)[:, :trials] for name in names))
+    return Tradeoff(decisions.settings, *(getattr(decisions, name)[:, :trials] for name in names))
 
 
 def gaussian(alternatives: int, trials: int, spiking: int) -> pd.DataFrame:
     """Return times at accuracies on the Gaussian problem."""
-    found = deciders(drawn(trials, alternatives, D_PRIME), spiking)
-    return at_accuracies(found).assign(evidence="Gaussian, d' 0.5", alternatives=alternatives)
+    by_decider = deciders(drawn(trials, alternatives, D_PRIME), spiking)
+    return at_accuracies(by_decider).assign(evidence="Gaussian, d' 0.5", alternatives=alternatives)
 
 
 # ---- taps
@@ -133,12 +133,12 @@ def tactile(evidence: str, alternatives: int, trials: int) -> pd.DataFrame:
     likelihoods of taps are fitted and need not be calibrated.
     """
     taps, groups = tapped(evidence, alternatives, trials, SCORING_SEED)
-    found = deciders(taps, 0)
+    by_decider = deciders(taps, 0)
     outside = replace(model_of(taps, "population"), centred=True)
-    found[CENTRED] = swept(outside, taps, found[MSPRT_AT_GAIN])
+    by_decider[CENTRED] = swept(outside, taps, by_decider[MSPRT_AT_GAIN])
     counted = {
         name: replace(one, posterior=(one.choice == taps.truth).astype(np.float64))
-        for name, one in found.items()
+        for name, one in by_decider.items()
     }
     return at_accuracies(counted, groups).assign(evidence=evidence, alternatives=alternatives)
 
@@ -166,14 +166,14 @@ def lines(times: pd.DataFrame) -> pd.DataFrame:
             if len(known) < 3:
                 continue
             x = np.log(known["alternatives"])
-            found, covariance = curve_fit(
+            coefficients, covariance = curve_fit(
                 lambda x, a, b: a + b * x, x, known[what], sigma=error, absolute_sigma=True
             )
-            off = (known[what] - found[0] - found[1] * x) / error
+            off = (known[what] - coefficients[0] - coefficients[1] * x) / error
             errors = np.sqrt(np.diag(covariance))
             row = {"decider": decider, "accuracy": accuracy, "of": what, "counts": len(known)}
-            row |= {"intercept_ms": found[0], "intercept_se": errors[0]}
-            row |= {"slope_ms": found[1], "slope_se": errors[1]}
+            row |= {"intercept_ms": coefficients[0], "intercept_se": errors[0]}
+            row |= {"slope_ms": coefficients[1], "slope_se": errors[1]}
             row |= {"pearson_r": np.corrcoef(x, known[what])[0, 1]}
             rows.append(row | {"chi2_p": chi2.sf((off**2).sum(), len(known) - 2)})
     return pd.DataFrame(rows)
@@ -197,8 +197,8 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return times, and lines over ln N."""
     return {
-        name: ("times", found)
-        for name, found in (("times", made["times"]), ("lines", lines(made["times"])))
+        name: ("times", table)
+        for name, table in (("times", made["times"]), ("lines", lines(made["times"])))
     }
 
 

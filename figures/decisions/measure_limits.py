@@ -68,7 +68,7 @@ def times(kind: Kind, trials: int, workers: int) -> pd.DataFrame:
     for case, engine, edited in cases(table):
         chosen = engine_of(engine).tuned(workers=workers)
         model = BasalGanglia(edited, chosen, gain_of(table), SCORING_SEED)
-        found = compare(
+        comparison = compare(
             model,
             drawn(kind, trials, 50.0),
             seed=SCORING_SEED,
@@ -76,7 +76,7 @@ def times(kind: Kind, trials: int, workers: int) -> pd.DataFrame:
             groups=groups_of(kind.name, trials),
             noise_ceiling=case == AS_IT_IS,
         ).table
-        parts.append(found.assign(case=case))
+        parts.append(comparison.assign(case=case))
     return pd.concat(parts, ignore_index=True).assign(evidence=kind.name)
 
 
@@ -90,12 +90,14 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return r of times in each case, the circuit's with itself, and what both make of it."""
-    found = made["times"]
-    found = found[(found["measure"] == "pearson_r") & (found["model"] == CIRCUIT)]
-    own = found[found["reference"] == MSPRT_AT_GAIN]
-    self = found[found["reference"] == OTHER_NOISE]
-    both = pd.concat([own.assign(measure=own["case"]), self.assign(measure="ceiling")])
+    """Return r of times in each case, that of the circuit with itself, and the attenuated r."""
+    rows = made["times"]
+    rows = rows[(rows["measure"] == "pearson_r") & (rows["model"] == CIRCUIT)]
+    against_test = rows[rows["reference"] == MSPRT_AT_GAIN]
+    self = rows[rows["reference"] == OTHER_NOISE]
+    both = pd.concat(
+        [against_test.assign(measure=against_test["case"]), self.assign(measure="ceiling")]
+    )
     times = wide(both, ["evidence", "accuracy"])
     times["attenuated"] = times["no_noise"] * times["ceiling"] ** 0.5
     return {"times": ("times", times)}

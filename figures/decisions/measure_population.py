@@ -52,8 +52,8 @@ ENGINES = {
 def evidence(channels: int, d_prime: float, trials: int) -> Evidence:
     """Draw the evidence of one condition."""
     rng = stream(SCORING_SEED, "population", str(channels), str(d_prime))
-    given = {"d_prime": d_prime, "t_max": READINGS[d_prime], "step_ms": STEP_MS}
-    return gaussian_evidence(trials, channels=channels, seed=rng, **given)
+    settings = {"d_prime": d_prime, "t_max": READINGS[d_prime], "step_ms": STEP_MS}
+    return gaussian_evidence(trials, channels=channels, seed=rng, **settings)
 
 
 def decided(table: Circuit, shown: Evidence, name: str, workers: int) -> Tradeoff:
@@ -65,39 +65,39 @@ def decided(table: Circuit, shown: Evidence, name: str, workers: int) -> Tradeof
     return decide_at_thresholds(model, shown, thresholds, decoder_tau_ms=None)[CIRCUIT]
 
 
-def _measures(found: Tradeoff, truth: npt.NDArray[Any], k: int) -> dict[str, float]:
-    times, right = found.time_ms[k], found.choice[k] == truth
+def _measures(swept: Tradeoff, truth: npt.NDArray[Any], k: int) -> dict[str, float]:
+    times, right = swept.time_ms[k], swept.choice[k] == truth
     quantiles = dict(zip(("q10", "q50", "q90"), np.quantile(times, (0.1, 0.5, 0.9)), strict=True))
     return {
         "accuracy": right.mean(),
-        "forced": found.forced[k].mean(),
+        "forced": swept.forced[k].mean(),
         "mean_ms": times.mean(),
         "sd_ms": times.std(),
         **quantiles,
     }
 
 
-def _beside(found: Tradeoff, other: Tradeoff, k: int) -> dict[str, float]:
+def _beside(swept: Tradeoff, other: Tradeoff, k: int) -> dict[str, float]:
     return {
-        "ks": float(ks_2samp(found.time_ms[k], other.time_ms[k]).statistic),
-        "r": float(np.corrcoef(found.time_ms[k], other.time_ms[k])[0, 1]),
-        "same_choice": float((found.choice[k] == other.choice[k]).mean()),
+        "ks": float(ks_2samp(swept.time_ms[k], other.time_ms[k]).statistic),
+        "r": float(np.corrcoef(swept.time_ms[k], other.time_ms[k])[0, 1]),
+        "same_choice": float((swept.choice[k] == other.choice[k]).mean()),
     }
 
 
 def decisions(channels: int, d_prime: float, trials: int, workers: int) -> pd.DataFrame:
-    """Return accuracy and times of each engine, and how far each lies from spikes."""
+    """Return accuracy and times of each engine, and its difference from spikes."""
     rows, shown = [], evidence(channels, d_prime, trials)
     assert shown.truth is not None
-    found = {
+    by_engine = {
         name: decided(load_circuit(DEFAULT, channels), shown, name, workers) for name in ENGINES
     }
-    for k, threshold in enumerate(found[SPIKES].settings):
-        for name, own in found.items():
+    for k, threshold in enumerate(by_engine[SPIKES].settings):
+        for name, swept in by_engine.items():
             of = {"channels": channels, "d_prime": d_prime}
             of |= {"posterior": float(np.exp(-threshold)), "engine": name}
-            beside = _beside(own, found[SPIKES], k)
-            rows.append(of | _measures(own, shown.truth, k) | beside)
+            beside = _beside(swept, by_engine[SPIKES], k)
+            rows.append(of | _measures(swept, shown.truth, k) | beside)
     return pd.DataFrame(rows)
 
 

@@ -50,7 +50,7 @@ def decisions(
     table = load_circuit(DEFAULT, kind.channels)
     chosen = engine_of(engine, workers=workers, sample_ms=sample_ms(step_ms))
     model = BasalGanglia(table, chosen, gain_of(table), SCORING_SEED, centred or None)
-    found = compare(
+    comparison = compare(
         model,
         drawn(kind, trials, step_ms),
         seed=SCORING_SEED,
@@ -60,8 +60,8 @@ def decisions(
         accuracies=accuracies,
     ).table
     name = kind.name if step_ms == 50.0 else f"{kind.name}, every {step_ms:g} ms"
-    given = "mean subtracted" if centred else "raw"
-    return found.assign(evidence=name, engine=engine, given=given, trials=trials)
+    form = "mean subtracted" if centred else "raw"
+    return comparison.assign(evidence=name, engine=engine, given=form, trials=trials)
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
@@ -89,21 +89,20 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return a row per evidence, engine, what it was given, and accuracy; and the decoder's."""
-    found = made["decisions"]
-    found = found[found["accuracy"].notna()]
-    spiking = found[(found["engine"] == "ensemble") & (found["reference"] == MSPRT_AT_GAIN)]
+    """Return a row per evidence, its form, engine and accuracy; and rows of the decoder."""
+    rows = made["decisions"]
+    rows = rows[rows["accuracy"].notna()]
+    spiking = rows[(rows["engine"] == "ensemble") & (rows["reference"] == MSPRT_AT_GAIN)]
     spiking = spiking[spiking["measure"].isin(BESIDE)]
     named = spiking["measure"].where(spiking["model"] == CIRCUIT, "decoder_" + spiking["measure"])
-    found = found[found["model"] == CIRCUIT]
+    rows = rows[rows["model"] == CIRCUIT]
     beside = (*MEASURES, *(f"{name}_chance" for name in MEASURES), "agreement_corrected")
-    kept = found[
-        (found["reference"] == MSPRT_AT_GAIN)
-        & found["measure"].isin([*beside, "r_noise_corrected"])
+    kept = rows[
+        (rows["reference"] == MSPRT_AT_GAIN) & rows["measure"].isin([*beside, "r_noise_corrected"])
     ]
-    self = found[
-        (found["reference"] == OTHER_NOISE)
-        & found["measure"].isin(["agreement_corrected", "pearson_r"])
+    self = rows[
+        (rows["reference"] == OTHER_NOISE)
+        & rows["measure"].isin(["agreement_corrected", "pearson_r"])
     ]
     self = self.assign(measure="ceiling_" + self["measure"])
     by = ["evidence", "engine", "given", "trials", "accuracy"]

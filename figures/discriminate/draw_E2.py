@@ -44,7 +44,7 @@ def draw(settings: Settings, axes: Path, trials: Path, *, output: Path) -> Figur
 
 
 def _map(ax: Axes, table: pd.DataFrame, pairs: list[str]) -> None:
-    """Draw a cell per pair and value of an axis, with what the best task with it tells."""
+    """Draw a cell per pair and value of an axis, with the information of the best task."""
     both = zip(table["axis"], table["value"].astype(str), strict=True)
     table = table.assign(text=[label(*each) for each in both])
     order = {name: k for k, name in enumerate(NAMES)}

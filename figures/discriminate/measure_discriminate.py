@@ -105,7 +105,7 @@ def found(pair: Pair, fast: bool, workers: int) -> pd.DataFrame:
 
 
 def recorded(count: int, trials: int, workers: int) -> pd.DataFrame:
-    """Return what spikes of each nucleus tell of a tenth of STN lost, in trials without a probe."""
+    """Return the information of each nucleus's spikes on a loss of a tenth of STN; no probe."""
     rows = []
     for nucleus in NUCLEI:
         result = discriminate(
@@ -131,15 +131,15 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return the trials that each pair needs, and the map of its space."""
-    whole = made["pairs"]
-    trials = whole[whole["part"] == "trials"]
+    pairs = made["pairs"]
+    trials = pairs[pairs["part"] == "trials"]
     kept = [
         "pair", "truth", "nats", "error", "median", "low", "high", "wald_mean", "simulated_median",
         "right", "verdict", "best", "same", "tasks", "most_nats", "first_level", "second_level",
         "cpu_s",
     ]  # fmt: skip
     shown = trials[kept].replace({float("inf"): float("nan")})
-    axes = whole[whole["part"] == "axes"]
+    axes = pairs[pairs["part"] == "axes"]
     columns = ["nucleus", "cells", *kept[1:11]]
     seen = made["recorded"][columns].replace({float("inf"): float("nan")})
     return {

@@ -32,8 +32,8 @@ ENGINES = (("rate", "o", "rates"), ("population", "d", "with noise"), ("ensemble
 def compute(settings: Settings, *, output: Path) -> None:
     """Run decisions of all circuits at levels across their working range, N = 2 and 4."""
     trials, every = settings.circuit_trials // 2, settings.spiking_levels
-    found = levels_against_msprt(settings.seed, trials, every)
-    write_table(found, output, seed=settings.seed, settings=settings)
+    compared = levels_against_msprt(settings.seed, trials, every)
+    write_table(compared, output, seed=settings.seed, settings=settings)
 
 
 def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
@@ -68,8 +68,8 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
 
 
 def _points(rows: pd.DataFrame, engine: str, measure: str) -> pd.DataFrame:
-    found = where(rows, engine=engine, measure=measure)
-    return found[found["reference"].isin(["", MSPRT])].set_index("level")
+    points = where(rows, engine=engine, measure=measure)
+    return points[points["reference"].isin(["", MSPRT])].set_index("level")
 
 
 def _style(mark: str, colour: str) -> dict[str, Any]:

@@ -40,8 +40,8 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return, for each circuit, the posteriors spanned and the largest gap of those asked."""
     rows = []
-    index, found = ["channels", "engine", "level"], made["levels"]
-    by = {name: part.set_index(index) for name, part in found.groupby("measure")}
+    index, levels = ["channels", "engine", "level"], made["levels"]
+    by = {name: part.set_index(index) for name, part in levels.groupby("measure")}
     known = by["mean_posterior"]["value"]
     known = known[by["premature"]["value"].loc[known.index] <= NOISE]
     at: Any

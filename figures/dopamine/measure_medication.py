@@ -1,4 +1,4 @@
-"""A Simon task of patients on and off medication: what dopamine predicts, and what is found.
+"""A Simon task of patients on and off medication: predictions from dopamine, and results.
 
 Predictions are in ``medication.toml``, committed before people were analysed, from another seed
 than the simulated people here. The response deadline of training was 0.8 s in most sessions and
@@ -132,7 +132,7 @@ def shuffled(shuffles: int) -> pd.DataFrame:
 
 
 def outcomes(table: pd.DataFrame) -> pd.DataFrame:
-    """Return each prediction with what is found in people, and the outcome."""
+    """Return each prediction with the value in people, and the outcome."""
     rows = []
     by = {(r["who"], r["contrast"], r["measure"]): r for r in table.to_dict("records")}
     for each in told().predictions:

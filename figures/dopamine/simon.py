@@ -42,10 +42,10 @@ def measures(trials: pd.DataFrame) -> dict[str, float]:
     answered = trials[trials["rt"].notna()]
     training = answered[answered["phase"] == "training"]
     parts = [training[training["congruency"] == name] for name in BOTH]
-    found = dict(_of_training(parts))
-    found["missed"] = float(trials.loc[trials["phase"] == "training", "rt"].isna().mean())
+    measured = dict(_of_training(parts))
+    measured["missed"] = float(trials.loc[trials["phase"] == "training", "rt"].isna().mean())
     test = answered[(answered["phase"] == "test") & (answered["rt"] < MOST_S)]
-    return found | dict(_of_test(test))
+    return measured | dict(_of_test(test))
 
 
 def _of_training(parts: Sequence[pd.DataFrame]) -> Iterator[tuple[str, float]]:
@@ -155,9 +155,9 @@ def means(rows: pd.DataFrame, rng: np.random.Generator | int) -> pd.DataFrame:
 def between(one: pd.DataFrame, other: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
     """Return the difference of two groups of people, one minus other, as ``means`` does."""
     weights = [resampled(len(rows), RESAMPLES, rng) for rows in (one, other)]
-    found = {str(k): _weighted(one[k], weights[0]) - _weighted(other[k], weights[1]) for k in one}
+    apart = {str(k): _weighted(one[k], weights[0]) - _weighted(other[k], weights[1]) for k in one}
     fewer = np.minimum(one.count(), other.count())
-    return _summary(found, one.count() + other.count(), fewer)
+    return _summary(apart, one.count() + other.count(), fewer)
 
 
 def by_order(
@@ -178,19 +178,19 @@ def by_order(
     """
     parts = [rows[first], rows[~first]]
     weights = [resampled(len(part), RESAMPLES, rng) for part in parts]
-    found = {
+    means = {
         str(k): (_weighted(parts[0][k], weights[0]) + _weighted(parts[1][k], weights[1])) / 2
         for k in rows
     }
     fewer = np.minimum(parts[0].count(), parts[1].count())
-    return _summary(found, rows.count(), fewer)
+    return _summary(means, rows.count(), fewer)
 
 
 def _weighted(values: pd.Series, weights: Array) -> Array:
     known = values.notna().to_numpy()
     with np.errstate(invalid="ignore"):
-        found: Array = weights[:, known] @ values.to_numpy()[known] / weights[:, known].sum(axis=1)
-    return found
+        mean: Array = weights[:, known] @ values.to_numpy()[known] / weights[:, known].sum(axis=1)
+    return mean
 
 
 def _summary(drawn: dict[str, Array], people: pd.Series, drawn_from: pd.Series) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""What the circuit predicts for people on and off medication, and how people compare with it.
+"""The circuit's predictions for people on and off medication, and the comparison with people.
 
 A prediction is a range. In contrasts that involve patients off medication it spans the levels of
 dopamine that are assumed for them; for all others it is a tolerance around the circuit's value, the
@@ -123,13 +123,13 @@ def told(path: Path = TOLD) -> Told:
     return read(path, Told)
 
 
-def written(found: Told) -> str:
+def written(told: Told) -> str:
     """Return predictions as the text of a file."""
     lines = ["# Written by python -m benchmarks.tuning.simon, before people were analysed.", ""]
-    lines += [f"seed = {found.seed}", f"people = {found.people}"]
+    lines += [f"seed = {told.seed}", f"people = {told.people}"]
     for name in ("models", "predictions"):
         rows = [
-            {f.name: getattr(each, f.name) for f in fields(each)} for each in getattr(found, name)
+            {f.name: getattr(each, f.name) for f in fields(each)} for each in getattr(told, name)
         ]
         inside = [
             ", ".join(f"{key} = {_text(value)}" for key, value in row.items()) for row in rows
@@ -150,14 +150,14 @@ def _text(value: object) -> str:
 
 def models(simon: Simon, people: int, seed: int, *, tested: bool) -> dict[float, pd.DataFrame]:
     """Return the measures of simulated people at each level of dopamine, a row per person."""
-    found = {}
+    by_level = {}
     for level in (NORMAL, *OFF):
         trials = simulated(simon, level, people, seed, tested=tested)
-        found[level] = of_people(trials.assign(session=1, medication=f"{level:g}"))
-    return found
+        by_level[level] = of_people(trials.assign(session=1, medication=f"{level:g}"))
+    return by_level
 
 
-def contrasts(found: Mapping[float, pd.DataFrame]) -> pd.DataFrame:
+def contrasts(by_level: Mapping[float, pd.DataFrame]) -> pd.DataFrame:
     """Return the circuit's value of each contrast by level, with its error over simulated people.
 
     Returns
@@ -165,10 +165,10 @@ def contrasts(found: Mapping[float, pd.DataFrame]) -> pd.DataFrame:
     DataFrame
         Columns contrast, dopamine (off medication), measure, value, error.
     """
-    names = named(found[NORMAL])
-    rows = [_row(CONTROLS, NORMAL, found[NORMAL][names])]
+    names = named(by_level[NORMAL])
+    rows = [_row(CONTROLS, NORMAL, by_level[NORMAL][names])]
     for level in OFF:
-        both = pd.concat([found[NORMAL], found[level]])
+        both = pd.concat([by_level[NORMAL], by_level[level]])
         change = within(both, "medication", f"{NORMAL:g}", f"{level:g}")
         rows += [_row(ON_OFF, level, change), _row(OFF_CONTROLS, level, -change)]
     table = pd.concat(rows, ignore_index=True)
@@ -188,7 +188,7 @@ def predictions(kind: str, table: pd.DataFrame) -> list[Prediction]:
     The circuit has no practice, and patients on medication are controls in it: there the
     prediction is 0.
     """
-    found = []
+    predicted = []
     for contrast, name in lines(kind):
         rows = table[(table["contrast"] == contrast) & (table["measure"] == name)]
         if contrast in (ON_CONTROLS, SESSIONS):
@@ -202,8 +202,8 @@ def predictions(kind: str, table: pd.DataFrame) -> list[Prediction]:
             high = float((rows["value"] + 2 * rows["error"]).max())
         known = contrast != SESSIONS and name in PRINTED
         known |= contrast == CONTROLS and name == "missed"
-        found.append(Prediction(kind, contrast, name, value, low, high, known))
-    return found
+        predicted.append(Prediction(kind, contrast, name, value, low, high, known))
+    return predicted
 
 
 def lines(kind: str) -> list[tuple[str, str]]:

@@ -57,13 +57,13 @@ def compute(settings: Settings, spikes: Path, *, output: Path) -> None:
         # If only one truth counts, half of the trials remain.
         trials = max(round(share * experiment.task.trials), 240)
         one = replace(experiment, task=experiment.task.changed(trials=trials))
-        found = {
+        by_engine = {
             "population": one.run().measures.assign(trials=trials),
             "ensemble": where(in_spikes, file=file).drop(columns="file"),
         }
         source = one.source.rsplit(", ", 1)[0].removeprefix("derived from ")
         about = {"file": file, "name": one.name, "by": source, "seed": one.seed}
-        for engine, measures in found.items():
+        for engine, measures in by_engine.items():
             known: dict[str, Any] = about | {"engine": engine, "trials": measures["trials"].iloc[0]}
             parts.append(_rows(one, measures).assign(**known))
     write_table(pd.concat(parts), output, settings=settings)
@@ -71,12 +71,12 @@ def compute(settings: Settings, spikes: Path, *, output: Path) -> None:
 
 def _rows(experiment: Experiment, measures: pd.DataFrame) -> pd.DataFrame:
     """Return a row per panel, with the published number if there is one, and per prediction."""
-    said = outcomes(experiment, measures).assign(kind="prediction")
+    predictions = outcomes(experiment, measures).assign(kind="prediction")
     keys = pd.DataFrame(list(PANELS), columns=["measure", "condition"])
     drawn = keys.merge(measures, how="left", on=["measure", "condition"]).assign(kind="effect")
     held = beside_published(experiment, measures).drop(columns=["value", "low", "high"])
     drawn = drawn.merge(held, how="left", on=["measure", "condition"])
-    return pd.concat([drawn.drop(columns="effect_source"), said])
+    return pd.concat([drawn.drop(columns="effect_source"), predictions])
 
 
 def draw(settings: Settings, data: Path, spikes: Path, *, output: Path) -> Figure:
@@ -136,10 +136,10 @@ def _words(axes: Sequence[Axes], k: int, rows: pd.DataFrame) -> None:
     first = rows.iloc[0]
     axes[0].text(-0.02, k - 0.17, first["name"], **_at(axes[0], "right"))
     axes[0].text(-0.02, k + 0.2, first["by"], **_at(axes[0], "right", color="0.4"))
-    said = where(rows, kind="prediction").to_dict("records")
-    for n, row in enumerate(said):
+    predictions = where(rows, kind="prediction").to_dict("records")
+    for n, row in enumerate(predictions):
         line, place = divmod(n, PER_LINE)
-        lines = -(-len(said) // PER_LINE)
+        lines = -(-len(predictions) // PER_LINE)
         y = k + 0.37 * (line - (lines - 1) / 2)
         word = f"{SHORT.get(row['measure'], row['measure'])} {ARROWS[row['direction']]}"
         colour = COLOUR.get(row["outcome"], "0.45")

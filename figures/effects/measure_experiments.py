@@ -28,20 +28,20 @@ PREDICTION, EFFECT = "prediction", "effect"
 def predictions(experiment: Experiment, workers: int) -> pd.DataFrame:
     """Return the outcome of each prediction, and of each effect that was published as a number."""
     measures = experiment.run(workers=workers).measures
-    found = [outcomes(experiment, measures).assign(row=PREDICTION)]
+    parts = [outcomes(experiment, measures).assign(row=PREDICTION)]
     if experiment.effects:
-        found.append(beside_published(experiment, measures).assign(row=EFFECT))
+        parts.append(beside_published(experiment, measures).assign(row=EFFECT))
     known = {"name": experiment.name, "published": experiment.published}
     known |= {"source": experiment.source, "trials": experiment.task.trials}
     # Published numbers are in a separate column.
     numbers = {"published": "published_value"}
-    return pd.concat([part.rename(columns=numbers) for part in found]).assign(**known)
+    return pd.concat([part.rename(columns=numbers) for part in parts]).assign(**known)
 
 
 def in_spikes(name: str, experiment: Experiment, workers: int) -> pd.DataFrame:
     """Return every measure of an experiment in spikes."""
-    found = replace(experiment, engine="ensemble").run(workers=workers).measures
-    return found.assign(file=name, trials=experiment.task.trials)
+    measures = replace(experiment, engine="ensemble").run(workers=workers).measures
+    return measures.assign(file=name, trials=experiment.task.trials)
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
@@ -64,8 +64,8 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return outcomes of predictions, effects with published values, and measures in spikes."""
     ends = {"low": "value_low", "high": "value_high"}
     ends |= {"published_low": "published_value_low", "published_high": "published_value_high"}
-    found = made["predictions"].rename(columns=ends)
-    parts = {name: part.drop(columns="row") for name, part in found.groupby("row")}
+    rows = made["predictions"].rename(columns=ends)
+    parts = {name: part.drop(columns="row") for name, part in rows.groupby("row")}
     shown = {
         f"{name}s": ("predictions", parts[name].dropna(axis="columns", how="all"))
         for name in (PREDICTION, EFFECT)

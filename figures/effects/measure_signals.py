@@ -27,8 +27,8 @@ def measured(experiment: Experiment, workers: int) -> pd.DataFrame:
     """Return measures of both conditions and their change, with the outcome of each prediction."""
     measures = experiment.run(workers=workers).measures
     shown = measures[measures["measure"].isin(SHOWN) & (measures["condition"] != "percent")]
-    said = outcomes(experiment, measures)[["measure", "direction", "at_least", "outcome"]]
-    table = shown.merge(said.assign(condition="change"), how="left", on=["condition", "measure"])
+    judged = outcomes(experiment, measures)[["measure", "direction", "at_least", "outcome"]]
+    table = shown.merge(judged.assign(condition="change"), how="left", on=["condition", "measure"])
     known = {"name": experiment.name, "published": experiment.published}
     return table.assign(**known, source=experiment.source)
 

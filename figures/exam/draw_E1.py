@@ -23,21 +23,24 @@ COLOURS = {
     "not answered": "white",
 }
 """Colour of each outcome."""
-FIRST = ("macaque", "spiking_msprt", "bogacz_gurney")
+FIRST = (
+    "macaque_tuned", "macaque_tuned, no motifs", "macaque", "macaque, no motifs", "spiking_msprt",
+    "bogacz_gurney",
+)  # fmt: skip
 """Circuits drawn first; others follow in the order of the table."""
 SIGNS = {"agrees": "✓", "disagrees": "×", "left open": "?"}
 
 
 def draw(settings: Settings, numbers: Path, domains: Path, *, output: Path) -> Figure:
     """Draw every answer of every circuit, and the share of each domain that agrees."""
-    table, whole = read_table(numbers), read_table(domains)
+    table, shares = read_table(numbers), read_table(domains)
     names = [name for name in FIRST if name in set(table["examinee"])]
     names += [name for name in table["examinee"].unique() if name not in names]
-    figure = plt.figure(figsize=(7.4, 9.2), layout="constrained")
+    figure = plt.figure(figsize=(7.4, 12.5), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1, 0.8))
     first = table[table["sitting"] == table["sitting"].min()]
     _answers(left, first, names)
-    _shares(right, whole, names)
+    _shares(right, shares, names)
     letter(left, "a  every number")
     letter(right, "b  share of each domain")
     handles = [Patch(fc=colour, ec="0.4", lw=0.5, label=name) for name, colour in COLOURS.items()]
@@ -66,10 +69,10 @@ def _answers(ax: Axes, table: pd.DataFrame, names: list[str]) -> None:
     _columns(ax, names, len(rows))
 
 
-def _shares(ax: Axes, whole: pd.DataFrame, names: list[str]) -> None:
+def _shares(ax: Axes, shares: pd.DataFrame, names: list[str]) -> None:
     """Draw the share of each domain that agrees, mean and range over seeds."""
-    rows = list(dict.fromkeys(whole["domain"]))
-    for (domain, name), part in whole.groupby(["domain", "examinee"], sort=False):
+    rows = list(dict.fromkeys(shares["domain"]))
+    for (domain, name), part in shares.groupby(["domain", "examinee"], sort=False):
         x, y = names.index(str(name)), rows.index(str(domain))
         share = part["share"].mean()
         known = np.isfinite(share)

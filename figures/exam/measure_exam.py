@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,7 @@ from bgmodel.exam.exam import Model as Examinee
 from bgmodel.exam.exam import model_of as examinee
 from bgmodel.exam.numbers import SEED, shipped_list
 from bgmodel.exam.record import MOST_Z, totals
+from bgmodel.experiments.predictions import AGREES
 from circuits.anatomy import CIRCUITS, DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from circuits.laws.controls import shuffled_stn
@@ -55,12 +57,29 @@ CONTROLS: dict[str, tuple[str, Callable[[Circuit], Circuit]]] = {
 nuclei fire at their resting rates."""
 
 
+NO_MOTIFS = ("macaque", "macaque_tuned")
+"""Circuits that also sit without the motifs of tasks, with a constant criterion."""
+WITHOUT = ", no motifs"
+"""What their names then end with."""
+OTHERS_RATES = Path(__file__).parent / "others"
+"""Rates of circuits of other people, a table each; SOURCES.md says whose."""
+TUNED = "macaque_tuned"
+GAMES = {
+    "SNr barely changes its rate": ("set SNr.gain_hz_per_nat 6", "set SNr.baseline_hz 63.7"),
+    "D2 barely changes its rate": ("set D2.gain_hz_per_nat 0.05",),
+    "D1 barely changes its rate": ("set D1.gain_hz_per_nat 0.3",),
+    "OUT falls in every task": ("add SNr amount=-0.5 rise_ms=1000",),
+    "cortex bursts in every task": ("add ctx amount=1.2 to_ms=120 rise_ms=20 decay_ms=120",),
+}
+"""Edits of ``macaque_tuned`` that might raise its score without a meaning."""
+
+
 def examinees() -> dict[str, Examinee]:
     """Return every examinee by name."""
-    found = {name: examinee(name) for name in CIRCUITS}
+    by_name = {name: examinee(name) for name in CIRCUITS}
     for name, (_, edit) in CONTROLS.items():
-        found[name] = Examinee(name, partial(_edited, edit))
-    return found
+        by_name[name] = Examinee(name, partial(_edited, edit))
+    return by_name | {f"{name}{WITHOUT}": by_name[name] for name in NO_MOTIFS}
 
 
 def _edited(edit: Callable[[Circuit], Circuit], channels: int) -> Circuit:
@@ -70,7 +89,13 @@ def _edited(edit: Callable[[Circuit], Circuit], channels: int) -> Circuit:
 def sat(name: str, seed: int, share: float, workers: int) -> pd.DataFrame:
     """Return the rows of an exam, and the CPU time that it took."""
     begun = time.process_time()
-    record = Exam.shipped().take(examinees()[name], seed=seed, share=share, workers=workers)
+    record = Exam.shipped().take(
+        examinees()[name],
+        seed=seed,
+        share=share,
+        motifs=not name.endswith(WITHOUT),
+        workers=workers,
+    )
     taken = time.process_time() - begun
     engine = record.parameters.get("engine", "")
     return record.table.assign(examinee=name, sitting=seed, engine=engine, cpu_s=taken)
@@ -84,6 +109,37 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
             make = partial(sat, name, seed, share, workers)
             file = name.replace("->", " to ")
             yield Piece("exam", f"{file}, seed {seed}", round(1000 * share), SECONDS, make)
+    for name in GAMES:
+        make = partial(gamed, name, SEED, share, workers)
+        yield Piece("games", name, round(1000 * share), SECONDS, make)
+    yield Piece("others", "rates", 1, 1, others)
+
+
+def gamed(name: str, seed: int, share: float, workers: int) -> pd.DataFrame:
+    """Return the rows of an exam of ``macaque_tuned`` with edits that might raise its score."""
+    exam = Exam.shipped()
+    record = exam.take(TUNED, edits=GAMES[name], seed=seed, share=share, workers=workers)
+    return record.table.assign(edit=name)
+
+
+def others() -> pd.DataFrame:
+    """Return the rows of an exam of each circuit in ``others``."""
+    parts = []
+    for path in sorted(OTHERS_RATES.glob("*.csv")):
+        record = Exam.shipped().mark(rates=path, name=path.stem)
+        parts.append(record.table.assign(circuit=path.stem))
+    return pd.concat(parts, ignore_index=True)
+
+
+def games(tried: pd.DataFrame, plain: pd.DataFrame) -> pd.DataFrame:
+    """Return what edits win and lose against the circuit without them."""
+    before = plain.set_index("id")["outcome"] == AGREES
+    rows = []
+    for name, part in tried.groupby("edit", sort=False):
+        after = part.set_index("id")["outcome"] == AGREES
+        won, lost = (", ".join(before.index[k]) for k in (after & ~before, before & ~after))
+        rows.append((name, int(after.sum() - before.sum()), won, lost))
+    return pd.DataFrame(rows, columns=["edit", "more", "won", "lost"])
 
 
 def judged(table: pd.DataFrame) -> pd.Series:
@@ -101,7 +157,7 @@ def judged(table: pd.DataFrame) -> pd.Series:
 
 
 def ranks(domains: pd.DataFrame) -> pd.DataFrame:
-    """Return where each control ranks in its domain, by the mean share over seeds."""
+    """Return the rank of each control in its domain, by the mean share over seeds."""
     mean = domains.groupby(["domain", "examinee"], sort=False)["share"].mean()
     rows = []
     for name, (domain, _) in CONTROLS.items():
@@ -112,15 +168,17 @@ def ranks(domains: pd.DataFrame) -> pd.DataFrame:
             "worse": int((others < here[name]).sum()),
             "tied": int((others == here[name]).sum()),
         }
-        whole = mean.unstack("examinee")
-        kept = whole.index[whole[name] >= whole[DEFAULT] - ROUNDING].tolist()
+        shares = mean.unstack("examinee")
+        kept = shares.index[shares[name] >= shares[DEFAULT] - ROUNDING].tolist()
         rows.append(row | {"of": len(here), "as_good_as_default": "; ".join(kept)})
     return pd.DataFrame(rows)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the list, every answer, domains, stability over seeds, controls, and cost."""
-    whole = made["exam"]
+    """Return the list, all answers, domains, stability, controls, cost, games, others' rates."""
+    answers = made["exam"]
+    plain = answers[(answers["examinee"] == TUNED) & (answers["sitting"] == SEED)]
+    asked = made["others"][made["others"]["outcome"] != "not answered"]
     about = [
         (one.id, one.domain, one.about, one.published(), one.unit, one.species, one.mark,
          one.source, one.weight, one.how)
@@ -129,21 +187,23 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     names = ["id", "domain", "about", "published", "unit", "species", "mark", "source", "weight"]
     kept = ["examinee", "sitting", "id", "domain", "value", "se", "z", "outcome", "set_by"]
     parts = []
-    for (name, seed), part in whole.groupby(["examinee", "sitting"], sort=False):
+    for (name, seed), part in answers.groupby(["examinee", "sitting"], sort=False):
         parts.append(totals(part).assign(examinee=name, sitting=seed))
     domains = pd.concat(parts, ignore_index=True)
-    stable = judged(whole).rename("stability").reset_index()
-    cost = whole.groupby(["examinee", "sitting"], sort=False)[["engine", "cpu_s"]].first()
-    reasons = whole[["examinee", "sitting", "id", "outcome", "reason"]].dropna(subset="reason")
+    stable = judged(answers).rename("stability").reset_index()
+    cost = answers.groupby(["examinee", "sitting"], sort=False)[["engine", "cpu_s"]].first()
+    reasons = answers[["examinee", "sitting", "id", "outcome", "reason"]].dropna(subset="reason")
     reasons = reasons[reasons["sitting"] == SEED].drop(columns="sitting")
     return {
         "list": ("exam", pd.DataFrame(about, columns=[*names, "how"])),
-        "numbers": ("exam", whole[kept]),
+        "numbers": ("exam", answers[kept]),
         "domains": ("exam", domains),
         "stability": ("exam", stable),
         "controls": ("exam", ranks(domains)),
         "reasons": ("exam", reasons[reasons["outcome"].isin([FAILS, "not answered"])]),
         "cost": ("exam", cost.reset_index()),
+        "games": ("games", games(made["games"], plain)),
+        "others": ("others", asked[["circuit", "id", "published", "value", "se", "z", "outcome"]]),
     }
 
 

@@ -60,7 +60,7 @@ EVIDENCE = ("log_likelihood", "time_s", "lengths")
 
 @dataclass(frozen=True)
 class Fitted:
-    """The optimum of a model on known evidence, with what Bayes factors need."""
+    """The optimum of a model on known evidence, with the quantities for Bayes factors."""
 
     optimum: Optimum
 
@@ -166,10 +166,10 @@ def trials_of(kind: str, who: str, trials: int, seed: int, **more: float) -> Kno
         warnings.simplefilter("ignore")
         if who == CIRCUIT:
             model = BasalGanglia(circuit_of(kind), seed=seed)
-            found = model.decided(evidence, values["threshold"])
+            decisions = model.decided(evidence, values["threshold"])
             rng = stream(seed, "known evidence", model.circuit.name)
             blank = waiting(readings_from(evidence))
-            return responding(blank, found.choice, found.time_ms / 1000, values, rng)
+            return responding(blank, decisions.choice, decisions.time_ms / 1000, values, rng)
         return observed(EXACT[who], readings_from(evidence), values, seed)
 
 
@@ -194,14 +194,14 @@ def expected(kind: str, who: str, trials: int, seed: int) -> pd.DataFrame:
     data = trials_of(kind, who, trials, seed)
     fits = {name: fitted(model, data) for name, model in models_of(kind).items()}
     rows = []
-    own = fits[who]
+    right = fits[who]
     for name, fit in fits.items():
         if name == who:
             continue
-        apart = own.each - fit.each
-        more = len(own.optimum.vector) - len(fit.optimum.vector)
+        apart = right.each - fit.each
+        more = len(right.optimum.vector) - len(fit.optimum.vector)
         error = np.hypot(apart.std(ddof=1) / np.sqrt(trials), fit.error / trials)
-        error = np.hypot(error, own.error / trials)
+        error = np.hypot(error, right.error / trials)
         needed = trials_needed(apart, more)
         rows.append((kind, who, name, trials, apart.mean(), error, apart.std(ddof=1), needed))
     names = ["evidence", "observer", "rival", "trials", "per_trial", "error", "sd", "needed"]
@@ -232,19 +232,19 @@ def preferred(kind: str, who: str, trials: int, observers: int, seed: int) -> pd
 
 
 def recovered(kind: str, trials: int, observers: int, seed: int) -> pd.DataFrame:
-    """Return parameters that are put into tests and found in their trials.
+    """Return true parameters of simulated tests, and their estimates.
 
     Columns evidence, parameter, true, trials, observers, mean, error (of the mean), spread (between
     observers), within (share of observers whose 90 % interval covers the true value).
     """
-    found, errors = [], []
+    estimates, errors = [], []
     true = {**RESPONSE, **OBSERVERS[kind][TEST]}
     for number in range(observers):
         fit = fitted(EXACT[TEST], trials_of(kind, TEST, trials, seed + number))
         names = list(fit.errors)
-        found.append(fit.optimum.vector)
+        estimates.append(fit.optimum.vector)
         errors.append(list(fit.errors.values()))
-    values, error = np.array(found), np.array(errors)
+    values, error = np.array(estimates), np.array(errors)
     rows = []
     for k, name in enumerate(names):
         if name not in true:
@@ -252,8 +252,8 @@ def recovered(kind: str, trials: int, observers: int, seed: int) -> pd.DataFrame
         near = np.abs(values[:, k] - true[name]) <= 1.645 * error[:, k]
         spread = values[:, k].std(ddof=1)
         mean_error = spread / np.sqrt(observers)
-        own = (true[name], trials, observers, values[:, k].mean(), mean_error, spread, near.mean())
-        rows.append((kind, name, *own))
+        row = (true[name], trials, observers, values[:, k].mean(), mean_error, spread, near.mean())
+        rows.append((kind, name, *row))
     names = ["evidence", "parameter", "true", "trials", "observers", "mean", "error", "spread"]
     return pd.DataFrame(rows, columns=[*names, "within"])
 
@@ -268,7 +268,7 @@ def runs_found(kind: str, effect: float, trials: int, observers: int, seed: int)
     for number in range(observers):
         data = trials_of(kind, TEST, trials, seed + number, run_effect=effect)
         without, with_it = (fitted(EXACT[TEST], data, free) for free in ((), ("+run_effect",)))
-        found = {
+        row = {
             "effect": effect,
             "number": number,
             "trials": trials,
@@ -276,7 +276,7 @@ def runs_found(kind: str, effect: float, trials: int, observers: int, seed: int)
             "standard_error": with_it.errors["run_effect"],
             "log_bayes_factor": with_it.log_evidence - without.log_evidence,
         }
-        rows.append(found)
+        rows.append(row)
     return pd.DataFrame(rows)
 
 

@@ -59,8 +59,8 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return expected factors, recoveries, effects of runs, and gains of shuffled evidence."""
     runs, mixed = made["runs"], made["shuffled"]
-    found = runs.assign(found=runs["log_bayes_factor"] > 3, absent=runs["log_bayes_factor"] < 0)
-    effects = found.groupby(["effect", "trials"], as_index=False).agg(
+    judged = runs.assign(found=runs["log_bayes_factor"] > 3, absent=runs["log_bayes_factor"] < 0)
+    effects = judged.groupby(["effect", "trials"], as_index=False).agg(
         observers=("number", "size"), found=("found", "sum"), absent=("absent", "sum"),
         run_effect=("run_effect", "mean"), standard_error=("standard_error", "mean"),
     )  # fmt: skip

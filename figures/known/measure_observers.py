@@ -50,8 +50,8 @@ def counted(preferences: pd.DataFrame) -> pd.DataFrame:
             if rival == who:
                 continue
             over = part[f"over_{rival}"]
-            own, other = int((over > 3).sum()), int((over < -3).sum())
-            counts = (own, other, len(part) - own - other, over.mean())
+            right, other = int((over > 3).sum()), int((over < -3).sum())
+            counts = (right, other, len(part) - right - other, over.mean())
             rows.append((kind, who, rival, trials, len(part), *counts))
     names = ["evidence", "observer", "rival", "trials", "observers"]
     return pd.DataFrame(rows, columns=[*names, "own", "other", "neither", "mean"])
@@ -76,8 +76,11 @@ def summed(preferences: pd.DataFrame) -> pd.DataFrame:
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return counts of pairs and of verdicts."""
-    found = made["preferred"]
-    return {"pairs": ("preferred", counted(found)), "verdicts": ("preferred", summed(found))}
+    preferred = made["preferred"]
+    return {
+        "pairs": ("preferred", counted(preferred)),
+        "verdicts": ("preferred", summed(preferred)),
+    }
 
 
 SCORE = Score("observers", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)

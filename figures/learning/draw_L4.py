@@ -92,9 +92,9 @@ def _regret(ax: Axes, table: pd.DataFrame) -> None:
     names = [name for name in rows["learner"].unique() if name not in ("ideal", "chance")]
     shown = [name for name in names if name != "REINFORCE, no decay"]
     for better, colour, shift in ((0.8, "k", -0.12), (0.7, "0.55", 0.12)):
-        own = where(rows, better=better).set_index("learner").loc[shown]
-        ax.errorbar(own["relative_regret"], np.arange(len(shown)) + shift,
-                    xerr=own["relative_regret_se"], color=colour,
+        regrets = where(rows, better=better).set_index("learner").loc[shown]
+        ax.errorbar(regrets["relative_regret"], np.arange(len(shown)) + shift,
+                    xerr=regrets["relative_regret_se"], color=colour,
                     label=f"{better:g} and {1 - better:.1f}", **DOTS)  # fmt: skip
     ax.axvline(1, color="0.7", lw=0.8, zorder=0)
     ax.axvline(1.35, color="0.7", lw=0.8, ls=":", zorder=0)

@@ -73,13 +73,13 @@ def levels(taps: str, seed: int) -> pd.DataFrame:
     """Let the circuit learn its level, as ``bgmodel learn`` does; return measures."""
     task = SameDifferent(float(taps.split()[0]), t_max=T_MAX)
     model = BasalGanglia(load_circuit(DEFAULT, 2), Rate().coarse())
-    found = learn(task, model, seed=seed)
-    fresh = found.found.fresh  # type: ignore[union-attr]
+    outcome = learn(task, model, seed=seed)
+    fresh = outcome.details.fresh  # type: ignore[union-attr]
     values = {
-        "gain": found.found.model.gain,  # type: ignore[union-attr]
-        "level": found.learned.mean(), "best_level": found.best, "regret": found.regret,
-        "start_regret": found.regrets.loc["start", "value"],
-        "warned": float(bool(found.cautions)), "at_edge": float(bool(fresh.at_edge(XI))),
+        "gain": outcome.details.model.gain,  # type: ignore[union-attr]
+        "level": outcome.learned.mean(), "best_level": outcome.best, "regret": outcome.regret,
+        "start_regret": outcome.regrets.loc["start", "value"],
+        "warned": float(bool(outcome.cautions)), "at_edge": float(bool(fresh.at_edge(XI))),
     }  # fmt: skip
     return pd.DataFrame(values.items(), columns=["measure", "value"]).assign(**GIVEN)
 
@@ -95,11 +95,11 @@ def equal(taps: str, seed: int) -> pd.DataFrame:
 
 
 def learned(taps: str, seed: int) -> pd.DataFrame:
-    """Return decisions of test, populations and spikes at what reward taught each."""
+    """Return decisions of test, populations and spikes with what each learned from reward."""
     source = readings(taps)
     evidence = source.draw(TRIALS, T_MAX, rng=stream(seed, "chain, learned"), step_ms=STEP_MS)
-    found = chain(source, _model(evidence, seed), evidence, Learner(), seed, 1, SPIKING)
-    return found.learned.assign(accuracy=np.nan)
+    outcome = chain(source, _model(evidence, seed), evidence, Learner(), seed, 1, SPIKING)
+    return outcome.learned.assign(accuracy=np.nan)
 
 
 def _model(evidence: Evidence, seed: int) -> BasalGanglia:
@@ -132,10 +132,10 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return the mean of each measure over seeds, its 95 % interval and its range."""
     by = made["rows"].groupby(BY, sort=False, dropna=False)["value"]
-    found = by.agg(seeds="count", value="mean", least="min", most="max").reset_index()
+    means = by.agg(seeds="count", value="mean", least="min", most="max").reset_index()
     width = (1.96 * by.std() / np.sqrt(by.count())).to_numpy()
-    found["value_low"], found["value_high"] = found["value"] - width, found["value"] + width
-    return {"rows": ("rows", found)}
+    means["value_low"], means["value_high"] = means["value"] - width, means["value"] + width
+    return {"rows": ("rows", means)}
 
 
 SCORE = Score("chain", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)

@@ -102,39 +102,39 @@ def fitted(model: str, people: int) -> pd.DataFrame:
 def compared(rows: pd.DataFrame) -> pd.DataFrame:
     """Return one row per model: sums, and left-out trials compared with the reference."""
     base = rows[rows["model"] == REFERENCE].set_index("participant_id")["left_out"]
-    found = []
-    for model, own in rows.groupby("model", sort=False):
-        better = own.set_index("participant_id")["left_out"] - base
+    summaries = []
+    for model, of_model in rows.groupby("model", sort=False):
+        better = of_model.set_index("participant_id")["left_out"] - base
         mean, error = mean_and_error(better) if model != REFERENCE else (0.0, 0.0)
-        found.append(
-            {"model": model, "fitted": int(own["fitted"].iloc[0]),
-             "log_likelihood": own["log_likelihood"].sum(), "bic": own["bic"].sum(),
-             "left_out": own["left_out"].sum(), "better_nats": mean, "error_nats": error,
-             "better_people": int((better > 0).sum()), "people": len(own)}
+        summaries.append(
+            {"model": model, "fitted": int(of_model["fitted"].iloc[0]),
+             "log_likelihood": of_model["log_likelihood"].sum(), "bic": of_model["bic"].sum(),
+             "left_out": of_model["left_out"].sum(), "better_nats": mean, "error_nats": error,
+             "better_people": int((better > 0).sum()), "people": len(of_model)}
         )  # fmt: skip
-    return pd.DataFrame(found)
+    return pd.DataFrame(summaries)
 
 
 def estimates(rows: pd.DataFrame) -> pd.DataFrame:
     """Return median and quartiles over people of every parameter of every model."""
-    found = []
-    for model, own in rows.groupby("model", sort=False):
-        for name in own.dropna(axis="columns").columns.difference(MEASURES, sort=False):
-            low, middle, high = np.quantile(own[name], [0.25, 0.5, 0.75])
-            found.append(
+    quartiles = []
+    for model, of_model in rows.groupby("model", sort=False):
+        for name in of_model.dropna(axis="columns").columns.difference(MEASURES, sort=False):
+            low, middle, high = np.quantile(of_model[name], [0.25, 0.5, 0.75])
+            quartiles.append(
                 {"model": model, "parameter": name, "median": middle, "q25": low, "q75": high}
             )
-    return pd.DataFrame(found)
+    return pd.DataFrame(quartiles)
 
 
 def expected(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return what was expected before the data were looked at, and what was found."""
+    """Return the ranges expected before the data were analysed, with the values obtained."""
     out = rows.pivot(index="participant_id", columns="model", values="left_out")
     people = len(out)
     known = people_of(people)
     two, both = out["q, two rates"], rows[rows["model"] == "q, two rates"]
     faster = rows.loc[rows["model"] == DRAWN, "faster_ms"]
-    found = [
+    expectations = [
         ("two rates less one, nats", 4, 12, *mean_and_error(two - out["q"])),
         ("stickiness, share of the bound", 0.02, 0.15, *mean_and_error(both["stickiness"])),
         ("two rates less no learning, nats", 2, 10, *mean_and_error(two - out["no learning"])),
@@ -147,7 +147,9 @@ def expected(rows: pd.DataFrame) -> pd.DataFrame:
         ("confidence less Q, both two rates, nats", -2, 2,
          *mean_and_error(out["confidence, two rates"] - two)),
     ]  # fmt: skip
-    table = pd.DataFrame(found, columns=["measure", "expected_low", "expected_high", "value", "se"])
+    table = pd.DataFrame(
+        expectations, columns=["measure", "expected_low", "expected_high", "value", "se"]
+    )
     agrees = (table["value"] >= table["expected_low"]) & (table["value"] <= table["expected_high"])
     return table.assign(agrees=agrees, people=people)
 
@@ -159,14 +161,14 @@ def recovery(drawn: str, model: str, people: int) -> pd.DataFrame:
         true = like(list(fits_of(model, 28).values()), people, SCORING_SEED)
     else:
         true = from_prior(known, people, SCORING_SEED)
-    found, inside = recovered(known, true, SCORING_SEED)
+    estimated, inside = recovered(known, true, SCORING_SEED)
     rows: list[dict[str, Any]] = []
     for k, name in enumerate(each.name for each in known.parameters):
-        off = found[:, k] - true[:, k]
+        off = estimated[:, k] - true[:, k]
         bias, error = mean_and_error(off)
         share, share_se = mean_and_error(inside[:, k] * 1.0)
         rows.append(
-            {"parameter": name, "r": np.corrcoef(found[:, k], true[:, k])[0, 1], "bias": bias,
+            {"parameter": name, "r": np.corrcoef(estimated[:, k], true[:, k])[0, 1], "bias": bias,
              "bias_se": error, "sd": off.std(ddof=1), "coverage": share, "coverage_se": share_se}
         )  # fmt: skip
     share, share_se = mean_and_error(inside.mean(axis=1))
@@ -176,7 +178,7 @@ def recovery(drawn: str, model: str, people: int) -> pd.DataFrame:
 
 def confounded(people: int) -> pd.DataFrame:
     """Return the asymmetry found in people with one rate who repeat choices."""
-    one, found = MODELS["q"], []
+    one, ratios = MODELS["q"], []
     for stickiness in (0.0, CONFOUNDED["stickiness"]):
         true = CONFOUNDED | {"stickiness": stickiness}
         values = {name: np.full(people, value) for name, value in true.items()}
@@ -185,11 +187,11 @@ def confounded(people: int) -> pd.DataFrame:
             each = [log_ratio(optimum(likelihood("q, two rates", person, fixed=fixed)).values)
                     for person in made]  # fmt: skip
             mean, error = mean_and_error(each)
-            found.append(
+            ratios.append(
                 {"true_stickiness": stickiness, "with_stickiness": not fixed, "log_ratio": mean,
                  "log_ratio_se": error, "people": people}
             )  # fmt: skip
-    return pd.DataFrame(found)
+    return pd.DataFrame(ratios)
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:

@@ -64,13 +64,15 @@ def learned_over_trials(name: str, trials: int) -> pd.DataFrame:
             for rule in (CONFIDENCE, CHOSEN)
         ]
     )
-    found = []
+    summaries = []
     for (rule, after), each in rows.groupby(["rule", "after"], sort=False):
         known = {"task": name, "rule": rule, "after": after, "runs": len(each)}
         known |= {"correct": each["correct"].mean(), "readings": each["readings"].mean()}
-        found.append(known | {k: v for one in MEASURES for k, v in mean_se(one, each[one]).items()})
+        summaries.append(
+            known | {k: v for one in MEASURES for k, v in mean_se(one, each[one]).items()}
+        )
     held_out = np.sum([np.nan if part.held_out is None else part.held_out for part in parts])
-    return pd.DataFrame(found).assign(held_out=held_out)
+    return pd.DataFrame(summaries).assign(held_out=held_out)
 
 
 def _part_over_trials(task: Taught, label: str, rule: str, trials: int, runs: int) -> pd.DataFrame:
@@ -81,20 +83,20 @@ def _part_over_trials(task: Taught, label: str, rule: str, trials: int, runs: in
     )  # fmt: skip
     course = learned.course
     assert course is not None
-    found = []
+    parts = []
     for after in [n for n in AFTER if n <= trials]:
         then = learned.after(after, AVERAGED)
         heard = course.readings[:, :after].sum(axis=1).mean()
         right = course.correct[:, max(after - 100, 0) : after].mean()
         known = {"after": after, "readings": heard}
-        found.append(scores(then, task, label, rule=rule, correct=right, **known))
+        parts.append(scores(then, task, label, rule=rule, correct=right, **known))
         if rule == CONFIDENCE:
             counted = _counted(task, label, round(heard), runs)
-            found.append(scores(counted, task, label, rule=COUNTS, correct=np.nan, **known))
+            parts.append(scores(counted, task, label, rule=COUNTS, correct=np.nan, **known))
             if len(learned.names) > 2:
                 alone = {"rule": D1_ALONE, "correct": np.nan, "stn": False}
-                found.append(scores(then, task, label, **alone, **known))
-    return pd.concat(found)
+                parts.append(scores(then, task, label, **alone, **known))
+    return pd.concat(parts)
 
 
 def _counted(task: Taught, name: str, readings: int, runs: int) -> LearnedWeights:
@@ -129,7 +131,7 @@ def ratios_over_trials() -> pd.DataFrame:
 
 def rules(rule: str, critic: str | None, most: int) -> pd.DataFrame:
     """Return slope, r and relative time of a rule on gratings of 2 mm, by stopping and trials."""
-    found = []
+    rows = []
     for stopping, decider, t_max in (
         ("at a posterior of 0.9", FixedPoint(), 40), ("after 3 readings", THREE, 4),
     ):  # fmt: skip
@@ -141,8 +143,8 @@ def rules(rule: str, critic: str | None, most: int) -> pd.DataFrame:
         known = {"rule": rule, "critic": critic or "the rule's", "stopping": stopping}
         for after in sorted({min(n, most) for n in RULES_AFTER}):
             then = learned.after(after, AVERAGED)
-            found.append(known | {"after": after} | each_run(then, task, "2 mm"))
-    return pd.DataFrame(found)
+            rows.append(known | {"after": after} | each_run(then, task, "2 mm"))
+    return pd.DataFrame(rows)
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
@@ -159,7 +161,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return what was found, unchanged."""
+    """Return the tables unchanged."""
     return {kind: (kind, table) for kind, table in made.items()}
 
 

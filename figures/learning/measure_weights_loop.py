@@ -72,11 +72,11 @@ def in_loop(loop: Taught) -> pd.DataFrame:
         times.append(circuit_time_at_accuracy(scored, learned.to_evidence(test, run), ACCURACY))
         ratios.append(times[-1] / exacts[-1])
     assert learned.course is not None
-    found = {"task": loop.name, "runs": len(ratios), "after": loop.trials,
+    row = {"task": loop.name, "runs": len(ratios), "after": loop.trials,
              "correct": learned.course.correct[:, -200:].mean(),
              "learned_ms": np.mean(times), "exact_ms": np.mean(exacts),
              "slope": learned.calibration(test).slope.mean()}  # fmt: skip
-    return pd.DataFrame([found | mean_se("relative_time", ratios)])
+    return pd.DataFrame([row | mean_se("relative_time", ratios)])
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:

@@ -37,7 +37,7 @@ def mean_and_error(values: Sequence[float] | Array) -> tuple[float, float]:
 
 
 def predicted(fit: Optimum, seed: int, name: str) -> tuple[Array, Array, Array]:
-    """Return what a fit predicts for every trial, given all earlier ones.
+    """Return a fit's predictions for every trial, given all earlier ones.
 
     Returns
     -------
@@ -48,9 +48,9 @@ def predicted(fit: Optimum, seed: int, name: str) -> tuple[Array, Array, Array]:
     rt_s : array (DRAWN, trials)
         Simulated response times, s.
     """
-    own, trials = fit.likelihood, trials_of(fit)
-    assert isinstance(own, ValueLikelihood)
-    drift, bound, start, t0_s = own.model.diffusion(trials, own.values(fit.vector))
+    fitted, trials = fit.likelihood, trials_of(fit)
+    assert isinstance(fitted, ValueLikelihood)
+    drift, bound, start, t0_s = fitted.model.diffusion(trials, fitted.values(fit.vector))
     uniform = stream(seed, "predicted", name).random((DRAWN, 4, trials.trials))
     rt_s = np.stack([draw(drift, bound, start, t0_s, one)[1] for one in uniform])
     return drift, choice_probability(drift, bound, start), rt_s
@@ -80,12 +80,12 @@ def courses(fits: dict[str, Optimum], seed: int) -> pd.DataFrame:
                 inside = (pairs.pair == pair) & (pairs.within // GROUP == first // GROUP)
                 if not inside.any():
                     continue
-                found = {
+                measures = {
                     "share": person.response[inside].mean(), "share_model": p[inside].mean(),
                     "median_s": np.median(person.rt_s[inside]),
                     "median_s_model": np.median(times[:, inside]),
                 }  # fmt: skip
-                for key, value in found.items():
+                for key, value in measures.items():
                     each.setdefault(key, []).append(float(value))
             row: dict[str, Any] = {"pair": pair_name, "trial": first + (GROUP - 1) / 2}
             rows.append(row | _summarised(each))
@@ -112,7 +112,7 @@ def quarters(fit: Optimum, seed: int, name: str) -> list[dict[str, float]]:
     edges = np.quantile(size[known], np.linspace(0, 1, PARTS + 1)[1:-1])
     part = np.searchsorted(edges, size)
     higher, p_higher = person.response == (drift > 0), np.where(drift > 0, p, 1 - p)
-    found = []
+    by_quarter = []
     for k in range(PARTS):
         inside = known & (part == k)
         columns = {
@@ -123,12 +123,12 @@ def quarters(fit: Optimum, seed: int, name: str) -> list[dict[str, float]]:
             "median_s_model": times,
         }
         of_part = {name: values[..., inside] for name, values in columns.items()}
-        found.append({name: _middle(name, values) for name, values in of_part.items()})
-    return found
+        by_quarter.append({name: _middle(name, values) for name, values in of_part.items()})
+    return by_quarter
 
 
 def _middle(name: str, values: Array) -> float:
-    """Return the median of times, and the mean of others; NaN if there are none."""
+    """Return the median of times, or the mean of other values; NaN without values."""
     if not values.size:
         return float("nan")
     return float(np.median(values) if name.startswith("median") else np.mean(values))
@@ -136,27 +136,27 @@ def _middle(name: str, values: Array) -> float:
 
 def _summarised(each: dict[str, list[float]]) -> dict[str, float]:
     """Return means over people, and the standard errors of those that were observed."""
-    found: dict[str, float] = {}
+    summary: dict[str, float] = {}
     for key, values in each.items():
         mean, error = mean_and_error(values)
-        found[key] = mean
+        summary[key] = mean
         if key in ("share", "median_s"):
-            found[f"{key}_se"] = error
-    return found | {"people": len(next(iter(each.values())))}
+            summary[f"{key}_se"] = error
+    return summary | {"people": len(next(iter(each.values())))}
 
 
 def rises(people: dict[str, Trials], pair: str) -> list[float]:
     """Return each person's share of the better item in the last 10 trials less the first 10."""
-    found = []
+    changes = []
     for person in people.values():
         chosen = person.response[person.conditions["pair"] == pair]
-        found.append(float(chosen[-10:].mean() - chosen[:10].mean()))
-    return found
+        changes.append(float(chosen[-10:].mean() - chosen[:10].mean()))
+    return changes
 
 
 def slow_errors(people: dict[str, Trials]) -> list[float]:
     """Return each person's median time of errors less correct responses, s, mean over pairs."""
-    found = []
+    differences = []
     for person in people.values():
         apart, pairs = [], pairs_of(person)
         for pair in range(len(pairs.names)):
@@ -164,8 +164,8 @@ def slow_errors(people: dict[str, Trials]) -> list[float]:
             wrong, right = (person.rt_s[inside & (person.response == k)] for k in (0, 1))
             if len(wrong) and len(right):
                 apart.append(np.median(wrong) - np.median(right))
-        found.append(float(np.mean(apart)))
-    return found
+        differences.append(float(np.mean(apart)))
+    return differences
 
 
 def like(fits: Sequence[Optimum], people: int, seed: int) -> Array:
@@ -183,8 +183,8 @@ def like(fits: Sequence[Optimum], people: int, seed: int) -> Array:
 
 def from_prior(model: ValueModel, people: int, seed: int) -> Array:
     """Return parameters drawn from the priors, (people, parameters), on their scales."""
-    given = [(float(p.scaled(p.prior[0])), p.prior[1]) for p in model.parameters if p.prior]
-    middle, spread = np.array(given).T
+    priors = [(float(p.scaled(p.prior[0])), p.prior[1]) for p in model.parameters if p.prior]
+    middle, spread = np.array(priors).T
     rng = stream(seed, "prior", model.name)
     return np.asarray(middle + spread * rng.standard_normal((people, len(middle))))
 
@@ -200,14 +200,16 @@ def recovered(model: ValueModel, true: Array, seed: int) -> tuple[Array, Truths]
 
     Both are (people, parameters), on their scales.
     """
-    found, inside = np.empty(true.shape), np.empty(true.shape, dtype=bool)
+    estimates, inside = np.empty(true.shape), np.empty(true.shape, dtype=bool)
     for who, person in simulated(model, natural(model, true), seed=seed).by_participant().items():
-        k, own = int(who), likelihood(model, person)
-        at = optimum(own).vector
-        drawn = posterior(own, directions(own, at), most_steps=STEPS, seed=seed + k)
-        found[k], (low, high) = own.freedom.to_scale(at), drawn.interval()
-        inside[k] = (own.freedom.to_scale(low) <= true[k]) & (true[k] <= own.freedom.to_scale(high))
-    return found, inside
+        k, of_person = int(who), likelihood(model, person)
+        at = optimum(of_person).vector
+        drawn = posterior(of_person, directions(of_person, at), most_steps=STEPS, seed=seed + k)
+        estimates[k], (low, high) = of_person.freedom.to_scale(at), drawn.interval()
+        inside[k] = (of_person.freedom.to_scale(low) <= true[k]) & (
+            true[k] <= of_person.freedom.to_scale(high)
+        )
+    return estimates, inside
 
 
 def log_ratio(values: Mapping[str, float]) -> float:

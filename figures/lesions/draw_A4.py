@@ -128,11 +128,11 @@ def _early(ax: Any, table: pd.DataFrame) -> None:
     """Show the share of responses before the onset against the rebound."""
     for task, line in zip(SLOW, ("-", "--"), strict=True):
         for most, colour in RAMPS.items():
-            whole = where(table, evidence=task, most_nats=most, lost=1).sort_values("rebound_nats")
+            total = where(table, evidence=task, most_nats=most, lost=1).sort_values("rebound_nats")
             label = f"e: {task.split(', ')[1]}, up to {most:g} nats"
             fill = colour if line == "-" else "w"
             style: dict[str, Any] = {"fmt": "o", "ls": line, "color": colour, "mfc": fill}
-            bars(ax, whole["rebound_nats"], whole, "anticipatory", ms=3, lw=1, label=label, **style)
+            bars(ax, total["rebound_nats"], total, "anticipatory", ms=3, lw=1, label=label, **style)
     partly = table[(table["lost"] < 1) & (table["state"] != INTACT)]["anticipatory"].max()
     intact = table[table["state"] == INTACT]["anticipatory"].max()
     # One line for all of them, at the highest.

@@ -67,22 +67,22 @@ TASKS = (Task(2, 0.5, 120, 0.30), Task(4, 0.5, 120, 0.45), Task(4, 1.0, 40, 0.48
 
 def evidence(task: Task, conflict: float, trials: int, seed: int = SCORING_SEED) -> Evidence:
     """Draw the evidence of a task; that with conflict differs from that without in one mean."""
-    given = {"d_prime": task.d_prime, "channels": task.channels, "t_max": task.readings}
+    settings = {"d_prime": task.d_prime, "channels": task.channels, "t_max": task.readings}
     rng = stream(seed, "loss", task.name)
-    return gaussian_evidence(trials, step_ms=STEP_MS, conflict=conflict, seed=rng, **given)
+    return gaussian_evidence(trials, step_ms=STEP_MS, conflict=conflict, seed=rng, **settings)
 
 
 def lesioned(task: Task) -> dict[tuple[float, str, float], Circuit]:
-    """Return the circuits by what is lost, how long ago, and the rebound in nats."""
+    """Return the circuits by share of STN lost, state (acute or recovered), and rebound in nats."""
     table = load_circuit(DEFAULT, task.channels)
-    found = {(0.0, INTACT, 0.0): table}
+    circuits = {(0.0, INTACT, 0.0): table}
     for lost in LOST:
         acute = table.lesion("STN", lost)
-        found[lost, ACUTE, 0.0] = acute
+        circuits[lost, ACUTE, 0.0] = acute
         part = round(lost * REBOUND_NATS[task.channels], 2)
         for nats in REBOUNDS_NATS if lost == 1 else (0.0, part):
-            found[lost, RECOVERED, nats] = acute.compensate(rebound_nats={"SNr": nats})
-    return found
+            circuits[lost, RECOVERED, nats] = acute.compensate(rebound_nats={"SNr": nats})
+    return circuits
 
 
 def decided(
@@ -98,14 +98,14 @@ def decided(
     return decide_at_thresholds(model, shown, [threshold_nats], decoder_tau_ms=None)[CIRCUIT]
 
 
-def measures(found: Tradeoff, truth: Array, weights: Array) -> dict[str, Array]:
-    """Return each measure for weights of trials (B, trials); what is late is forced then."""
+def measures(decisions: Tradeoff, truth: Array, weights: Array) -> dict[str, Array]:
+    """Return each measure for weights of trials (B, trials); late decisions are forced."""
     share = weights / weights.sum(axis=1, keepdims=True)
     each = {
-        "accuracy": found.choice[0] == truth,
-        "mean_ms": found.time_ms[0],
-        "forced": found.forced[0],
-        "premature": found.premature[0],
+        "accuracy": decisions.choice[0] == truth,
+        "mean_ms": decisions.time_ms[0],
+        "forced": decisions.forced[0],
+        "premature": decisions.premature[0],
     }
     return {name: share @ values.astype(np.float64) for name, values in each.items()}
 
@@ -120,14 +120,14 @@ def behaviour(task: Task, trials: int, workers: int) -> pd.DataFrame:
         truth = np.asarray(shown.truth)
         intact: dict[str, Array] = {}
         for key, table in lesioned(task).items():
-            found = measures(decided(table, shown, task.threshold_nats, workers), truth, weights)
-            intact = intact or found
-            new = {f"{name}_change": found[name] - intact[name] for name in CHANGED}
+            measured = measures(decided(table, shown, task.threshold_nats, workers), truth, weights)
+            intact = intact or measured
+            new = {f"{name}_change": measured[name] - intact[name] for name in CHANGED}
             by = {
                 f"{name}_by_conflict": new[name] - old for name, old in changes.get(key, {}).items()
             }
             changes[key] = new
-            for name, values in (found | new | by).items():
+            for name, values in (measured | new | by).items():
                 rows.append((task.name, conflict, *key, name, *interval(values)))
     columns = ["evidence", "conflict", "lost", "state", "rebound_nats", "measure"]
     return pd.DataFrame(rows, columns=[*columns, "value", "low", "high"]).assign(trials=trials)
@@ -146,11 +146,11 @@ def anticipation(task: Task, trials: int, workers: int) -> pd.DataFrame:
         for key, table in lesioned(task).items():
             if key[1] == ACUTE:
                 continue
-            found = decided(table, shown, task.threshold_nats, workers)
+            decisions = decided(table, shown, task.threshold_nats, workers)
             each = {
-                "anticipatory": found.time_ms[0] < 0,
-                "accuracy": found.choice[0] == np.asarray(plain.truth),
-                "mean_ms": found.time_ms[0],
+                "anticipatory": decisions.time_ms[0] < 0,
+                "accuracy": decisions.choice[0] == np.asarray(plain.truth),
+                "mean_ms": decisions.time_ms[0],
             }
             for name, values in each.items():
                 row = interval(share @ values.astype(np.float64))

@@ -40,7 +40,7 @@ SECONDS = 0.0015
 
 
 def cases() -> Iterator[tuple[str, Circuit, tuple[float, ...]]]:
-    """Yield what is lost, the circuit after that, and the posteriors that are asked."""
+    """Yield the share lost, the circuit after the loss, and its posteriors."""
     table = load_circuit(DEFAULT)
     yield "nothing", table, ASKED
     for name in ("STN", "GPe"):
@@ -60,10 +60,10 @@ def behaviour(trials: int, workers: int) -> pd.DataFrame:
         gain, engine = gain_of(load_circuit(DEFAULT)), Population(workers=workers)
         model = BasalGanglia(table, engine, gain, SCORING_SEED)
         levels = threshold_from_posterior(asked)
-        found = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
-        for k, out_nats in enumerate(found.settings):
-            decided = ~found.forced[k]
-            time_ms, choice = pd.Series(found.time_ms[k]), pd.Series(found.choice[k])
+        decisions = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+        for k, out_nats in enumerate(decisions.settings):
+            decided = ~decisions.forced[k]
+            time_ms, choice = pd.Series(decisions.time_ms[k]), pd.Series(decisions.choice[k])
             rows.append(
                 {
                     "lost": lost,
@@ -73,7 +73,7 @@ def behaviour(trials: int, workers: int) -> pd.DataFrame:
                     "mean_ms": time_ms[decided].mean(),
                     "late": (~decided | (time_ms > LATE_MS)).mean(),
                     "missed": 1 - decided.mean(),
-                    "premature": found.premature[k].mean(),
+                    "premature": decisions.premature[k].mean(),
                     "choice_0": (choice == 0)[decided].mean(),
                 }
             )

@@ -75,7 +75,7 @@ class Expected(NamedTuple):
 
 
 class Edit(NamedTuple):
-    """A change of a circuit or of its evidence, its source, and what is expected of it."""
+    """A change of a circuit or of its evidence, its source, and the expected effect."""
 
     published: str
     edited: Callable[[Circuit], Circuit]
@@ -129,9 +129,9 @@ NOTHING, WITHOUT, NEVER = "nothing to change", "decides without evidence", "does
 
 def drawn(alternatives: int, conflict: float, trials: int, seed: int = SCORING_SEED) -> Evidence:
     """Draw the problem; conflict raises the mean of one competitor and changes no noise."""
-    given = {"d_prime": D_PRIME, "t_max": READINGS, "step_ms": STEP_MS, "conflict": conflict}
+    settings = {"d_prime": D_PRIME, "t_max": READINGS, "step_ms": STEP_MS, "conflict": conflict}
     rng = stream(seed, "others", str(alternatives))
-    return gaussian_evidence(trials, channels=alternatives, seed=rng, **given)
+    return gaussian_evidence(trials, channels=alternatives, seed=rng, **settings)
 
 
 @cache
@@ -149,11 +149,11 @@ def decisions(entrant: Entrant, alternatives: int, trials: int) -> pd.DataFrame:
     """Return one row: the comparison with the MSPRT at equal accuracy."""
     model, _ = tuned(entrant, alternatives)
     evidence = drawn(alternatives, 0.0, trials)
-    found = compare(
+    comparison = compare(
         model, evidence, seed=SCORING_SEED, baselines=(), accuracies=(ACCURACY,), noise_ceiling=True
     ).table
     row: dict[str, Any] = {"gain": model.gain}
-    of = found[(found["model"] == CIRCUIT) & (found["accuracy"] == ACCURACY)]
+    of = comparison[(comparison["model"] == CIRCUIT) & (comparison["accuracy"] == ACCURACY)]
     for reference, ending in ((MSPRT, ""), (OTHER_NOISE, "_ceiling")):
         part = of[of["reference"] == reference].set_index("measure")
         for measure in ("agreement", "agreement_chance", "pearson_r", "extra_ms"):
@@ -175,8 +175,8 @@ def changes(entrant: Entrant, alternatives: int, trials: int) -> pd.DataFrame:
     """Return the effects of each edit at the threshold of accuracy 0.9, and the expected ones."""
     model, decided = tuned(entrant, alternatives)
     threshold = decided.setting(ACCURACY)
-    given = {conflict: drawn(alternatives, conflict, trials) for conflict in (0.0, CONFLICT)}
-    plain = {conflict: seen(model, evidence, threshold) for conflict, evidence in given.items()}
+    shown = {conflict: drawn(alternatives, conflict, trials) for conflict in (0.0, CONFLICT)}
+    plain = {conflict: seen(model, evidence, threshold) for conflict, evidence in shown.items()}
     weights = resampled(trials, RESAMPLES, stream(SCORING_SEED, "bootstrap"))
     rows = []
     for name, edit in EDITS.items():
@@ -185,7 +185,7 @@ def changes(entrant: Entrant, alternatives: int, trials: int) -> pd.DataFrame:
         before = plain[0.0 if of_evidence else edit.conflict]
         after = plain[edit.conflict]
         if not same:
-            after = seen(replace(model, circuit=table), given[edit.conflict], threshold)
+            after = seen(replace(model, circuit=table), shown[edit.conflict], threshold)
         row = {"edit": name, "published": edit.published, "threshold": threshold}
         row |= {"premature": after["premature"].mean(), "forced": after["forced"].mean()}
         row |= differences(before, after, weights)
@@ -205,20 +205,20 @@ def differences(
         {name: weights @ values / weights.sum(axis=1) for name, values in one.items()}
         for one in (before, after)
     )
-    found = {
+    changed = {
         "accuracy": new["right"] - old["right"],
         "mean_percent": 100 * (new["time_ms"] / old["time_ms"] - 1),
         "stn_percent": 100 * (new["stn_hz"] / old["stn_hz"] - 1),
     }
     row: dict[str, float] = {}
-    for measure, values in found.items():
+    for measure, values in changed.items():
         low, high = np.quantile(values[1:], (0.025, 0.975))
         row |= {measure: values[0], f"{measure}_low": low, f"{measure}_high": high}
     return row
 
 
 def verdict(row: Mapping[str, Any], expected: Expected) -> str:
-    """Return whether a change is as expected, or why its row does not tell."""
+    """Return whether a change is as expected, or why its row leaves this open."""
     if row["forced"] > MOST_FORCED:
         return NEVER
     if row["premature"] > WITHOUT_EVIDENCE_SHARE:
@@ -227,7 +227,7 @@ def verdict(row: Mapping[str, Any], expected: Expected) -> str:
 
 
 def outcome(expected: Expected, low: float, high: float) -> str:
-    """Return whether the interval of a change lies beyond the least change that counts."""
+    """Compare the interval of a change with the least change that counts."""
     if expected.direction < 0:
         low, high = -high, -low
     if not np.isfinite([low, high]).all():
@@ -271,8 +271,8 @@ def _piece(
     kind: str, entrant: Entrant, count: int, trials: int, make: Callable[..., pd.DataFrame]
 ) -> Piece:
     def made() -> pd.DataFrame:
-        found = make(entrant, count, trials)
-        return found.assign(
+        table = make(entrant, count, trials)
+        return table.assign(
             circuit=entrant.name, engine=entrant.engine, alternatives=count, trials=trials
         )
 
@@ -282,7 +282,7 @@ def _piece(
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return decisions, changes and verdicts unchanged."""
-    return {name: (name, found) for name, found in made.items()}
+    return {name: (name, table) for name, table in made.items()}
 
 
 PUBLISHED = tuple(entrant.name for entrant in ENTRANTS if entrant.name != DEFAULT)

@@ -33,12 +33,12 @@ PARS, SELECTION = "authors' code, pars.m", "authors' code, batch_selection_grid_
 def out_of(circuit: Circuit, saliences: npt.ArrayLike, seeds: int) -> Array:
     """Return the mean output of each channel in spikes, (seeds, channels)."""
     drive = np.tile(saliences, (TRIALS, STEPS, 1))
-    found = []
+    outputs = []
     for seed in range(seeds):
         wired = replace(circuit, wiring_seed=seed)
-        given = {"engine": "ensemble", "step_ms": STEP_MS, "seed": SCORING_SEED + seed}
-        found.append(run(wired, drive, **given).output_nats[:, SETTLED_MS:].mean(axis=(0, 1)))
-    return np.array(found)
+        settings = {"engine": "ensemble", "step_ms": STEP_MS, "seed": SCORING_SEED + seed}
+        outputs.append(run(wired, drive, **settings).output_nats[:, SETTLED_MS:].mean(axis=(0, 1)))
+    return np.array(outputs)
 
 
 def over_seeds(values: Array) -> dict[str, float]:
@@ -55,8 +55,8 @@ def humphries(seeds: int) -> Iterator[dict[str, Any]]:
     for seed in range(seeds):
         wired = replace(circuit, wiring_seed=seed)
         activity = run(wired, rest, engine="ensemble", step_ms=STEP_MS, seed=SCORING_SEED + seed)
-        for name, found in rates.items():
-            found.append(activity.rates_hz[name][:, SETTLED_MS:].mean())
+        for name, values in rates.items():
+            values.append(activity.rates_hz[name][:, SETTLED_MS:].mean())
     for name, printed in (("GPe", "30"), ("SNr", "30"), ("STN", "12")):
         what = f"rate of {name} at rest, Hz"
         yield {"what": what, "printed": printed, "where": PARS, **over_seeds(np.array(rates[name]))}
@@ -75,28 +75,28 @@ def humphries(seeds: int) -> Iterator[dict[str, Any]]:
 
 def stewart(seeds: int) -> Iterator[dict[str, Any]]:
     """Yield the output that nengo's test asks for, and the time until a channel is silent."""
-    found = -3 * out_of(anatomy.stewart(5), [0.8, 0.4, 0.4, 0.4, 0.4], seeds)
+    outputs = -3 * out_of(anatomy.stewart(5), [0.8, 0.4, 0.4, 0.4, 0.4], seeds)
     test = "nengo 4.1, test_actionselection.py"
     for k, printed in ((0, "above -0.1"), (1, "below -0.8")):
         what = f"output times -3 of channel {k + 1}, saliences 0.8, 0.4, 0.4, 0.4, 0.4"
-        yield {"what": what, "printed": printed, "where": test, **over_seeds(found[:, k])}
+        yield {"what": what, "printed": printed, "where": test, **over_seeds(outputs[:, k])}
     drive = np.tile(np.repeat([[0.0, 0, 0], [1.0, 0, 0]], 400, axis=0), (50, 1, 1))
     late = []
     for seed in range(seeds):
-        given = {
+        settings = {
             "engine": "ensemble",
             "step_ms": 0.5,
             "sample_ms": 0.5,
             "seed": SCORING_SEED + seed,
         }
-        rate = run(anatomy.stewart(3), drive, **given).rates_hz["SNr"][:, 400:, 0].mean(axis=0)
+        rate = run(anatomy.stewart(3), drive, **settings).rates_hz["SNr"][:, 400:, 0].mean(axis=0)
         late.append(0.5 * ((rate < 1).argmax() + 1))
     what = "time from a step of 1 until SNr's mean rate is below 1 Hz, ms"
     yield {"what": what, "printed": "14", "where": "abstract", **over_seeds(np.array(late))}
 
 
 def exact(seeds: int) -> Iterator[dict[str, Any]]:
-    """Yield what is exact: OUT of Bogacz & Gurney, and the state of rest of Gurney et al."""
+    """Yield exact values: OUT of Bogacz & Gurney, and the resting state of Gurney et al."""
     y = stream(SCORING_SEED, "printed").normal(0, 1, (200, 1, 4))
     y -= y.mean(axis=2, keepdims=True)
     out = run(anatomy.bogacz_gurney(4), y, engine="algebra", step_ms=1.0).output_nats[:, 0]

@@ -68,7 +68,7 @@ Draw = Callable[[int, int], Evidence]
 def times(
     models: Mapping[str, Integrator], draw: Draw, trials: int, accuracy: float
 ) -> pd.DataFrame:
-    """Return the mean time of each test at an accuracy, and what it takes longer than the first.
+    """Return the mean time of each test at an accuracy, and its excess over that of the first.
 
     Intervals of 95 % by a bootstrap over trials, that of the threshold in them.
     """
@@ -80,13 +80,13 @@ def times(
         for name, model in models.items():
             parts[name].append(tradeoff(model.run(evidence), evidence, marks[name]))
     weights = resampled(trials, RESAMPLES, stream(SCORING_SEED, "bootstrap"))
-    found = {
+    by_model = {
         name: time_at([accuracy], curve(reduce(add, some), weights))[:, 0]
         for name, some in parts.items()
     }
-    optimal = next(iter(found.values()))
+    optimal = next(iter(by_model.values()))
     rows = []
-    for name, time in found.items():
+    for name, time in by_model.items():
         row: dict[str, Any] = {"model": name}
         for what, values in (("time_ms", time), ("longer_ms", time - optimal)):
             low, high = np.quantile(values[1:], (0.025, 0.975))
@@ -111,9 +111,9 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return times over alternatives, with the printed numbers."""
-    found = made["alternatives"]
-    printed = found["model"].map(PRINTED_MS).where(found["alternatives"] == SHOWN)
-    return {"alternatives": ("alternatives", found.assign(printed_ms=printed))}
+    rows = made["alternatives"]
+    printed = rows["model"].map(PRINTED_MS).where(rows["alternatives"] == SHOWN)
+    return {"alternatives": ("alternatives", rows.assign(printed_ms=printed))}
 
 
 SCORE = Score("published", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)

@@ -58,8 +58,8 @@ def draw(settings: Settings, functions: Path, people: Path, tones: Path, *, outp
 def relative(rows: pd.DataFrame) -> pd.Series:
     """Return z of each delay: (SSD + SSRT - median go time) / sd of go times."""
     ssrt = rows["ssrt_ms"].mean()
-    found: pd.Series = (rows["ssd_ms"] + ssrt - rows["go_median_ms"]) / rows["go_sd_ms"]
-    return found
+    z: pd.Series = (rows["ssd_ms"] + ssrt - rows["go_median_ms"]) / rows["go_sd_ms"]
+    return z
 
 
 def _models(ax: Axes, table: pd.DataFrame, name: str) -> None:

@@ -98,21 +98,21 @@ def inhibition(trials: int) -> pd.DataFrame:
     went = go_times(model, evidence)
     held = [stop_times(model, evidence, ssd, StopSignal(amount_nats=1.0)) for ssd in DELAYS_MS]
     seconds = process_time() - begun
-    found = [by_delay("circuit, 1 nat", went, held).assign(cpu_s=seconds)]
+    parts = [by_delay("circuit, 1 nat", went, held).assign(cpu_s=seconds)]
     for amount in (0.3, 0.5):
         signal = StopSignal(amount_nats=amount)
         stopped = [stop_times(model, evidence, ssd, signal) for ssd in DELAYS_MS]
-        found.append(by_delay(f"circuit, {amount:g} nats", went, stopped))
-    late = found[0].loc[found[0]["ssd_ms"] >= 200, "ssrt_ms"].mean()
+        parts.append(by_delay(f"circuit, {amount:g} nats", went, stopped))
+    late = parts[0].loc[parts[0]["ssd_ms"] >= 200, "ssrt_ms"].mean()
     beaten = [np.where(went < ssd + late, went, np.nan) for ssd in DELAYS_MS]
-    found.append(by_delay("race", went, beaten))
+    parts.append(by_delay("race", went, beaten))
     observer = [
         response_times(decisions(observed(evidence, np.full(trials, ssd), OBSERVED_SHARE, "stop",
                                           DELAYS_MS), model.gain), 2)
         for ssd in (np.nan, *DELAYS_MS)
     ]  # fmt: skip
-    found.append(by_delay("ideal observer", observer[0], observer[1:]))
-    return pd.concat(found, ignore_index=True)
+    parts.append(by_delay("ideal observer", observer[0], observer[1:]))
+    return pd.concat(parts, ignore_index=True)
 
 
 def by_delay(decider: str, went: Array, stopped: list[Array]) -> pd.DataFrame:
@@ -150,7 +150,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def _of_observer(trials: int, fewer: int) -> Iterator[Piece]:
-    """Yield what involves the ideal observer."""
+    """Yield the pieces with the ideal observer."""
     spikes = 1000 // fewer
     for channels in (2, 4):
         for prior in SHARES:
@@ -169,7 +169,7 @@ def _of_observer(trials: int, fewer: int) -> Iterator[Piece]:
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return each kind as a table of the pages."""
     engines = {"spikes": "ensemble"}
-    return {kind: (kind, found.replace({"engine": engines})) for kind, found in made.items()}
+    return {kind: (kind, table.replace({"engine": engines})) for kind, table in made.items()}
 
 
 SCORE = Score("stopping", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)

@@ -127,8 +127,8 @@ def estimates(kind: str, people: int) -> pd.DataFrame:
     rows += slowing_of(chosen).itertuples(index=False, name=None)
     order = sequence(chosen)
     rows += [(str(name), *mean_and_error(order[name])) for name in order]
-    found = pd.DataFrame(rows, columns=["measure", "value", "error", "people"])
-    return found.assign(delays=kind)
+    summary = pd.DataFrame(rows, columns=["measure", "value", "error", "people"])
+    return summary.assign(delays=kind)
 
 
 def violated(kind: str, people: int) -> pd.DataFrame:
@@ -253,11 +253,11 @@ def refitted(people: int, sets: int) -> pd.DataFrame:
         every.append(draws_of(_grouped("test", likelihoods("test", chosen, people))))
     rows = []
     for name, true in vars(true_values(people)).items():
-        found = np.array([np.median(drawn[name]) for drawn in every])
+        medians = np.array([np.median(drawn[name]) for drawn in every])
         stated = np.mean([drawn[name].std() for drawn in every])
-        sd = found.std(ddof=1)
+        sd = medians.std(ddof=1)
         rows.append(
-            {"parameter": name, "true": true, "mean": found.mean(), "error": sd / np.sqrt(sets),
+            {"parameter": name, "true": true, "mean": medians.mean(), "error": sd / np.sqrt(sets),
              "sd": sd, "stated": stated, "sets": sets}
         )  # fmt: skip
     return pd.DataFrame(rows)
@@ -266,17 +266,17 @@ def refitted(people: int, sets: int) -> pd.DataFrame:
 def recovered(failures: float, people: int) -> pd.DataFrame:
     """Return the bias of estimators for participants with a known stop-signal reaction time."""
     values = StopValues(KNOWN.ssrt_ms, 0.0, KNOWN.ssrt_trial_sd_ms, failures, 0.0)
-    found: dict[str, list[float]] = {"integration": [], "mean": [], "likelihood": []}
+    by_method: dict[str, list[float]] = {"integration": [], "mean": [], "likelihood": []}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for trials in known_people(SCORING_SEED, people, GO, STOPS, values).values():
             estimate = estimate_ssrt(trials, checked=False)
-            found["integration"].append(estimate.ssrt_ms)
-            found["mean"].append(estimate.ssrt_mean_ms)
+            by_method["integration"].append(estimate.ssrt_ms)
+            by_method["mean"].append(estimate.ssrt_mean_ms)
             fit = optimum(likelihood(StopRace(slowing_ms=(0.0, 0.0)), trials.to_trials()))
-            found["likelihood"].append(fit.values["ssrt_ms"])
+            by_method["likelihood"].append(fit.values["ssrt_ms"])
     rows = []
-    for method, each in found.items():
+    for method, each in by_method.items():
         mean, error, count = mean_and_error(np.array(each))
         apart = {"bias_ms": mean - KNOWN.ssrt_ms, "error": error, "sd_ms": float(np.std(each))}
         rows.append({"failures": failures, "method": method, **apart, "people": count})
@@ -306,9 +306,9 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return the tables of pages."""
-    found = {"people": "people", "people_delays": "delays", "people_fits": "fits",
+    kinds = {"people": "people", "people_delays": "delays", "people_fits": "fits",
              "people_simulated": "simulated", "people_refitted": "refitted"}  # fmt: skip
-    every = {name: (kind, made[kind]) for name, kind in found.items()}
+    every = {name: (kind, made[kind]) for name, kind in kinds.items()}
     for part in ("halves", "deciles", "times"):
         rows = made["predicted"]
         rows = rows[rows["part"] == part].dropna(axis=1, how="all").drop(columns="part")

@@ -72,11 +72,11 @@ def paired(channels: int, engine: str, prior: float, trials: int) -> pd.DataFram
     """Compare the circuit with the observer, the rival, and itself under other noise."""
     go, delays = evidence_of("paired", trials, channels), PAIRED_MS[channels]
     ssd = drawn_delays(trials, delays, SIMULATED, stream(SCORING_SEED, "paired delays"))
-    given = observed(go, ssd, prior, f"paired, N = {channels}", delays)
+    shown = observed(go, ssd, prior, f"paired, N = {channels}", delays)
     circuit = model_of(channels, engine)
-    ideal, rival = (decisions(given, circuit.gain, extra) for extra in (False, True))
+    ideal, rival = (decisions(shown, circuit.gain, extra) for extra in (False, True))
     held = commitments(ideal, channels)
-    runs = [_with_input(model_of(channels, engine, noise), given, held) for noise in (0, 1)]
+    runs = [_with_input(model_of(channels, engine, noise), shown, held) for noise in (0, 1)]
     others = {
         "ideal observer": response_times(ideal, channels),
         "extra channel": response_times(rival, channels),

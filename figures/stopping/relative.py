@@ -50,12 +50,12 @@ def _relative(who: str, trials: StopTrials) -> pd.DataFrame:
         # 32 stop trials each: the intervals are over people.
         warnings.simplefilter("ignore", DataWarning)
         try:
-            found = estimate_ssrt(trials)
+            estimate = estimate_ssrt(trials)
         except ValueError:
             return pd.DataFrame()
     go = trials.rt_ms[~trials.stop]
     go = go[~np.isnan(go)]
-    ends = trials.ssd_ms[trials.stop] + found.ssrt_ms
+    ends = trials.ssd_ms[trials.stop] + estimate.ssrt_ms
     rt = trials.rt_ms[trials.stop]
     faster = [go[go < end] for end in ends]
     return pd.DataFrame(

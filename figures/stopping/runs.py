@@ -30,8 +30,8 @@ ENGINES: dict[str, Any] = {"population": "population", "spikes": Ensemble(worker
 
 def evidence_of(name: str, trials: int, channels: int = 2, **more: Any) -> Evidence:
     """Return evidence for the go task; a name gives the same evidence for every model."""
-    given = {"d_prime": D_PRIME, "t_max": STEPS, "step_ms": STEP_MS, **more}
-    return gaussian_evidence(trials, channels=channels, seed=stream(SCORING_SEED, name), **given)
+    settings = {"d_prime": D_PRIME, "t_max": STEPS, "step_ms": STEP_MS, **more}
+    return gaussian_evidence(trials, channels=channels, seed=stream(SCORING_SEED, name), **settings)
 
 
 def model_of(channels: int = 2, engine: str = "population", noise: int = 0) -> BasalGanglia:
@@ -66,8 +66,8 @@ def stop_times(
     level: float | None = None,
 ) -> Array:
     """Return the response times of a circuit with a stop signal in every trial."""
-    given = with_stop(evidence, np.full(evidence.trials, float(ssd_ms)), signal)
-    return go_times(receiving(model, signal), given, level)
+    shown = with_stop(evidence, np.full(evidence.trials, float(ssd_ms)), signal)
+    return go_times(receiving(model, signal), shown, level)
 
 
 def share(hits: Array, name: str = "p_respond") -> dict[str, float]:
@@ -93,14 +93,14 @@ def agreement(one: Array, other: Array) -> dict[str, float]:
     """
     a, b = ~np.isnan(one), ~np.isnan(other)
     chance = float(a.mean() * b.mean() + (1 - a.mean()) * (1 - b.mean()))
-    found = share(a == b, "same") | {"same_chance": chance}
+    shares = share(a == b, "same") | {"same_chance": chance}
     for end in ("", "_low", "_high"):
-        excess = found[f"same{end}"] - chance
-        found[f"same_corrected{end}"] = excess / (1 - chance) if chance < 1 else np.nan
+        excess = shares[f"same{end}"] - chance
+        shares[f"same_corrected{end}"] = excess / (1 - chance) if chance < 1 else np.nan
     both = a & b
     few = both.sum() < 30
-    found["times_r"] = np.nan if few else float(np.corrcoef(one[both], other[both])[0, 1])
-    return found | {"times_ms": float((one - other)[both].mean()) if both.any() else np.nan}
+    shares["times_r"] = np.nan if few else float(np.corrcoef(one[both], other[both])[0, 1])
+    return shares | {"times_ms": float((one - other)[both].mean()) if both.any() else np.nan}
 
 
 def nth(times_ms: Array, p: float) -> float:

@@ -84,7 +84,7 @@ def known_people(
 
     Go times are 380 ms plus a gamma variate of shape 2 and mean 100 ms.
     """
-    found = {}
+    simulated = {}
     for who in range(people):
         rng = stream(seed, "known", str(who))
         trials = go + stops
@@ -92,8 +92,8 @@ def known_people(
         stop[rng.choice(trials, stops, replace=False)] = True
         ssrt, failure = _stop_processes(values, stops, rng)
         times = 380 + rng.gamma(2.0, 50.0, trials)
-        found[f"{who}"] = raced(times, stop, ssrt, failure, rng)
-    return found
+        simulated[f"{who}"] = raced(times, stop, ssrt, failure, rng)
+    return simulated
 
 
 def like(
@@ -106,15 +106,15 @@ def like(
     """
     slowed = np.concatenate([each.slower_ms for each in data.values()])
     slower = slowed[slowed > 0].mean() if (slowed > 0).any() else 0.0
-    found = {}
+    simulated = {}
     for who, each in data.items():
         rng, stop = stream(seed, "like", who), people[who].stop
         times = np.maximum(rng.choice(each.times_ms, len(stop)), 0)
         times += slower * np.append(False, stop[:-1])
         times[rng.random(len(stop)) > each.responded] = np.inf
         ssrt, failure = _stop_processes(values, int(stop.sum()), rng)
-        found[who] = raced(times, stop, ssrt, failure, rng)
-    return found
+        simulated[who] = raced(times, stop, ssrt, failure, rng)
+    return simulated
 
 
 def _stop_processes(
@@ -147,14 +147,14 @@ def slopes(people: Mapping[str, StopTrials], rng: np.random.Generator | None = N
     rng : Generator, optional
         Shuffles the delays of each participant's stop trials: a negative control.
     """
-    found = []
+    fitted = []
     for trials in people.values():
         ssd, failed = trials.ssd_ms[trials.stop], trials.responded[trials.stop].astype(float)
         ssd = ssd if rng is None else rng.permutation(ssd)
         apart = ssd - ssd.mean()
         if apart.any():
-            found.append(100 * (apart * failed).sum() / (apart**2).sum())
-    return np.array(found)
+            fitted.append(100 * (apart * failed).sum() / (apart**2).sum())
+    return np.array(fitted)
 
 
 def late_delays(people: Mapping[str, StopTrials]) -> Array:
@@ -162,17 +162,17 @@ def late_delays(people: Mapping[str, StopTrials]) -> Array:
 
     They are inferred without response times, so that these are a test; NaN if none is restored.
     """
-    found = []
+    shares = []
     for trials in people.values():
         missing = (trials.ssd_ms == 0) & trials.responded
         restored = StopTrials.of(restored_delays(trials.to_trials(), use_times=False))
         late = restored.ssd_ms[missing] + LATE_MS >= trials.rt_ms[missing]
-        found.append(late.mean() if len(late) else np.nan)
-    return np.array(found)
+        shares.append(late.mean() if len(late) else np.nan)
+    return np.array(shares)
 
 
 def sequence(people: Mapping[str, StopTrials]) -> pd.DataFrame:
-    """Return what depends on the order of trials, one row per participant.
+    """Return effects of the order of trials, one row per participant.
 
     Columns p_first, p_odd, p_even, p_after_stop, p_after_go, odd_after_stop, even_after_stop and
     last_quarter_ms; a first stop trial is odd.
@@ -193,7 +193,7 @@ def sequence(people: Mapping[str, StopTrials]) -> pd.DataFrame:
 
 
 def _mean(values: Array | Truths) -> float:
-    """Return the mean of the known values; NaN if there are none."""
+    """Return the mean of the known values; NaN without any."""
     known = values[~np.isnan(values)]
     return float(known.mean()) if len(known) else np.nan
 
@@ -208,7 +208,7 @@ def mean_and_error(values: pd.Series | Array) -> tuple[float, float, int]:
 def predictions(
     fit: GroupFit, likelihoods: Mapping[str, StopLikelihood], left: Mapping[str, Integers]
 ) -> dict[str, pd.DataFrame]:
-    """Return what a fit predicts of stop trials of the same people that were not fitted.
+    """Return a fit's predictions of held-out stop trials of the same people.
 
     Parameters
     ----------
@@ -266,6 +266,6 @@ def _deciles(table: pd.DataFrame) -> pd.DataFrame:
         observed=table["rt_ms"].notna().astype(float), variance=p * (1 - p),
     )  # fmt: skip
     by = table.groupby("decile")
-    found = by[["ssd_ms", "observed", "predicted"]].mean()
-    found["error"] = np.sqrt(by["variance"].sum()) / by.size()
-    return found.assign(trials=by.size()).reset_index()
+    means = by[["ssd_ms", "observed", "predicted"]].mean()
+    means["error"] = np.sqrt(by["variance"].sum()) / by.size()
+    return means.assign(trials=by.size()).reset_index()

@@ -67,9 +67,9 @@ def decided(
         rng = stream(SCORING_SEED, "walk", d, theta, start, first, *names)
         drawn = separated_evidence(min(batch, trials - first), steps, d / np.sqrt(2), rng=rng)
         evidence = Evidence(drawn.log_likelihood, drawn.truth, prior)
-        found = first_crossing(Sprt().run(evidence), -theta)
-        correct.append(found.choice == drawn.truth)
-        readings.append(found.steps)
+        decision = first_crossing(Sprt().run(evidence), -theta)
+        correct.append(decision.choice == drawn.truth)
+        readings.append(decision.steps)
     return np.concatenate(correct), np.concatenate(readings)
 
 
@@ -117,19 +117,19 @@ def walks(d: float, share: float, trials: int) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def verdict(found: pd.DataFrame) -> dict[str, float]:
+def verdict(rows: pd.DataFrame) -> dict[str, float]:
     """Return the joint verdict of the z and p of several points."""
     from scipy.stats import chi2, kstest
 
-    points = len(found)
+    points = len(rows)
     told: dict[str, float] = {"points": points}
     for name in ("error", "mean"):
-        z = found[f"z_{name}"]
+        z = rows[f"z_{name}"]
         told[f"z_{name}_most"] = float(z.abs().max())
         told[f"z_{name}_p"] = float(chi2.sf((z**2).sum(), points))
-    told |= {"ks_most": float(found["ks"].max()), "p_least": float(found["p"].min())}
+    told |= {"ks_most": float(rows["ks"].max()), "p_least": float(rows["p"].min())}
     told["p_bonferroni"] = min(1.0, points * told["p_least"])
-    return told | {"evenness_p": float(kstest(found["p"], "uniform").pvalue)}
+    return told | {"evenness_p": float(kstest(rows["p"], "uniform").pvalue)}
 
 
 def accumulators(number: int, trials: int) -> pd.DataFrame:
@@ -143,9 +143,9 @@ def accumulators(number: int, trials: int) -> pd.DataFrame:
     for first in range(0, trials, batch):
         rng = stream(SCORING_SEED, "accumulators", number, first)
         evidence = point.evidence(min(batch, trials - first), rng)
-        found = first_crossing(integrator.run(evidence), threshold)
-        correct.append(found.choice == 0)
-        readings.append(found.steps)
+        decision = first_crossing(integrator.run(evidence), threshold)
+        correct.append(decision.choice == 0)
+        readings.append(decision.steps)
     right, taken = np.concatenate(correct), np.concatenate(readings)
     theirs = {
         "ssm-simulators": point.theirs(),
@@ -153,9 +153,9 @@ def accumulators(number: int, trials: int) -> pd.DataFrame:
         "their floor at the start": point.theirs(floor=0.0),
     }
     rows = []
-    for k, (name, (model, given)) in enumerate(theirs.items()):
+    for k, (name, (model, parameters)) in enumerate(theirs.items()):
         seed = int(stream(SCORING_SEED, "ssm-simulators", number, k).integers(2**31))
-        other = by_ssm_simulators(model, given, trials, seed)
+        other = by_ssm_simulators(model, parameters, trials, seed)
         test = ks_2samp(spread(taken, number, k), spread(other.readings, number, k, "theirs"))
         gap = float(np.mean(other.correct) - np.mean(right))
         error = float(np.hypot(right.std(), other.correct.std()) / np.sqrt(trials))
@@ -191,12 +191,12 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return points and verdicts of walks and accumulators."""
-    found: dict[str, tuple[str, pd.DataFrame]] = {}
+    by_name: dict[str, tuple[str, pd.DataFrame]] = {}
     for kind, by in (("grid", "solution"), ("coarse", "solution"), ("accumulators", "theirs")):
-        found[f"{kind}_points"] = kind, made[kind]
+        by_name[f"{kind}_points"] = kind, made[kind]
         rows = [{by: name} | verdict(part) for name, part in made[kind].groupby(by, sort=False)]
-        found[kind] = kind, pd.DataFrame(rows)
-    return found
+        by_name[kind] = kind, pd.DataFrame(rows)
+    return by_name
 
 
 SCORE = Score("crosschecks", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)

@@ -84,7 +84,7 @@ def compared(case: str, trials: int) -> pd.DataFrame:
     seconds, best = _timed(lambda: optimum(ours))
     at = dict(zip(ours.freedom.names, best.vector.tolist(), strict=True))
     theirs = _both_steps(table, model)
-    found, limit = _maximum(theirs, fixed, at)
+    their_best, limit = _maximum(theirs, fixed, at)
     one, fine = _timed(lambda: float(theirs[0].each(fixed | at).sum()))
     here = _limit(theirs, fixed | at)
     shared = {
@@ -100,10 +100,10 @@ def compared(case: str, trials: int) -> pd.DataFrame:
         "pyddm_likelihood_s": one,
         "fit_s": seconds,
         "pyddm_fit_s": one * best.evaluations,
-        **_worse(ours, by_pyddm(table, model, FINEST), fixed, at, found),
+        **_worse(ours, by_pyddm(table, model, FINEST), fixed, at, their_best),
     }
     rows = [
-        shared | {"parameter": n, "true": values[n], "fitted": at[n], "pyddm_fitted": found[n]}
+        shared | {"parameter": n, "true": values[n], "fitted": at[n], "pyddm_fitted": their_best[n]}
         for n in free
     ]
     return pd.DataFrame(rows)
@@ -126,11 +126,11 @@ def _worse(
     theirs: ByPyddm,
     fixed: Mapping[str, float],
     at: Mapping[str, float],
-    found: Mapping[str, float],
+    their_best: Mapping[str, float],
 ) -> dict[str, float]:
     """Return the log likelihood at our optimum minus that at PyDDM's, by us and by PyDDM, nats."""
-    by_us = [ours(np.array([each[n] for n in ours.freedom.names])) for each in (at, found)]
-    by_it = [float(theirs.each({**fixed, **each}).sum()) for each in (at, found)]
+    by_us = [ours(np.array([each[n] for n in ours.freedom.names])) for each in (at, their_best)]
+    by_it = [float(theirs.each({**fixed, **each}).sum()) for each in (at, their_best)]
     return {"worse_nats": by_us[0] - by_us[1], "pyddm_worse_nats": by_it[0] - by_it[1]}
 
 
@@ -191,12 +191,12 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return the optima, and log likelihoods with seconds."""
-    found = made["optimum"]
+    rows = made["optimum"]
     by = ["parameter", "true", "fitted", "pyddm_fitted"]
-    of_case = found.drop(columns=by).drop_duplicates(ignore_index=True)
-    apart = (found["pyddm_fitted"] / found["fitted"] - 1).abs().groupby(found["case"], sort=False)
+    of_case = rows.drop(columns=by).drop_duplicates(ignore_index=True)
+    apart = (rows["pyddm_fitted"] / rows["fitted"] - 1).abs().groupby(rows["case"], sort=False)
     return {
-        "optima": ("optimum", found[["case", *by]]),
+        "optima": ("optimum", rows[["case", *by]]),
         "likelihoods": (
             "optimum",
             of_case.assign(

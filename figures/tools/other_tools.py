@@ -89,7 +89,7 @@ def by_pyddm(
     from pyddm import BoundConstant, DriftConstant, ICPoint, Model, NoiseConstant
 
     until = readings_needed(d, theta) * d**2
-    found = []
+    densities = []
     for state in (-0.5, 0.5):
         model = Model(
             drift=DriftConstant(drift=state * drift),
@@ -101,10 +101,10 @@ def by_pyddm(
             T_dur=until,
         )
         solved = model.solve()
-        found.append([solved.pdf("error"), solved.pdf("correct")])
+        densities.append([solved.pdf("error"), solved.pdf("correct")])
         times = solved.t_domain
     step = times[1] - times[0]
-    (low_1, up_1), (low_2, up_2) = np.asarray(found)
+    (low_1, up_1), (low_2, up_2) = np.asarray(densities)
     wrong, both = (up_1 + low_2) / 2, (low_1 + up_1 + low_2 + up_2) / 2
     cdf = np.append(0, np.cumsum(both[1:] + both[:-1])) * step / 2
     mean = np.trapezoid(both * times, dx=step) / d**2 + LATE
@@ -185,21 +185,21 @@ class Accumulators:
         n = self.alternatives
         together, apart = (-float(np.expm1(-k)) for k in self.decays)
         level = self.bound + floor
-        given = {f"v{i}": floor * together for i in range(n)}
-        given["v0"] += drift * self.separation
-        given |= {"a": level} | {f"z{i}": floor / level for i in range(n)} | {"t": 0.0}
+        parameters = {f"v{i}": floor * together for i in range(n)}
+        parameters["v0"] += drift * self.separation
+        parameters |= {"a": level} | {f"z{i}": floor / level for i in range(n)} | {"t": 0.0}
         if self.leak is None:
-            return f"race_{n}", given
+            return f"race_{n}", parameters
         b = (together - apart) / n
-        return f"lca_{n}", given | {"g": apart + b, "b": b}
+        return f"lca_{n}", parameters | {"g": apart + b, "b": b}
 
 
-def by_ssm_simulators(model: str, given: dict[str, float], trials: int, seed: int) -> Responses:
+def by_ssm_simulators(model: str, theta: dict[str, float], trials: int, seed: int) -> Responses:
     """Return decisions of ssm-simulators with a time step of one reading."""
     from ssms.basic_simulators.simulator import simulator
 
-    found = simulator(
-        {name: np.full(1, value) for name, value in given.items()},
+    simulated = simulator(
+        {name: np.full(1, value) for name, value in theta.items()},
         model=model,
         n_samples=trials,
         delta_t=1.0,
@@ -207,5 +207,5 @@ def by_ssm_simulators(model: str, given: dict[str, float], trials: int, seed: in
         smooth_unif=False,
         random_state=seed,
     )
-    choices = found["choices"].ravel()
-    return Responses((choices == 0).astype(float), found["rts"].ravel().astype(float))
+    choices = simulated["choices"].ravel()
+    return Responses((choices == 0).astype(float), simulated["rts"].ravel().astype(float))

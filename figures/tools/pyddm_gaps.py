@@ -92,7 +92,7 @@ class ByPyddm:
             ``sensitivity``, ``bound``, ``start``, ``drift_sd``, the gap's own, and ``t0_s``,
             ``t0_sd_s`` and ``lapse``.
         """
-        found, inside = np.empty(len(self.rt_s)), np.empty(len(self.rt_s))
+        likelihood, inside = np.empty(len(self.rt_s)), np.empty(len(self.rt_s))
         # The non-decision time is averaged over each step.
         half = self.step / 2 / values["t0_sd_s"]
         for strength in np.unique(self.strength):
@@ -101,12 +101,12 @@ class ByPyddm:
             times = np.arange(density.shape[1]) * self.step
             left = (self.rt_s[here, None] - values["t0_s"] - times) / values["t0_sd_s"]
             kernel = ndtr(left + half) - ndtr(left - half)
-            found[here] = np.einsum("ij,ij->i", density[self.response[here]], kernel)
+            likelihood[here] = np.einsum("ij,ij->i", density[self.response[here]], kernel)
             soon = ndtr((self.seconds - values["t0_s"] - times) / values["t0_sd_s"])
             inside[here] = density.sum(axis=0) @ soon * self.step
         lapse = values["lapse"]
         # Later responses were left out of the trials: what is seen are those within the window.
-        each = (1 - lapse) * found + lapse / (2 * self.seconds)
+        each = (1 - lapse) * likelihood + lapse / (2 * self.seconds)
         return np.log(each / ((1 - lapse) * inside + lapse))
 
     def _density(self, values: Mapping[str, float], mean: float) -> Array:

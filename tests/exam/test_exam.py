@@ -54,6 +54,28 @@ def test_the_exact_circuit_follows_the_optimal_test_on_designed_trials(monkeypat
     assert record.table["value"].item() == pytest.approx(0, abs=1e-6)
 
 
+def test_courses_leave_rest_and_rhythms_as_they_are(monkeypatch):
+    """A course of the table begins with the evidence: the exam's rest is before it."""
+    monkeypatch.setattr(simulation, "TUNING_TRIALS", 100)
+    exam = asked("rest.snr", "beta.stn")
+    course = "add SNr amount=-1"
+    plain = exam.take("macaque", seed=3, share=0.05)
+    with_course = exam.take("macaque", edits=[course], seed=3, share=0.05)
+    pd.testing.assert_frame_equal(
+        plain.table.drop(columns="set_by"), with_course.table.drop(columns="set_by")
+    )
+
+
+def test_tasks_add_motifs_to_circuits_in_nats_alone():
+    tasks = EXAM.questions.tasks
+    assert tasks["middle"].motifs == ("urgency", "onset_transient")
+    assert tasks["reference"].motifs == ()
+    for name, motifs, count in (("macaque", True, 2), ("macaque", False, 0), ("gpr", True, 0)):
+        runs = Simulation(model_of(name), tasks, 1, motifs=motifs)
+        assert len(runs.circuit(2, tasks["middle"].motifs).courses) == count
+        assert not runs.circuit(2, tasks["reference"].motifs).courses
+
+
 DOMAINS = ("resting rates", "conflict", "stimulation of STN")
 
 

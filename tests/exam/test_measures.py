@@ -7,8 +7,12 @@ import pytest
 from bgmodel import Msprt, first_crossing, gaussian_evidence, threshold_from_posterior
 from bgmodel.exam.measures import MEASURES, Estimate, Results
 from bgmodel.exam.numbers import shipped_list
+from bgmodel.exam.simulation import Simulation
 from bgmodel.exam.tables import Failed, NotApplicable, Tables, read_tables
+from bgmodel.experiments.models import Model
 from bgmodel.support.seeds import stream
+from circuits.anatomy import load_circuit
+from circuits.dynamics.fixed_point import resting_hz
 
 TASKS = shipped_list().tasks
 
@@ -117,6 +121,42 @@ def test_abstract_rates_have_a_sign_and_no_hz():
     assert MEASURES["rate"](Results(tables, TASKS, 1), **place).value == pytest.approx(20, abs=1)
     with pytest.raises(NotApplicable):
         MEASURES["rate"](Results(tables, TASKS, 1, in_hz=True), **place)
+
+
+def blocked(circuit, nucleus, receptors):
+    asked = Simulation(Model("own", lambda _: circuit), TASKS, 1)
+    return MEASURES["blocked"](Results(asked, TASKS, 1), nucleus, receptors)
+
+
+def test_a_block_takes_signal_and_tone_of_a_receptor_from_a_cell_alone():
+    """Rates on a straight line: what is lost is weight times the source's rate over its gain."""
+    circuit = load_circuit("macaque_tuned")
+    rest = resting_hz(circuit)
+
+    def nats(name):
+        return rest[name] / circuit.population(name).gain_hz_per_nat
+
+    gain = circuit.population("SNr").gain_hz_per_nat
+    from_stn = gain * 2 * nats("STN")
+    from_gaba = gain * (nats("D1") + 0.55 * nats("GPe"))
+    for receptors, hz in (
+        ("AMPA, NMDA", rest["SNr"] - from_stn),
+        ("GABA-A", rest["SNr"] + from_gaba),
+        ("AMPA, NMDA, GABA-A", rest["SNr"] - from_stn + from_gaba),
+    ):
+        assert blocked(circuit, "SNr", receptors).value == pytest.approx(hz, rel=1e-6)
+    assert resting_hz(circuit)["GPe"] == rest["GPe"]
+
+
+def test_a_block_needs_cells_and_receptors_that_are_told_apart():
+    circuit = load_circuit("macaque_tuned")
+    for nucleus, receptors in (("SNr", "NMDA"), ("SNr", "mGluR"), ("nobody", "GABA-A")):
+        with pytest.raises(NotApplicable):
+            blocked(circuit, nucleus, receptors)
+    with pytest.raises(NotApplicable):
+        blocked(load_circuit("bogacz_gurney"), "SNr", "GABA-A")
+    named = circuit.set("STN->SNr.synapse", "NMDA")
+    assert blocked(named, "SNr", "NMDA") == blocked(circuit, "SNr", "AMPA, NMDA")
 
 
 def test_a_race_with_a_fixed_stop_time_has_that_ssrt():

@@ -27,7 +27,7 @@ def by_id():
 
 def test_the_shipped_list_has_what_it_promises():
     numbers = shipped_list().numbers
-    assert 30 <= len(numbers) <= 50
+    assert len(numbers) >= 65
     assert len({one.source.split(",")[0] for one in numbers}) >= 12
     assert {one.mark for one in numbers} == set(MARKS)
     assert all(one.weight == 0.5 for one in numbers if one.mark == "abstract")
@@ -78,7 +78,7 @@ def test_a_file_adds_numbers_and_marks_the_version(tmp_path):
         'se = 1\nspecies = "rat"\nsource = "me"\nmark = "read"\nhow = "b"\n'
     )
     exam = Exam.shipped().with_numbers(file)
-    assert exam.questions.version == "1+"
+    assert exam.questions.version == f"{shipped_list().version}+"
     assert exam.questions.domains[-1] == "mine"
     with refused("id"):
         exam.with_numbers(file)

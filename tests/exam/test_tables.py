@@ -42,6 +42,11 @@ def test_bad_trials_are_refused_by_their_column(trials, field):
         (RATES.drop(columns="nucleus"), "nucleus"),
         (RATES.assign(rate_hz=-1.0), "rate_hz"),
         (RATES.assign(rate_hz=2000.0), "rate_hz"),
+        (RATES.assign(sd_hz=1.0), "trials"),
+        (RATES.assign(trials=30), "sd_hz"),
+        (RATES.assign(sd_hz=-1.0, trials=30), "sd_hz"),
+        (RATES.assign(sd_hz=1.0, trials=1), "trials"),
+        (RATES.assign(sd_hz=1.0, trials=30, trial=1), "trial"),
     ],
 )
 def test_bad_rates_are_refused_by_their_column(rates, field):
@@ -73,3 +78,12 @@ def test_the_populations_of_a_nucleus_are_averaged(tmp_path):
             tables.rates_of(*place)
     with pytest.raises(NotApplicable):
         tables.trials_of("reference")
+
+
+def test_a_row_that_sums_up_trials_has_their_mean_and_standard_deviation():
+    one = RATES[:1].assign(sd_hz=3.0, trials=40)
+    rates = read_tables(None, one, TASKS).rates_of("rest", "STN", "rest", "all")
+    assert (len(rates), rates.mean()) == (40, pytest.approx(12.0))
+    assert rates.std(ddof=1) == pytest.approx(3.0)
+    odd = read_tables(None, one.assign(trials=41), TASKS).rates_of("rest", "STN", "rest", "all")
+    assert (len(odd), odd.mean()) == (40, pytest.approx(12.0))

@@ -54,20 +54,20 @@ class ManyCircuitModel(CircuitModel):
         drift = values[SENSITIVITY.name] * strength
         odds, levels = log_odds(values[THRESHOLD]), log_odds(self.thresholds_nats[::-1])
         places = LEVELS - 1 - np.interp(odds, levels, np.arange(LEVELS))
-        found = np.zeros((len(strength), 2, grid.bins))
+        probability = np.zeros((len(strength), 2, grid.bins))
         for cell, (place, v) in enumerate(zip(places, drift, strict=True)):
             mass = self._crossings.decided(interpolated(float(place), LEVELS), float(v))
             few = min(grid.bins, mass.shape[1])
-            found[cell, :, :few] = mass[:, :few]
-        return found
+            probability[cell, :, :few] = mass[:, :few]
+        return probability
 
     @cached_property
     def _crossings(self) -> ManyCrossings:
         """Crossings, read from the folder or simulated."""
         if self._part_of is not None:
-            whole, parts = self._part_of
-            found: ManyCrossings = whole._crossings.part(parts)  # type: ignore[attr-defined]
-            return found
+            model, parts = self._part_of
+            crossings: ManyCrossings = model._crossings.part(parts)  # type: ignore[attr-defined]
+            return crossings
         entry = self._entry(partial(ManyCrossings, self.thresholds_nats), ())
         return entry.once(self._simulate_many)
 

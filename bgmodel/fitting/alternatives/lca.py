@@ -35,9 +35,9 @@ value of their parameters."""
 @compiled
 def leaky(
     noise: Any, parts: Any, drift: Any, common: Any, bound: Any, leak: Any, inhibition: Any,
-    step_s: Any, found: Any,
+    step_s: Any, mass: Any,
 ) -> None:  # fmt: skip
-    """Add the share of trials that decide in each bin to ``found`` (2, bins): wrong, correct.
+    """Add the share of trials that decide in each bin to ``mass`` (2, bins): wrong, correct.
 
     ``dx_i = (input_i - leak x_i - inhibition sum_(j != i) x_j) dt + noise``, and ``x_i >= 0``
     (Usher & McClelland 2001), by Euler's method with one step per bin; ``noise`` (trials, steps, N)
@@ -46,7 +46,7 @@ def leaky(
     continuous in all parameters.
     """
     trials, steps, channels = noise.shape
-    sd, bins = math.sqrt(step_s / 2), found.shape[1]
+    sd, bins = math.sqrt(step_s / 2), mass.shape[1]
     x = np.zeros(channels)
     counted = 0
     for trial in range(trials):
@@ -70,11 +70,11 @@ def leaky(
                 # The crossing is at step + share, the middles of bins half a bin later.
                 place = max(step + share - 0.5, 0.0)
                 low = int(place)
-                found[side, low] += 1 - (place - low)
+                mass[side, low] += 1 - (place - low)
                 if low + 1 < bins:
-                    found[side, low + 1] += place - low
+                    mass[side, low + 1] += place - low
                 break
-    found /= counted
+    mass /= counted
 
 
 @lru_cache(maxsize=2)
@@ -114,15 +114,15 @@ class LcaModel(InParts):
         settings = np.stack([drift, *(values[name] for name in names)], axis=1)
         steps = math.ceil(self.seconds / BIN_S)
         noise = increments(self.alternatives, self.trials // FEWER, steps, self.seed)
-        found = np.zeros((len(strength), 2, grid.bins))
+        probability = np.zeros((len(strength), 2, grid.bins))
         for setting in distinct(settings):
             one = np.zeros((2, grid.bins))
             v, common, bound, leak, inhibition = map(float, setting)
             # Steps miss crossings within them: the bound of the walk is that much lower.
             lower = max(bound - OVERSHOOT * math.sqrt(BIN_S / 2), 1e-3)
             leaky(noise, self._parts, v, common, lower, leak, inhibition, BIN_S, one)
-            found[(settings == setting).all(axis=1)] = one
-        return found
+            probability[(settings == setting).all(axis=1)] = one
+        return probability
 
     def _part(self, parts: Truths) -> Self:
         return replace(self, _parts=parts)

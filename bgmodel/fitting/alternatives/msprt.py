@@ -40,10 +40,10 @@ FIRST, GROWTH, LARGEST, END = 0.004, 0.02, 0.5, 400.0
 @lru_cache(maxsize=1)
 def ends() -> Array:
     """Return the ends of the steps of a path, from 0 on, in units of scaled time."""
-    found = [0.0]
-    while found[-1] < END:
-        found.append(found[-1] + float(np.clip(GROWTH * found[-1], FIRST, LARGEST)))
-    return np.array(found)
+    times = [0.0]
+    while times[-1] < END:
+        times.append(times[-1] + float(np.clip(GROWTH * times[-1], FIRST, LARGEST)))
+    return np.array(times)
 
 
 def odds_of(alternatives: int) -> Array:
@@ -107,12 +107,12 @@ class MsprtModel(InParts):
         """Return the probability of a wrong and of a correct decision; see ``algorithms.Model``."""
         mean = np.unique(strength[strength > 0]).mean()
         gain = 2 * values[SENSITIVITY.name] * mean
-        found = np.zeros((len(strength), 2, grid.bins))
+        probability = np.zeros((len(strength), 2, grid.bins))
         for cell, nats in enumerate(values[THRESHOLD]):
             below = self._below(float(strength[cell] / mean) / 2, float(nats))
             edges = gain[cell] ** 2 * grid.width_s * np.arange(grid.bins + 1)
-            found[cell] = np.diff([np.interp(edges, ends(), side) for side in below], axis=1)
-        return found
+            probability[cell] = np.diff([np.interp(edges, ends(), side) for side in below], axis=1)
+        return probability
 
     def _below(self, drift: float, nats: float) -> Array:
         """Return the probability of both decisions by the ends of steps, (2, steps + 1)."""

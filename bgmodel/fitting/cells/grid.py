@@ -152,8 +152,8 @@ def passed(
         base[on] = pull.sum(axis=1)
         pull *= rise
         gain[on] = (pull * read).sum(axis=1)
-        own = [base @ session.basis, (base * past).sum(axis=1), gain.sum(axis=1)]
-        of_cells.append(np.column_stack(own))
+        derivatives = [base @ session.basis, (base * past).sum(axis=1), gain.sum(axis=1)]
+        of_cells.append(np.column_stack(derivatives))
         pull *= cell[-1] * slope
         by_sum[:, :bins][on] += scale * pull.sum(axis=1)
         by_scale[on] += (pull * x).sum(axis=1)
@@ -190,10 +190,10 @@ def _by_shared(
 
     both = zip(pieces(step), pieces(-step), strict=True)
     first, steps, choice, sums = ((above - below) / (2 * step) for above, below in both)
-    found: Array = (first * weighted[:, 0] * behind[:, 0]).sum(axis=1)
+    derivative: Array = (first * weighted[:, 0] * behind[:, 0]).sum(axis=1)
     if steps.any():
         for k in range(1, behind.shape[1]):
             moved_to = (forward.ahead[:, k - 1] @ steps) * weighted[:, k] * behind[:, k]
-            found += session.on[:, k] * moved_to.sum(axis=1)
-    found += (forward.ahead[:, -1] * choice).sum(axis=1) / forward.end
-    return np.asarray(found + (sums * by_sum).sum(axis=1))
+            derivative += session.on[:, k] * moved_to.sum(axis=1)
+    derivative += (forward.ahead[:, -1] * choice).sum(axis=1) / forward.end
+    return np.asarray(derivative + (sums * by_sum).sum(axis=1))

@@ -87,7 +87,7 @@ class CellsLikelihood(Likelihood):
         return self._ordered([done.log_density for _, done in self._passed(vector, None)])
 
     def _ordered(self, parts: list[Array]) -> Array:
-        """Return what sessions have for their trials in the order of the trials of the design."""
+        """Return values of each session's trials in the order of the trials of the design."""
         order = np.argsort(np.concatenate([each.trials for each in self.sessions]))
         return np.concatenate(parts)[order]
 
@@ -101,14 +101,14 @@ class CellsLikelihood(Likelihood):
         at, shared = self._columns, [each.name for each in self.model.shared]
         parts = []
         for session, done in self._passed(vector, [name for name in shared if name in at]):
-            found = np.zeros((len(session.trials), len(at)))
+            derivatives = np.zeros((len(session.trials), len(at)))
             for name, column in done.shared.items():
-                found[:, at[name]] = column
+                derivatives[:, at[name]] = column
             for cell, columns in zip(session.names, done.cells, strict=True):
                 for name, column in zip(numbers_of(cell), columns.T, strict=True):
                     if name in at:
-                        found[:, at[name]] = column
-            parts.append(found)
+                        derivatives[:, at[name]] = column
+            parts.append(derivatives)
         return self._ordered(parts)
 
     def part(self, trials: Array | Integers) -> Self:
@@ -124,20 +124,20 @@ class CellsLikelihood(Likelihood):
     @property
     def groups(self) -> Integers:
         """Session of each trial."""
-        own = [np.full(len(each.trials), k) for k, each in enumerate(self.sessions)]
-        return self._ordered(own).astype(np.int64)
+        session_of = [np.full(len(each.trials), k) for k, each in enumerate(self.sessions)]
+        return self._ordered(session_of).astype(np.int64)
 
     def density(self, vector: Array) -> Array:
         """Return the predicted density of choices at the end of their clicks, (1, 2, bins), 1/s."""
         values, grid = self.values(vector), self.design.grid
-        found = np.zeros((2, grid.bins))
+        mass = np.zeros((2, grid.bins))
         for session in self.sessions:
             right = p_right(session, values)
             bins = np.minimum((session.end_s / grid.width_s).astype(np.int64), grid.bins - 1)
             answered = session.choice >= 0
             for response, p in enumerate((1 - right, right)):
-                np.add.at(found[response], bins[answered], p[answered])
-        return np.asarray(found[None] / (self.design.trials.sum() * grid.width_s))
+                np.add.at(mass[response], bins[answered], p[answered])
+        return np.asarray(mass[None] / (self.design.trials.sum() * grid.width_s))
 
     def starts(self) -> list[Array]:
         """Return the start of a search: each cell from its regression on the sum of clicks."""
@@ -157,7 +157,7 @@ class CellsLikelihood(Likelihood):
         sums = session.sums(*(values[name] for name in SUMS))[:, :-1]
         read = reading.read(values.get(SCALE.name, 1.0) * sums)[0][on]
         basis = np.broadcast_to(session.basis, (*on.shape, KNOTS))[on]
-        found = []
+        per_cell = []
         for count, past in zip(session.counts, session.past, strict=True):
             design, spikes = np.column_stack([basis, past[on], read]), count[on]
             mean = max(float(spikes.mean()) / BIN_S, 0.1)
@@ -170,8 +170,8 @@ class CellsLikelihood(Likelihood):
                 curve = BIN_S * (moved.T * rate) @ moved + 0.1 * np.eye(len(numbers))
                 step = np.linalg.solve(curve, moved.T @ (spikes - BIN_S * rate))
                 numbers = numbers + np.clip(step, -1, 1)
-            found.append(numbers)
-        return found
+            per_cell.append(numbers)
+        return per_cell
 
     def simulated(self, vector: Array, rng: np.random.Generator) -> Trials:
         """Return all trials of the person with new choices and spikes."""
@@ -210,7 +210,7 @@ def drawn(
     edges_s = np.asarray(np.arange(bins) * BIN_S + LAG_S, np.float64)
     share = seen_share(edges_s)
     level = [(np.expm1(past[:, 0] - recent(np.zeros(1)))) * share[0] for past in session.past]
-    found: list[Integers] = [np.zeros((count, bins), dtype=np.int64) for _ in cells]
+    counts: list[Integers] = [np.zeros((count, bins), dtype=np.int64) for _ in cells]
     final = np.empty(count)
     for k in range(bins + 1):
         last = session.bins == k
@@ -227,17 +227,17 @@ def drawn(
             float(session.middles_s[k]),
         )
         read = reading.read(values.get(SCALE.name, 1.0) * (sums[:, k] + n))[0]
-        for own, cell, now in zip(level, cells, found, strict=True):
-            past = recent(own / share[k])
+        for activity, cell, now in zip(level, cells, counts, strict=True):
+            past = recent(activity / share[k])
             base = session.basis[k] @ cell[:-2] + cell[-2] * past
             rate = reading.rate(base, cell[-1] * read)[1]
             now[:, k] = rng.poisson(rate * BIN_S) * session.on[:, k]
-            own *= np.exp(-BIN_S / PAST_S)
-            own += now[:, k] * np.exp(-BIN_S / 2 / PAST_S) / PAST_S
+            activity *= np.exp(-BIN_S / PAST_S)
+            activity += now[:, k] * np.exp(-BIN_S / 2 / PAST_S) / PAST_S
     decided = final + sums[:, -1] + values["bias"]
     right = decided + values["choice_noise"] * rng.standard_normal(count) > 0
     lapsed = rng.random(count) < values["lapse"]
-    return np.where(lapsed, rng.random(count) < 0.5, right).astype(np.int64), found
+    return np.where(lapsed, rng.random(count) < 0.5, right).astype(np.int64), counts
 
 
 def numbers_of(cell: str) -> list[str]:
@@ -273,15 +273,17 @@ class RecordedCells:
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """All parameters: shared ones and those of each cell."""
-        own = []
+        cells = []
         for session in sessions_of(self.trials):
             for cell in session.names:
                 *course, past, gain = numbers_of(cell)
-                own += [
+                cells += [
                     Parameter(x, -15.0, 15.0, 1.0, "log of Hz", prior=(1.0, 3.0)) for x in course
                 ]
-                own += [Parameter(x, -15.0, 15.0, 0.0, "", prior=(0.0, 1.0)) for x in (past, gain)]
-        return (*self.shared, *own)
+                cells += [
+                    Parameter(x, -15.0, 15.0, 0.0, "", prior=(0.0, 1.0)) for x in (past, gain)
+                ]
+        return (*self.shared, *cells)
 
     def identity(self) -> dict[str, Any]:
         """Return all that its predictions depend on; see ``likelihood.identity_of``."""

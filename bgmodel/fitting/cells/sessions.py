@@ -62,8 +62,8 @@ class Session:
 
     def where(self, kept: Truths) -> Self:
         """Return some of the trials."""
-        own = ("trials", "end_s", "choice", "click_s", "click")
-        parts = {name: getattr(self, name)[kept] for name in own}
+        per_trial = ("trials", "end_s", "choice", "click_s", "click")
+        parts = {name: getattr(self, name)[kept] for name in per_trial}
         return replace(self, counts=self.counts[:, kept], past=self.past[:, kept], **parts)
 
     def sums(self, leak_per_s: float, adaptation: float, recovery_s: float) -> Array:
@@ -83,17 +83,17 @@ class Session:
         """Times of the sum, s, and the number of clicks until then, (trials, bins + 1)."""
         when = np.column_stack([np.tile(self.middles_s, (len(self.end_s), 1)), self.end_s])
         pairs = zip(self.click_s, when, strict=True)
-        return when, np.array([np.searchsorted(own, by, side="right") for own, by in pairs])
+        return when, np.array([np.searchsorted(click_s, by, side="right") for click_s, by in pairs])
 
 
 def _effects(click_s: Array, adaptation: float, recovery_s: float) -> Array:
     """Return the effect of each click after those before it, (trials, clicks)."""
-    found = np.ones(click_s.shape)
+    effects = np.ones(click_s.shape)
     click_s = np.where(np.isfinite(click_s), click_s, 1e9)
     for k in range(1, click_s.shape[1]):
         apart = click_s[:, k] - click_s[:, k - 1]
-        found[:, k] = 1 - (1 - adaptation * found[:, k - 1]) * np.exp(-apart / recovery_s)
-    return found
+        effects[:, k] = 1 - (1 - adaptation * effects[:, k - 1]) * np.exp(-apart / recovery_s)
+    return effects
 
 
 def courses(bins: int) -> Array:
@@ -128,16 +128,16 @@ def sessions_of(trials: Trials) -> tuple[Session, ...]:
     spikes = without_silent(trials.spikes, FEWEST_SPIKES)
     click = readings.log_likelihood[:, :, 1] - readings.log_likelihood[:, :, 0]
     patterns, which = np.unique(spikes.recorded, axis=0, return_inverse=True)
-    found = []
+    sessions = []
     for number, pattern in enumerate(patterns):
         if not pattern.any():
             continue
-        own, cells = np.flatnonzero(which.ravel() == number), np.flatnonzero(pattern)
-        some = np.isin(spikes.trial, own)
-        trial = np.searchsorted(own, spikes.trial[some])
+        rows, cells = np.flatnonzero(which.ravel() == number), np.flatnonzero(pattern)
+        some = np.isin(spikes.trial, rows)
+        trial = np.searchsorted(rows, spikes.trial[some])
         cell = np.searchsorted(cells, spikes.cell[some])
-        bins = max(int(end_s[own].max() / BIN_S + 1e-9), 1)
-        shape = (len(cells), len(own), bins)
+        bins = max(int(end_s[rows].max() / BIN_S + 1e-9), 1)
+        shape = (len(cells), len(rows), bins)
         time_s = spikes.time_s[some]
         counts, past = np.zeros(shape), np.zeros(shape)
         place = np.floor((time_s - LAG_S) / BIN_S).astype(np.int64)
@@ -149,12 +149,12 @@ def sessions_of(trials: Trials) -> tuple[Session, ...]:
             weight = np.exp(-(edge - time_s[before]) / PAST_S) / PAST_S
             np.add.at(past[:, :, k], (cell[before], trial[before]), weight)
         made = Session(
-            own, tuple(spikes.names[k] for k in cells), end_s[own], readings.choice[own],
-            readings.time_s[own], click[own], counts, recent(past / seen_share(edges_s)),
+            rows, tuple(spikes.names[k] for k in cells), end_s[rows], readings.choice[rows],
+            readings.time_s[rows], click[rows], counts, recent(past / seen_share(edges_s)),
             courses(bins),
         )  # fmt: skip
-        found.append(replace(made, counts=counts * made.on))
-    return tuple(found)
+        sessions.append(replace(made, counts=counts * made.on))
+    return tuple(sessions)
 
 
 def _last_s(time_s: Array) -> Array:

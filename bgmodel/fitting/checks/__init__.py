@@ -1,1 +1,1 @@
-"""Where a fitted model fails: data that differ from it, slow trials, and what a fit warns of."""
+"""Checks of a fitted model: data that differ from it, slow trials, and warnings."""

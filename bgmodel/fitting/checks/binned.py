@@ -21,19 +21,19 @@ LARGE_NATS, MOST_TIMES = 0.3, 3
 parameter by more than ``LARGE``; and how often that may be."""
 
 
-def resolved(found: Optimum) -> Optimum:
+def resolved(fitted: Optimum) -> Optimum:
     """Return the optimum with bins as narrow as the density of decisions needs."""
     for _ in range(MOST_TIMES):
-        likelihood, at = found.likelihood, found.vector
+        likelihood, at = fitted.likelihood, fitted.vector
         if not _has_bins(likelihood):
             break
         there = directions(likelihood, at)
         share = np.abs(moved_by_bins(likelihood, there)) / there.standard_errors
-        off = abs(finer(likelihood).each(at).sum() - found.log_likelihood)
+        off = abs(finer(likelihood).each(at).sum() - fitted.log_likelihood)
         if off <= LARGE_NATS and not (share > LARGE).any():
             break
-        found = optimum(finer(likelihood), starts=[at])
-    return found
+        fitted = optimum(finer(likelihood), starts=[at])
+    return fitted
 
 
 def _has_bins(likelihood: Likelihood) -> bool:

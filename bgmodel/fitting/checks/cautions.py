@@ -1,4 +1,4 @@
-"""What a fit warns of: numbers at bounds, late responses, short chains, errors."""
+"""Warnings of a fit: numbers at bounds, late responses, short chains, errors."""
 
 from __future__ import annotations
 
@@ -19,39 +19,39 @@ LATEST_T0_S = 1.0
 
 
 def cautions(
-    found: Optimum, there: Directions, simulated: Simulation, drawn: Posterior | None
+    fitted: Optimum, there: Directions, simulated: Simulation, drawn: Posterior | None
 ) -> list[str]:
     """Return the warnings of a fit, apart from those of misfit and identifiability."""
-    own = [*_rough(there, simulated), *of_bins(found.likelihood, there)]
-    return [*own, *_ended(found), *_vague(found, there), *_late(found), *_short(drawn)]
+    numerical = [*_rough(there, simulated), *of_bins(fitted.likelihood, there)]
+    return [*numerical, *_ended(fitted), *_vague(fitted, there), *_late(fitted), *_short(drawn)]
 
 
-def _ended(found: Optimum) -> list[str]:
+def _ended(fitted: Optimum) -> list[str]:
     """Return a warning for each number that ends at a bound of its range."""
     return [
         f"{name} ends at a bound of its range, {value:.3g}: its standard error is meaningless"
-        for (name, value), ends in zip(found.values.items(), found.at_bound, strict=True)
+        for (name, value), ends in zip(fitted.values.items(), fitted.at_bound, strict=True)
         if ends
     ]
 
 
-def _vague(found: Optimum, there: Directions) -> list[str]:
+def _vague(fitted: Optimum, there: Directions) -> list[str]:
     """Return a warning for each number that can't be near 0, and hardly differs from it."""
-    errors = zip(found.values.items(), there.standard_errors, found.at_bound, strict=True)
+    errors = zip(fitted.values.items(), there.standard_errors, fitted.at_bound, strict=True)
     return [
         f"these trials hardly identify {name} ({value:.3g} +- {error:.2g}): fix it, or add trials "
         "with other evidence"
         for (name, value), error, ends in errors
-        if name in found.likelihood.sized and not ends and VAGUE_SHARE * value < error < np.inf
+        if name in fitted.likelihood.sized and not ends and VAGUE_SHARE * value < error < np.inf
     ]
 
 
-def _late(found: Optimum) -> list[str]:
+def _late(fitted: Optimum) -> list[str]:
     """Return a warning for each non-decision time that is implausibly long."""
     return [
         f"{name} is {value:.3g} s, longer than sensing and moving take: check that rt begins at "
         "the onset of evidence, not of the trial"
-        for name, value in found.values.items()
+        for name, value in fitted.values.items()
         if name.partition("[")[0] == "t0_s" and value > LATEST_T0_S
     ]
 

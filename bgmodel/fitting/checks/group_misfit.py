@@ -51,7 +51,7 @@ class GroupMisfit:
         every = {who: each.excess[test] for who, each in self.people.items()}
         if test == TIMES:
             return reduce(add, every.values())
-        cells = dict.fromkeys(cell for own in self.cells.values() for cell in own)
+        cells = dict.fromkeys(cell for of_person in self.cells.values() for cell in of_person)
         place = {cell: number for number, cell in enumerate(cells)}
         parts = (
             one.placed([place[cell] for cell in self.cells[who]], len(place))
@@ -63,18 +63,19 @@ class GroupMisfit:
         """Return p values below 0.003 / their number, by person and test, the smallest first."""
         every = {(TOGETHER, test): p for test, p in self.together.items()}
         every |= {(who, TIMES): each.p[TIMES] for who, each in self.people.items()}
-        found = pd.Series(every)
-        return found[len(found) * found < BEYOND_CHANCE].sort_values(kind="stable")
+        p_values = pd.Series(every)
+        return p_values[len(p_values) * p_values < BEYOND_CHANCE].sort_values(kind="stable")
 
     def cautions(self) -> list[str]:
         """Return a warning that names the people and the tests with a misfit."""
-        found = self.beyond_chance()
-        if found.empty:
+        p_values = self.beyond_chance()
+        if p_values.empty:
             return []
         told = "; ".join(
-            f"{test} of {who} (p = {found[who, test]:.1g})" for who, test in found.index[:NAMED]
+            f"{test} of {who} (p = {p_values[who, test]:.1g})"
+            for who, test in p_values.index[:NAMED]
         )
-        more = f" and {len(found) - NAMED} more" if len(found) > NAMED else ""
+        more = f" and {len(p_values) - NAMED} more" if len(p_values) > NAMED else ""
         return [
             f"the model does not fit: data differ from it by more than chance in {told}{more}. "
             "Parameters may be far off: see cells() (people_cells.csv) and plot_cells(), check for "
@@ -84,10 +85,10 @@ class GroupMisfit:
 
 def group_misfit(people: Mapping[str, Optimum]) -> GroupMisfit:
     """Return the misfit of a hierarchical fit; all people have one model."""
-    found, cells = {}, {}
+    misfits, cells = {}, {}
     for who, each in people.items():
         design = each.likelihood.design
         cells[who] = list(zip(design.strength.tolist(), *design.conditions.values(), strict=True))
         parts = [(part, each.vector) for part in each.likelihood.without_parts()]
-        found[who] = misfit(each, parts)
-    return GroupMisfit(found, cells)
+        misfits[who] = misfit(each, parts)
+    return GroupMisfit(misfits, cells)

@@ -63,9 +63,9 @@ class Excess:
         """Return as many sums as ``count``, these at their places and 0 elsewhere."""
 
         def spread(values: Array) -> Array:
-            found = np.zeros((*values.shape[:-1], count))
-            found[..., places] = values
-            return found
+            sums = np.zeros((*values.shape[:-1], count))
+            sums[..., places] = values
+            return sums
 
         return Excess(*map(spread, (self.off, self.variance, self.parts, self.size)))
 
@@ -109,12 +109,12 @@ class Misfit:
         """Probability of a larger chi-square under the model, for each of the three tests."""
         return p_values(self.excess)
 
-    def cautions(self, found: Optimum) -> list[str]:
+    def cautions(self, fitted: Optimum) -> list[str]:
         """Return a warning with the worst cells if three times the smallest p is below 0.003."""
         beyond = {name: p for name, p in self.p.items() if len(self.p) * p < BEYOND_CHANCE}
         if not beyond:
             return []
-        design = found.likelihood.design
+        design = fitted.likelihood.design
         size = np.nan_to_num(np.fmax(np.abs(self.z_accuracy), np.abs(self.z_mean_rt)))
         worst = "; ".join(
             f"{design.label(cell)} (z {self.z_accuracy[cell]:+.1f} and {self.z_mean_rt[cell]:+.1f})"
@@ -129,22 +129,22 @@ class Misfit:
         ]
 
 
-def misfit(found: Optimum, left: Sequence[tuple[Likelihood, Array]] = ()) -> Misfit:
+def misfit(fitted: Optimum, left: Sequence[tuple[Likelihood, Array]] = ()) -> Misfit:
     """Return the misfit of a fitted model; ``left`` is as from ``error.without_parts``."""
-    found = found.complete
-    design, density = found.likelihood.design, found.density
+    fitted = fitted.complete
+    design, density = fitted.likelihood.design, fitted.density
     edges_s = _edges_s(design, density)
-    said = _predicted(design, density, edges_s)
-    low, high = found.likelihood.freedom.low, found.likelihood.freedom.high
+    expected = _predicted(design, density, edges_s)
+    low, high = fitted.likelihood.freedom.low, fitted.likelihood.freedom.high
     parts = [
         _predicted(
             design, replace(each, design=design).density(np.clip(vector, low, high)), edges_s
         )
         for each, vector in left
     ]
-    off = _observed(design, edges_s) - said
-    own = jackknifed(parts) ** 2 if parts else np.zeros(len(said))
-    share, _, counts = _split(said, design.cells)
+    off = _observed(design, edges_s) - expected
+    simulation_variance = jackknifed(parts) ** 2 if parts else np.zeros(len(expected))
+    share, _, counts = _split(expected, design.cells)
     seen = design.observed
     answered, timed = (
         np.bincount(seen.cell[some], None, design.cells)
@@ -153,14 +153,14 @@ def misfit(found: Optimum, left: Sequence[tuple[Likelihood, Array]] = ()) -> Mis
     n, m = (np.where(each > 0, each, np.nan) for each in (answered, timed))
     drawn = np.concatenate([share * (1 - share) / n, _variance(design, density) / m, counts])
     with np.errstate(invalid="ignore", divide="ignore"):
-        z_accuracy, z_mean_rt, _ = _split(off / np.sqrt(drawn + own), design.cells)
+        z_accuracy, z_mean_rt, _ = _split(off / np.sqrt(drawn + simulation_variance), design.cells)
     # Means become sums over trials, which can be added.
     times = np.concatenate([answered, timed, np.ones(len(counts))])
     sizes = np.concatenate([answered * np.minimum(share, 1 - share), timed, counts])
     sums = (
         np.nan_to_num(times * off),
         np.nan_to_num(times**2 * drawn),
-        times * np.reshape(parts, (len(parts), len(said))),
+        times * np.reshape(parts, (len(parts), len(expected))),
         sizes,
     )
     split = zip(*(_split(each, design.cells) for each in sums), strict=True)

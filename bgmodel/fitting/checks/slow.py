@@ -27,13 +27,13 @@ class Slow(NamedTuple):
     tail_s: float
 
 
-def slow_trials(found: Optimum) -> Slow:
+def slow_trials(fitted: Optimum) -> Slow:
     """Return the gain in log likelihood of an optimum if a share of trials is slow.
 
     A slow trial is one of the model's with an exponential delay. Parameters stay at the optimum, so
     this is a lower bound on the gain of a fit of share and delay.
     """
-    observed, density = found.likelihood.design.observed, found.density
+    observed, density = fitted.likelihood.design.observed, fitted.density
     log = observed.each(density)
     best = Slow(0.0, 0.0, 0.0)
     for tail_s in TAILS_S:
@@ -45,15 +45,15 @@ def slow_trials(found: Optimum) -> Slow:
     return best
 
 
-def warn_of_slow(found: Optimum) -> None:
+def warn_of_slow(fitted: Optimum) -> None:
     """Warn if a tail of slow trials makes the data more likely than the fitted model alone."""
-    untimed = found.likelihood.design.observed.untimed is not None
-    if untimed or not isinstance(found.likelihood, BinnedLikelihood):
+    untimed = fitted.likelihood.design.observed.untimed is not None
+    if untimed or not isinstance(fitted.likelihood, BinnedLikelihood):
         return
-    slow = slow_trials(found)
+    slow = slow_trials(fitted)
     if slow.gain_nats <= GAIN_NATS:
         return
-    likelihood = found.likelihood
+    likelihood = fitted.likelihood
     design, model = likelihood.design, likelihood.model.identity()["model"]
     held = "lapse" in likelihood.freedom.held
     free = "free lapse, which absorbs some of them, or " if held else ""

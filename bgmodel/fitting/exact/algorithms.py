@@ -121,7 +121,7 @@ class GapModel:
         drift = values[SENSITIVITY.name] * np.where(mirrored, -strength, strength)
         names = (BOUND.name, SPREAD.name, *self.gap.names)
         settings = np.stack([np.abs(start), *(values.get(name, none) for name in names)], axis=1)
-        found = np.zeros((len(strength), 2, grid.bins))
+        probability = np.zeros((len(strength), 2, grid.bins))
         time_s, width_s, bins = _parts(grid.bins, grid.width_s)
         every = distinct(settings)
         for setting in every:
@@ -134,11 +134,11 @@ class GapModel:
             at_rest, gap = self._at_rest(bound, shape, starts, time_s, width_s)
             for one, z, weight in zip(at_rest, starts, weights, strict=True):
                 here = (drift[cells], float(z), drift_sd[cells])
-                found[cells] += weight * passage.binned(
+                probability[cells] += weight * passage.binned(
                     one, gap, time_s, *here, width_s=width_s, bins=bins
                 )
-        found[mirrored] = found[mirrored, ::-1]
-        return found
+        probability[mirrored] = probability[mirrored, ::-1]
+        return probability
 
     def _at_rest(
         self, bound: float, shape: Mapping[str, float], starts: Array, time_s: Array, width_s: Array

@@ -67,9 +67,9 @@ def constant_at_rest(bound: float, time_s: Array, start: npt.ArrayLike = 0.0) ->
     away = np.stack([bound + z, bound - z], axis=1)[:, :, None] / (2 * bound)
     # From a start in the middle both densities are the same.
     sides = away if z.any() else away[:, :1]
-    found = standard_at_rest(sides, scaled, terms=6) / (2 * bound) ** 2
-    found = np.broadcast_to(found, (len(z), 2, len(scaled)))
-    return np.asarray(found if np.ndim(start) else found[0])
+    density = standard_at_rest(sides, scaled, terms=6) / (2 * bound) ** 2
+    density = np.broadcast_to(density, (len(z), 2, len(scaled)))
+    return np.asarray(density if np.ndim(start) else density[0])
 
 
 def standard_at_rest(away: Array, scaled: Array, terms: int = TERMS) -> Array:
@@ -86,7 +86,7 @@ def standard_at_rest(away: Array, scaled: Array, terms: int = TERMS) -> Array:
 @compiled
 def _series(away: Array, scaled: Array, terms: int) -> Array:
     """Return the density at a bound by the series that converges faster; all arrays (times,)."""
-    found = np.empty(len(away))
+    density = np.empty(len(away))
     last, lowest, double = 0.0, 0.0, 2.0
     for i in range(len(away)):
         if away[i] != last:
@@ -104,14 +104,14 @@ def _series(away: Array, scaled: Array, terms: int) -> Array:
                 power *= odd
                 if (n + 1) ** 2 * power < NEGLIGIBLE * first:
                     break  # no later mode can change the last digit
-            found[i] = max(np.pi * total, 0.0)
+            density[i] = max(np.pi * total, 0.0)
         else:
             for k in range(-(terms + 1) // 2, terms // 2):
                 there = away[i] + 2 * k
                 if there**2 - away[i] ** 2 < -2 * np.log(NEGLIGIBLE) * scaled[i]:
                     total += there * np.exp(-(there**2) / (2 * scaled[i]))
-            found[i] = max(total / np.sqrt(2 * np.pi * scaled[i] ** 3), 0.0)
-    return found
+            density[i] = max(total / np.sqrt(2 * np.pi * scaled[i] ** 3), 0.0)
+    return density
 
 
 def falling_at_rest(
@@ -133,8 +133,8 @@ def falling_at_rest(
     width = np.full(len(times), times[1] - times[0]) if width_s is None else width_s
     away = np.stack([bound + z[:, None], bound - z[:, None]], axis=1)
     first = (slope - away / times) * np.exp(-(away**2) / (2 * times)) / np.sqrt(2 * np.pi * times)
-    found = np.maximum(_solved(first, bound, slope, times, width), 0.0)
-    return np.asarray(found if np.ndim(start) else found[0])
+    density = np.maximum(_solved(first, bound, slope, times, width), 0.0)
+    return np.asarray(density if np.ndim(start) else density[0])
 
 
 def _solved_of(first: Array, bound: Array, slope: Array, times: Array, width: Array) -> Array:
@@ -143,7 +143,7 @@ def _solved_of(first: Array, bound: Array, slope: Array, times: Array, width: Ar
     ``first`` is twice the flux at each bound from the starts, negative where the bound is
     approached.
     """
-    found = -first
+    density = -first
     weight = width / np.sqrt(2 * np.pi)
     from_same, from_other = np.empty(len(times)), np.empty(len(times))
     for i in range(len(times)):
@@ -157,11 +157,11 @@ def _solved_of(first: Array, bound: Array, slope: Array, times: Array, width: Ar
         for k in range(len(first)):
             zero, one = 0.0, 0.0
             for j in range(i):
-                zero += from_same[j] * found[k, 0, j] + from_other[j] * found[k, 1, j]
-                one += from_same[j] * found[k, 1, j] + from_other[j] * found[k, 0, j]
-            found[k, 0, i] += zero
-            found[k, 1, i] += one
-    return found
+                zero += from_same[j] * density[k, 0, j] + from_other[j] * density[k, 1, j]
+                one += from_same[j] * density[k, 1, j] + from_other[j] * density[k, 0, j]
+            density[k, 0, i] += zero
+            density[k, 1, i] += one
+    return density
 
 
 _solved = compiled(_solved_of, fastmath={"reassoc", "contract"}, error_model="numpy")
@@ -218,7 +218,7 @@ def _binned(
     variance: Array,
 ) -> Array:  # fmt: skip
     """Sum the masses at times without drift (2, times), weighted as in ``with_drift``, by bin."""
-    found = np.zeros((len(drift), 2, bins[-1] + 1))
+    probability = np.zeros((len(drift), 2, bins[-1] + 1))
     for i in range(len(drift)):
         v, s2, last, up, down = drift[i], variance[i], -1.0, 1.0, 1.0
         plain = s2 == 0 and abs(v) * (bound.max() + abs(start)) < LARGEST / 2
@@ -229,13 +229,13 @@ def _binned(
                 if a != last:
                     last, up, down = a, np.exp(v * (a - start)), np.exp(-v * (a + start))
                 spent = np.exp(-v * v * t / 2)
-                found[i, 0, bins[k]] += down * spent * mass[0, k]
-                found[i, 1, bins[k]] += up * spent * mass[1, k]
+                probability[i, 0, bins[k]] += down * spent * mass[0, k]
+                probability[i, 1, bins[k]] += up * spent * mass[1, k]
                 continue
             spread = 1 + s2 * t
             for side in range(2):
                 c = a - start if side == 1 else -a - start
                 weight = (2 * v * c + s2 * c * c - v * v * t) / (2 * spread)
                 weight = np.exp(min(weight, LARGEST)) / np.sqrt(spread)
-                found[i, side, bins[k]] += weight * mass[side, k]
-    return found
+                probability[i, side, bins[k]] += weight * mass[side, k]
+    return probability

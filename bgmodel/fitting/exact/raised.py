@@ -35,8 +35,8 @@ def raised_bound(bound: Array, noise_nats: Array, stop_nats: float) -> Array:
     """Return the bound while a stop signal of some nats is on, sqrt(s); infinite if it blocks."""
     left = threshold_nats(bound, noise_nats) - stop_nats
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = -np.log(np.expm1(left)) / noise_nats
-    return np.asarray(np.where(left > 0, found, np.inf))
+        raised = -np.log(np.expm1(left)) / noise_nats
+    return np.asarray(np.where(left > 0, raised, np.inf))
 
 
 def crossed_later(

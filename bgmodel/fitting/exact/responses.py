@@ -55,21 +55,21 @@ def responded(
     With more than two alternatives, response 0 is any of the wrong ones. The non-decision time is
     Gaussian; a lapse is any response at any time of the grid up to its ``lapse_bins``.
     """
-    found = np.zeros(decided.shape)
-    _delay(np.ascontiguousarray(decided), t0_s / grid.width_s, t0_sd_s / grid.width_s, found)
+    delayed = np.zeros(decided.shape)
+    _delay(np.ascontiguousarray(decided), t0_s / grid.width_s, t0_sd_s / grid.width_s, delayed)
     # Estimates from simulated trials may be negative, by less than their error.
-    np.maximum(found, 0.0, out=found)
+    np.maximum(delayed, 0.0, out=delayed)
     share = lapse[:, None, None]
     lapsed = np.array([alternatives - 1, 1])[:, None] / alternatives
     width_s = grid.width_s
-    answers = (1 - share) / width_s * found
+    answers = (1 - share) / width_s * delayed
     until = grid.lapse_bins or grid.bins
     answers[:, :, :until] += share * lapsed / (until * width_s)
     return np.asarray(answers)
 
 
 @compiled
-def _delay(decided: Array, t0: Array, t0_sd: Array, found: Array) -> None:
+def _delay(decided: Array, t0: Array, t0_sd: Array, delayed: Array) -> None:
     """Add the decisions of each bin to later bins; times are in bins.
 
     The share of a later bin is that of the Gaussian between its edges, counted from the centre of
@@ -90,7 +90,7 @@ def _delay(decided: Array, t0: Array, t0_sd: Array, found: Array) -> None:
             for side in range(2):
                 # Slices, whose loop is compiled to vector instructions.
                 now = decided[cell, side, start - late : end - late]
-                then = found[cell, side, start:end]
+                then = delayed[cell, side, start:end]
                 for k in range(len(then)):
                     then[k] += share * now[k]
 
@@ -128,9 +128,9 @@ class Observed:
         decided = mass.sum(axis=1, keepdims=True)
         every = self.untimed.all(axis=1, keepdims=True)
         mass = np.where(every, mass / np.maximum(decided, TINY), mass + np.maximum(1 - decided, 0))
-        found = self.with_times(density)
-        found[:, :, 0] += np.where(self.untimed, mass / self.grid.width_s, 0.0)
-        return found
+        recorded = self.with_times(density)
+        recorded[:, :, 0] += np.where(self.untimed, mass / self.grid.width_s, 0.0)
+        return recorded
 
     def with_times(self, density: Array) -> Array:
         """Return densities, or masses, of the responses that have times."""
@@ -148,17 +148,19 @@ class Observed:
         """Return the log likelihood of each trial under densities (cells, 2, bins), nats."""
         low, toward = self._places
         answer = np.maximum(self.response, 0)
-        found = (1 - toward) * density[self.cell, answer, low]
-        found += toward * density[self.cell, answer, low + 1]
-        found = np.where(np.isnan(self.rt_s), found * self.grid.width_s, found)
+        likelihood = (1 - toward) * density[self.cell, answer, low]
+        likelihood += toward * density[self.cell, answer, low + 1]
+        likelihood = np.where(np.isnan(self.rt_s), likelihood * self.grid.width_s, likelihood)
         if self.alternatives > 2:
-            found = np.where(self.response == 0, found / (self.alternatives - 1), found)
+            likelihood = np.where(
+                self.response == 0, likelihood / (self.alternatives - 1), likelihood
+            )
         missing = np.zeros(len(density))
         if self.deadline_s is not None:
             within = self.grid.middles_s < self.deadline_s
             missing = 1 - density[:, :, within].sum(axis=(1, 2)) * self.grid.width_s
-            found = np.where(self.response < 0, missing[self.cell], found)
-        log = np.log(np.maximum(found, TINY))
+            likelihood = np.where(self.response < 0, missing[self.cell], likelihood)
+        log = np.log(np.maximum(likelihood, TINY))
         if self.window_s == EVERY_TIME:
             return np.asarray(log)
         kept = np.maximum(missing + self._inside(density), TINY)
@@ -176,11 +178,11 @@ class Observed:
         start_s = np.arange(mass.shape[2]) * self.grid.width_s
         early, late = (np.clip((t - start_s) / self.grid.width_s, 0, 1) for t in self.window_s)
         mass = mass * (late - early) + (mass - self.with_times(mass)) * (1 - late + early)
-        whole = mass.sum(axis=(1, 2)) + missing
-        return mass / whole[:, None, None], missing / whole
+        total = mass.sum(axis=(1, 2)) + missing
+        return mass / total[:, None, None], missing / total
 
     def drawn(self, density: Array, rng: np.random.Generator) -> tuple[Array, Integers]:
-        """Return times, s, and responses of new trials, (trials,); NaN and -1 if there is none."""
+        """Return times, s, and responses of new trials, (trials,); NaN and -1 for no response."""
         mass, missing = self.outcomes(density)
         bins = self.grid.bins
         below = np.cumsum(np.column_stack([mass.reshape(len(mass), -1), missing]), axis=1)
@@ -209,8 +211,8 @@ class Observed:
 
         early, late = self.window_s
         # Without a deadline the grid may end before the latest responses.
-        whole = late > bins * width_s and self.deadline_s is None
-        inside = (np.ones(len(mass)) if whole else by(late)) - by(early)
+        unlimited = late > bins * width_s and self.deadline_s is None
+        inside = (np.ones(len(mass)) if unlimited else by(late)) - by(early)
         return np.asarray(inside + (density - timed).sum(axis=(1, 2)) * width_s)
 
 

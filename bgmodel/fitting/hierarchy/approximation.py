@@ -46,8 +46,8 @@ class Person:
         def loss(scaled: Array) -> float:
             return -self(scaled) - float(group.log_prior(scaled))
 
-        found = minimize(loss, start, method="L-BFGS-B", options={"eps": STEP / 10, "ftol": 1e-7})
-        return np.asarray(found.x)
+        minimum = minimize(loss, start, method="L-BFGS-B", options={"eps": STEP / 10, "ftol": 1e-7})
+        return np.asarray(minimum.x)
 
     def expanded(self, scaled: Array) -> tuple[Array, Array]:
         """Return gradient and expected information of the log likelihood at a point."""
@@ -83,8 +83,7 @@ class Expansion:
 
         With standard scores z of its people, parameters are linear in the group's mean m and
         standard deviations s, ``x = m + s z + offsets``, so that an expansion in x is one in (m,
-        s), (2 * parameters,); of these, those at ``which`` are drawn, and others stay as they are
-        ``now``.
+        s), (2 * parameters,); those at ``which`` are drawn, the others keep their values ``now``.
         """
         both = np.stack([np.ones(scores.shape), scores], axis=1)  # people, (m, s), parameters
         size = 2 * scores.shape[1]
@@ -152,8 +151,8 @@ def started(
     """Return the distribution of the group and the expansion around everyone's peak, by EM."""
     points, group = start, Group(start.mean(axis=0), np.full(start.shape[1], SPREAD**2))
     for _ in range(ROUNDS):
-        found = over_people(_expanded_at_peak, [(k, group, x) for k, x in enumerate(points)])
-        points, slopes, precisions = (np.array(part) for part in zip(*found, strict=True))
+        expanded = over_people(_expanded_at_peak, [(k, group, x) for k, x in enumerate(points)])
+        points, slopes, precisions = (np.array(part) for part in zip(*expanded, strict=True))
         expansion = Expansion(points, slopes, precisions)
         group = group_of(points, expansion.times(group).variances, shared)
     return group, expansion

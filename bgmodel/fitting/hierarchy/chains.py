@@ -149,11 +149,11 @@ class _Chains:
     def longer(self, kept: _Kept, sweeps: int) -> _Kept:
         """Return chains after more sweeps."""
         jobs = [(self.sampler.expansion, kept.guide, state, sweeps) for state in kept.states]
-        found = self.over_people(_run, jobs)
-        draws = [new for _, new in found]
+        runs = self.over_people(_run, jobs)
+        draws = [new for _, new in runs]
         if kept.draws:
             draws = [joined(both) for both in zip(kept.draws, draws, strict=True)]
-        return replace(kept, states=[state for state, _ in found], draws=draws)
+        return replace(kept, states=[state for state, _ in runs], draws=draws)
 
     def remade(self, kept: _Kept, skipped: int = 0) -> _Kept:
         """Return chains with a guide from the draws of all of them, which are discarded."""
@@ -162,13 +162,13 @@ class _Chains:
         return _Kept(guide, kept.states, [], kept.made + 1)
 
     def reported(self, kept: _Kept) -> Agreement:
-        """Return the diagnostics, and tell them."""
-        found = agreement(kept.draws)
+        """Return the diagnostics, and report them."""
+        diagnostics = agreement(kept.draws)
         self.tell(
             f"{len(kept.draws[0])} draws in each of {CHAINS} chains, effective sample size "
-            f"{found.effective.min():.0f}, R-hat {found.rhat.max():.3f}"
+            f"{diagnostics.effective.min():.0f}, R-hat {diagnostics.rhat.max():.3f}"
         )
-        return found
+        return diagnostics
 
 
 def _run(

@@ -38,22 +38,22 @@ def draw_group(people: pd.DataFrame, group: pd.DataFrame, trials: int) -> Figure
     first: dict[str, tuple[pd.Index, Axes]] = {}
     for ax, (name, shared) in zip(axes, group.iterrows(), strict=False):
         parameter, _, condition = str(name).removesuffix("]").partition("[")
-        own = people[people["parameter"] == name].set_index("participant")
+        estimates = people[people["parameter"] == name].set_index("participant")
         # Coefficients of a formula are values of different kinds.
         alike = parameter if "=" in condition else str(name)
-        order, like = first.setdefault(alike, (own["median"].sort_values().index, ax))
-        own = own.loc[order]
+        order, like = first.setdefault(alike, (estimates["median"].sort_values().index, ax))
+        estimates = estimates.loc[order]
         if like is not ax:
             ax.sharex(like)
         ax.axvspan(shared["low"], shared["high"], color=PALETTE[0], alpha=0.2, lw=0)
         ax.axvline(shared["median"], color=PALETTE[0], ls="--")
-        ax.hlines(place, own["low"], own["high"], color=GREY, lw=1)
-        ax.plot(own["median"], place, "ko", ms=3)
+        ax.hlines(place, estimates["low"], estimates["high"], color=GREY, lw=1)
+        ax.plot(estimates["median"], place, "ko", ms=3)
         ax.set(title=fill(condition, WIDTH), yticks=place, ylim=(-0.8, count - 0.2))
         label = LABELS.get(parameter, parameter)
         plain = "=" in condition or condition in ("", "Intercept")
         ax.set_xlabel(label if plain else f"{label}: coefficient")
-        ax.set_yticklabels(own.index, fontsize=5.5)
+        ax.set_yticklabels(estimates.index, fontsize=5.5)
     for row in grid:
         row[0].set_ylabel("Participant")
     for ax in axes[len(group) :]:

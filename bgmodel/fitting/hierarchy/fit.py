@@ -98,18 +98,18 @@ class GroupFit(Facts):
         """
         mean = np.stack([each.mean for each in self.chains])
         slope = np.stack([each.slopes for each in self.chains])
-        found = {}
+        changes = {}
         for n, (name, k) in enumerate(zip(self.predictors.names, self.predictors.of, strict=True)):
             values = np.unique(self.predictors.columns[n])
             ends = values if len(values) == 2 else np.array([-0.5, 0.5])
             every = np.repeat(mean[None], 2, axis=0)
             every[..., k] += slope[None, ..., n] * ends[:, None, None]
             low, high = self.scale.back(every)[..., k]
-            found[name] = high - low
-        return found
+            changes[name] = high - low
+        return changes
 
     def effects(self) -> pd.DataFrame:
-        """Return what predictors between people do: median, low, high (0.9), above_zero."""
+        """Return the effects of predictors between people: median, low, high (0.9), above_zero."""
         rows = {}
         for name, draws in self.slopes.items():
             middle = {key: float(x[0]) for key, x in _middle(draws[..., None], MIDDLE).items()}
@@ -126,11 +126,11 @@ class GroupFit(Facts):
     @cached_property
     def typical(self) -> dict[str, Optimum]:
         """Each person's likelihood at the medians of the person's parameters."""
-        found = {}
+        optima = {}
         for who, vector in zip(self.people, np.median(self.individual, axis=(0, 1)), strict=True):
             likelihood = self.likelihoods[who]
-            found[who] = Optimum(likelihood, vector, likelihood(vector), evaluations=1)
-        return found
+            optima[who] = Optimum(likelihood, vector, likelihood(vector), evaluations=1)
+        return optima
 
     @cached_property
     def misfit(self) -> GroupMisfit:
@@ -145,12 +145,12 @@ class GroupFit(Facts):
     def facts(self) -> dict[str, str]:
         """Return the numbers of people, trials and draws, and the group's parameters."""
         trials = sum(each.design.trials.sum() for each in self.likelihoods.values())
-        found = {"people": f"{len(self.people)}", "trials": f"{trials}"}
+        facts = {"people": f"{len(self.people)}", "trials": f"{trials}"}
         for row in self.summary().itertuples():
-            found[str(row.Index)] = f"{row.median:.4g} ({row.low:.4g} to {row.high:.4g})"
+            facts[str(row.Index)] = f"{row.median:.4g} ({row.low:.4g} to {row.high:.4g})"
         for row in self.effects().itertuples():
-            found[str(row.Index)] = f"{row.median:.4g} ({row.low:.4g} to {row.high:.4g})"
-        return found | {"effective sample size": f"{self.agreement.effective.min():.0f}"}
+            facts[str(row.Index)] = f"{row.median:.4g} ({row.low:.4g} to {row.high:.4g})"
+        return facts | {"effective sample size": f"{self.agreement.effective.min():.0f}"}
 
     def summary(self) -> pd.DataFrame:
         """Return one row per parameter of the group, with central intervals of 0.9.
@@ -197,11 +197,11 @@ class GroupFit(Facts):
                 raise InputError.of(field, f"must be one of {', '.join(self.parameters)}", name)
         draws = self.group[..., self.parameters.index(first)]
         draws = draws - self.group[..., self.parameters.index(second)]
-        found = {name: float(each[0]) for name, each in _middle(draws[..., None], MIDDLE).items()}
-        return found | {"above_zero": float((draws > 0).mean())}
+        summary = {name: float(each[0]) for name, each in _middle(draws[..., None], MIDDLE).items()}
+        return summary | {"above_zero": float((draws > 0).mean())}
 
     def cautions(self) -> list[str]:
-        """Return warnings: of misfit, of what choices alone leave open, of short chains."""
+        """Return warnings of misfit, parameters that choices leave open, and short chains."""
         first = next(iter(self.typical.values()))
         timed = first.likelihood.design.timed
         alike = [] if timed else directions(first.likelihood, first.vector).cautions()
@@ -237,8 +237,8 @@ class GroupFit(Facts):
         group = {name: self.group[..., k] for k, name in enumerate(names)}
         group |= {f"{name}_between_people": self.between[..., k] for k, name in enumerate(names)}
         group |= self.slopes
-        own = {name: self.individual[..., k] for k, name in enumerate(names)}
-        return labelled(group, own, self.log_likelihood, self.likelihoods)
+        individual = {name: self.individual[..., k] for k, name in enumerate(names)}
+        return labelled(group, individual, self.log_likelihood, self.likelihoods)
 
     def to_netcdf(self, path: str | Path) -> Path:
         """Write ``to_datatree()`` atomically as a netCDF file that ArviZ opens; return its path."""
@@ -264,8 +264,8 @@ class GroupFit(Facts):
 
         table = pooled(self.typical.values())
         if table is None:
-            said = "people have different strengths or conditions: cells() has each person's"
-            raise InputError(said, "strength")
+            message = "people have different strengths or conditions: cells() has each person's"
+            raise InputError(message, "strength")
         return draw_fits({"Model": table}, f"{len(self.people)} people, trials pooled")
 
 
@@ -355,7 +355,7 @@ def fit_group(
             Sampler(people, expansion), group,
             seed=seed, over_people=over_people, most=most_draws, kept=kept, tell=tell,
         )  # fmt: skip
-    found = GroupFit(dict(likelihoods), scale, chains, predictors)
-    for caution in found.cautions():
+    group_fit = GroupFit(dict(likelihoods), scale, chains, predictors)
+    for caution in group_fit.cautions():
         FitWarning.warn(caution)
-    return found
+    return group_fit

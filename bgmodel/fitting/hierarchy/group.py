@@ -19,7 +19,7 @@ nobody differs visibly, and not 0, so that the same moves reach all parameters."
 
 @dataclass(frozen=True)
 class Predictors:
-    """What differs between people and moves their parameters, such as patients and controls."""
+    """Variables that differ between people and shift their parameters, such as a diagnosis."""
 
     names: tuple[str, ...]  # names of slopes, such as ``bound[group[T.patient]]``.
     # (slopes, people), with mean 0 over people, so that slopes do not depend on means
@@ -28,10 +28,10 @@ class Predictors:
 
     def offsets(self, slopes: Array, size: int) -> Array:
         """Return by how much each person's mean differs from the group's, (people, parameters)."""
-        found = np.zeros((self.columns.shape[1], size))
+        offsets = np.zeros((self.columns.shape[1], size))
         for slope, column, k in zip(slopes, self.columns, self.of, strict=True):
-            found[:, k] += slope * column
-        return found
+            offsets[:, k] += slope * column
+        return offsets
 
 
 ALIKE = Predictors((), np.zeros((0, 0)), np.zeros(0, np.int64))
@@ -87,10 +87,10 @@ class Group:
         shape = (FREEDOM + people) / 2
         variance = (FREEDOM / mixing + squares / 2) / rng.gamma(shape, size=size)
         variance = np.where(self.shared, self.variance, variance)
-        found = replace(self, mean=mean, variance=variance)
+        group = replace(self, mean=mean, variance=variance)
         for n in range(len(self.slopes)):
-            found = found._slope_drawn(n, every, rng)
-        return found
+            group = group._slope_drawn(n, every, rng)
+        return group
 
     def _slope_drawn(self, n: int, scaled: Array, rng: np.random.Generator) -> Group:
         """Return the group with a draw of one slope, given people and the rest of the group."""

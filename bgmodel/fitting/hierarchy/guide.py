@@ -61,10 +61,10 @@ class Guide:
     ) -> tuple[Group, Array, Array]:  # fmt: skip
         mean, sd, now = group.mean.copy(), np.sqrt(group.variance), scaled.copy()
         highest = np.broadcast_to(group.highest, mean.shape).astype(float)
-        given = (self.step, np.cumsum(vague)[:-1], highest, self.surrogate.arrays, rng)
+        settings = (self.step, np.cumsum(vague)[:-1], highest, self.surrogate.arrays, rng)
         slopes, offsets = group.slopes.copy(), np.zeros(now.shape) + group.offsets
         between = (slopes, group.predictors.columns, group.predictors.of)
-        rise = _wander(mean, sd, now, offsets, moves, share, between, *given)
+        rise = _wander(mean, sd, now, offsets, moves, share, between, *settings)
         return replace(group, mean=mean, variance=sd**2, slopes=slopes), now, rise
 
 
@@ -161,16 +161,16 @@ def _move_group(
     """Draw a mean or a standard deviation as ``Group.drawn``; both in turn are not reversible."""
     people, size = scaled.shape
     for k in range(size):
-        own = scaled[:, k] - offsets[:, k]
+        centred = scaled[:, k] - offsets[:, k]
         if rng.random() < 0.5:
-            asked = own.mean() + sd[k] / np.sqrt(people) * rng.normal()
+            asked = centred.mean() + sd[k] / np.sqrt(people) * rng.normal()
             gain = np.logaddexp(0, -mean[k]) - np.logaddexp(0, -asked)
             if asked <= highest[k] and np.log(rng.random()) < gain:
                 mean[k] = asked
         elif step[1, k] > 0:
             rate = FREEDOM / sd[k] ** 2 + 1 / SPREAD**2
             mixing = rate / rng.standard_gamma((FREEDOM + 1) / 2)
-            squares = ((own - mean[k]) ** 2).sum()
+            squares = ((centred - mean[k]) ** 2).sum()
             shape = (FREEDOM + people) / 2
             sd[k] = np.sqrt((FREEDOM / mixing + squares / 2) / rng.standard_gamma(shape))
 
@@ -189,8 +189,8 @@ def _move_together(
     if middle > highest[k]:
         return
     asked = scaled.copy()
-    own = scaled[:, k] - offsets[:, k]
-    asked[:, k] = offsets[:, k] + middle + spread * (own - mean[k]) / sd[k]
+    centred = scaled[:, k] - offsets[:, k]
+    asked[:, k] = offsets[:, k] + middle + spread * (centred - mean[k]) / sd[k]
     new = values(asked, surrogate)
     gain = (new - logs).sum() + np.logaddexp(0, -mean[k]) - np.logaddexp(0, -middle)
     unit = FREEDOM * SPREAD**2

@@ -62,13 +62,13 @@ def labelled(
         "rt": ("trial", np.concatenate([one.rt_s for one in seen])),
         "response": ("trial", np.concatenate([one.response for one in seen])),
     }
-    own = {"chain": axes["chain"], "draw": places, "participant_of": who}
+    coordinates = {"chain": axes["chain"], "draw": places, "participant_of": who}
     tree = xarray.DataTree.from_dict(
         {
             "posterior": xarray.Dataset(posterior, {**axes, "participant": people}),
             "sample_stats": xarray.Dataset({"lp": total}, axes),
-            "log_likelihood": xarray.Dataset({"rt": each}, own),
-            "posterior_predictive": xarray.Dataset(predictive, own),
+            "log_likelihood": xarray.Dataset({"rt": each}, coordinates),
+            "posterior_predictive": xarray.Dataset(predictive, coordinates),
             "observed_data": xarray.Dataset(data, {"participant_of": who}),
             "constant_data": xarray.Dataset(given_trials(likelihoods), {"participant_of": who}),
         }
@@ -96,10 +96,10 @@ def new_trials(likelihoods: Mapping[str, Likelihood], vectors: Array) -> tuple[A
     rt_s, response = np.empty(shape, np.float32), np.empty(shape, np.int8)
     ends = np.cumsum(trials)
     for k, (who, likelihood) in enumerate(likelihoods.items()):
-        rng, own = stream(PREDICTIVE_SEED, who), slice(ends[k] - trials[k], ends[k])
+        rng, part = stream(PREDICTIVE_SEED, who), slice(ends[k] - trials[k], ends[k])
         likelihood = likelihood.complete(np.median(vectors[:, :, k], axis=(0, 1)))
         for at in np.ndindex(shape[:2]):
-            rt_s[(*at, own)], response[(*at, own)] = likelihood.drawn(vectors[(*at, k)], rng)
+            rt_s[(*at, part)], response[(*at, part)] = likelihood.drawn(vectors[(*at, k)], rng)
     return rt_s, response
 
 

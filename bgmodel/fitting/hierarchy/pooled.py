@@ -25,14 +25,14 @@ def pooled(people: Collection[Optimum]) -> pd.DataFrame | None:
     designs = [each.likelihood.design for each in people]
     every = [list(zip(each.strength, *each.conditions.values(), strict=True)) for each in designs]
     order = {cell: number for number, cell in enumerate(every[0])}
-    if any(set(own) != set(order) for own in every):
+    if any(set(cells) != set(order) for cells in every):
         return None
-    places = [np.array([order[cell] for cell in own]) for own in every]
+    places = [np.array([order[cell] for cell in cells]) for cells in every]
     mass = np.zeros((len(order), 2, max(each.grid.bins for each in designs)))
     trials = np.zeros(len(order))
     for each, design, place in zip(people, designs, places, strict=True):
-        own, _ = design.observed.outcomes(each.density)
-        mass[place, :, : own.shape[2]] += design.trials[:, None, None] * own
+        predicted, _ = design.observed.outcomes(each.density)
+        mass[place, :, : predicted.shape[2]] += design.trials[:, None, None] * predicted
         trials[place] += design.trials
     seen = [design.observed for design in designs]
     together = Observed(

@@ -54,8 +54,8 @@ class Scale:
         """Return parameters (..., parameters) on the scale."""
         height = (np.asarray(natural, float) - self.low) / self.unit
         with np.errstate(divide="ignore"):
-            found = height + np.log(-np.expm1(-height))
-        return np.asarray(np.maximum(found, LOWEST))
+            scaled = height + np.log(-np.expm1(-height))
+        return np.asarray(np.maximum(scaled, LOWEST))
 
     def back(self, scaled: Array) -> Array:
         """Return parameters (..., parameters) in their own units."""

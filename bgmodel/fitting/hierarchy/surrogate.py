@@ -146,13 +146,13 @@ def _fitted(points: Array, logs: Array) -> tuple[Array, Array, Array, float, flo
             if evidence > best:
                 best, chosen = evidence, (length, amplitude, factor, half)
     length, amplitude, factor, half = chosen
-    own = solve_triangular(factor, half, lower=True, trans=1)
+    solved = solve_triangular(factor, half, lower=True, trans=1)
     quadratic = np.zeros((size + 1, size + 1))
-    quadratic[rows, columns] = COEFFICIENT**2 * basis.T @ own
+    quadratic[rows, columns] = COEFFICIENT**2 * basis.T @ solved
     quadratic[0, 0] += highest
     # Everyone needs the same number of points: those that are left out have a weight of 0.
     weights = np.zeros(number)
-    weights[near] = amplitude**2 * length**4 * own
+    weights[near] = amplitude**2 * length**4 * solved
     return quadratic, np.ascontiguousarray(points.T), weights, length, highest + MARGIN
 
 
@@ -163,7 +163,7 @@ def value(scaled: Array, person: int, surrogate: tuple[Array, ...]) -> float:
     size, number = points.shape[1:]
     squares = np.full(number, length[person] ** 2)
     at = np.ones(size + 1)
-    found = 0.0
+    total = 0.0
     away = np.minimum(np.logaddexp(0.0, scaled), highest[person]) - centre[person]
     for i in range(size):
         place = 0.0
@@ -174,8 +174,8 @@ def value(scaled: Array, person: int, surrogate: tuple[Array, ...]) -> float:
             squares[n] += (place - points[person, i, n]) ** 2
     for i in range(size + 1):
         for j in range(i + 1):
-            found += quadratic[person, i, j] * at[i] * at[j]
-    return float(min(found + _kernels(weights[person], squares), ceiling[person]))
+            total += quadratic[person, i, j] * at[i] * at[j]
+    return float(min(total + _kernels(weights[person], squares), ceiling[person]))
 
 
 def _kernels_of(weights: Array, squares: Array) -> float:
@@ -192,7 +192,7 @@ _kernels = compiled(_kernels_of, fastmath={"reassoc"})
 @compiled
 def values(scaled: Array, surrogate: tuple[Array, ...]) -> Array:
     """Return the log likelihood at everyone's parameters (people, parameters), nats."""
-    found = np.empty(len(scaled))
+    logs = np.empty(len(scaled))
     for person in range(len(scaled)):
-        found[person] = value(scaled[person], person, surrogate)
-    return found
+        logs[person] = value(scaled[person], person, surrogate)
+    return logs

@@ -84,8 +84,8 @@ class KnownCircuit:
         channels, count = self.circuit.channels, trials.alternatives
         require(channels == count, "circuit", f"must have {count} channels", channels)
         if LEAK.name not in values:
-            said = "of a circuit can't be free: fix it at a value, such as leak_hz=0.5"
-            raise InputError(f"leak_hz {said}", "free")
+            problem = "of a circuit can't be free: fix it at a value, such as leak_hz=0.5"
+            raise InputError(f"leak_hz {problem}", "free")
         gains = self._usable(trials, values[LEAK.name])
         out = np.stack([self._simulated(trials, g, values[LEAK.name]) for g in gains])
         return Simulated(out, gains)
@@ -96,8 +96,8 @@ class KnownCircuit:
 
     def identity(self) -> dict[str, Any]:
         """Return the circuit's hash, engine, runs and seed."""
-        found = {"circuit": identity(self.circuit), "engine": self.engine}
-        return found | {"runs": self.runs, "seed": self.seed}
+        about = {"circuit": identity(self.circuit), "engine": self.engine}
+        return about | {"runs": self.runs, "seed": self.seed}
 
     def _usable(self, trials: KnownTrials, leak_hz: float) -> Array:
         """Return the gains at which the evidence is not too strong for the circuit."""
@@ -119,7 +119,7 @@ class KnownCircuit:
         runs = self.runs_of(trials.trials)
         # No trial falls that far: engines are faster if rates aren't stored.
         model = BasalGanglia(self.circuit, self.engine, gain, self.seed).until(NEVER_NATS)
-        found = np.zeros((runs, trials.trials, starts.shape[1], trials.alternatives))
+        lowest = np.zeros((runs, trials.trials, starts.shape[1], trials.alternatives))
         with quiet(RangeWarning):
             for chosen, first, part in _parts(evidence, runs):
                 at = 0
@@ -127,11 +127,11 @@ class KnownCircuit:
                     place = np.arange(at, at + some.trials)
                     run, trial = place // len(chosen), chosen[place % len(chosen)]
                     time_s = trace.time_ms / 1000 - (step_s if _shifted(trials) else 0.0)
-                    found[run, trial] = lowest_between(
+                    lowest[run, trial] = lowest_between(
                         trace.out_nats, time_s, starts[trial], ends[trial], trials.seen[trial]
                     )
                     at += some.trials
-        return np.asarray(found[:, *trials.seen_places])
+        return np.asarray(lowest[:, *trials.seen_places])
 
 
 @dataclass(frozen=True)
@@ -181,8 +181,8 @@ def on_grid(trials: KnownTrials, leak_hz: float = 0.0) -> tuple[Evidence, float]
         gridded = np.diff(leaky_sums(gridded, when, leak_hz), axis=1, prepend=0.0)
     gridded[np.arange(gridded.shape[1]) >= steps[:, None]] = 0.0
     with quiet():
-        found = Evidence(gridded, step_ms=1000 * step_s, lengths=steps, baseline=0.0)
-    return found, step_s
+        evidence = Evidence(gridded, step_ms=1000 * step_s, lengths=steps, baseline=0.0)
+    return evidence, step_s
 
 
 def _step_s(trials: KnownTrials) -> float:

@@ -40,16 +40,16 @@ def draw_known(peaks: Mapping[str, Peak], title: str) -> Figure:
     bars = 1.96 * share["standard_error"]
     axes[0].errorbar(share["reading"], share["observed"], bars, label="Data", **LOOK)
     for ax, align in zip(axes[1:], ALIGNED, strict=True):
-        own = weight[(weight["of"] == DATA) & (weight["align"] == align)]
-        ax.errorbar(own["position"], own["weight"], 1.96 * own["standard_error"], **LOOK)
+        kernel = weight[(weight["of"] == DATA) & (weight["align"] == align)]
+        ax.errorbar(kernel["position"], kernel["weight"], 1.96 * kernel["standard_error"], **LOOK)
         ax.axhline(0, color=GREY, lw=0.6, zorder=0)
     for k, name in enumerate(peaks):
         colour = PALETTE[k % len(PALETTE)]
-        found, weights = shares[name], kerns[name]
-        axes[0].plot(found["reading"], found["predicted"], color=colour, label=name)
+        hazard, weights = shares[name], kerns[name]
+        axes[0].plot(hazard["reading"], hazard["predicted"], color=colour, label=name)
         for ax, align in zip(axes[1:], ALIGNED, strict=True):
-            own = weights[(weights["of"] != DATA) & (weights["align"] == align)]
-            ax.plot(own["position"], own["weight"], color=colour)
+            kernel = weights[(weights["of"] != DATA) & (weights["align"] == align)]
+            ax.plot(kernel["position"], kernel["weight"], color=colour)
     axes[0].set(xlabel="Reading", ylabel="Share of running trials that respond", ylim=(0, None))
     axes[1].set(xlabel="Reading", ylabel="Weight in the choice (per nat)")
     axes[2].set(xlabel="Readings before the response", ylabel="Weight in the choice (per nat)")

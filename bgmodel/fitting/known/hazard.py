@@ -76,15 +76,15 @@ def delayed(
     ``at_s`` are the times of the readings; the non-decision time is Gaussian.
     """
     trials, count = len(rt_s), decided.shape[1]
-    found = np.zeros((trials, count))
+    density = np.zeros((trials, count))
     for trial in range(trials):
         for k in range(offsets[trial], offsets[trial + 1]):
             z = (rt_s[trial] - at_s[k] - t0_s) / sd_s
             if abs(z) < FARTHEST:
                 late = np.exp(-0.5 * z * z) / (sd_s * SQRT_2PI)
                 for i in range(count):
-                    found[trial, i] += decided[k, i] * late
-    return found
+                    density[trial, i] += decided[k, i] * late
+    return density
 
 
 @compiled
@@ -93,7 +93,7 @@ def answered(
 ) -> Array:
     """Return the probability of each response by ``by_s``, (trials, times, alternatives)."""
     (trials, times), count = by_s.shape, decided.shape[1]
-    found = np.zeros((trials, times, count))
+    probability = np.zeros((trials, times, count))
     for trial in range(trials):
         for j in range(times):
             for k in range(offsets[trial], offsets[trial + 1]):
@@ -102,8 +102,8 @@ def answered(
                     break
                 share = math.erfc(-z / np.sqrt(2.0)) / 2 if z < FARTHEST else 1.0
                 for i in range(count):
-                    found[trial, j, i] += decided[k, i] * share
-    return found
+                    probability[trial, j, i] += decided[k, i] * share
+    return probability
 
 
 @compiled

@@ -86,12 +86,12 @@ def kernel(
 def _aligned(trials: KnownTrials, some: Integers, positions: int, align: str) -> Array:
     """Return readings by position, (trials, positions, alternatives); 0 after the last reading."""
     require(align in ALIGNED, "align", f"must be one of {', '.join(ALIGNED)}", align)
-    found = np.zeros((len(some), positions, trials.alternatives))
+    readings = np.zeros((len(some), positions, trials.alternatives))
     for k in range(positions):
         at = np.full(len(some), k) if align == FROM_ONSET else trials.seen[some] - 1 - k
         good = (at >= 0) & (at < trials.seen[some])
-        found[good, k] = trials.log_likelihood[some[good], at[good]]
-    return found
+        readings[good, k] = trials.log_likelihood[some[good], at[good]]
+    return readings
 
 
 def _logit(design: Array, target: Array) -> tuple[Array, Array]:

@@ -99,11 +99,11 @@ class KnownLikelihood(Likelihood):
             made = np.zeros((trials.trials, trials.alternatives))
             np.add.at(made, trials.seen_places[0], decided)
             return none * made + values["lapse"] / trials.alternatives, none * left
-        found = none * delayed(
+        density = none * delayed(
             decided, trials.seen_s, rt_s, trials.offsets, values["t0_s"], values["t0_sd_s"]
         )
-        found += values["lapse"] / (trials.alternatives * trials.span_s)
-        return np.where(np.isfinite(rt_s)[:, None], found, 0.0), none * left
+        density += values["lapse"] / (trials.alternatives * trials.span_s)
+        return np.where(np.isfinite(rt_s)[:, None], density, 0.0), none * left
 
     def answered(self, values: Values, by_s: Array) -> Array:
         """Return the probability of each response by times (trials, times), by alternative.
@@ -112,24 +112,24 @@ class KnownLikelihood(Likelihood):
         """
         trials, share = self.trials, values["lapse"]
         lapsed = np.clip(by_s / trials.span_s, 0.0, 1.0) / trials.alternatives
-        found = answered(
+        probability = answered(
             self.decisions(values)[0], trials.seen_s, by_s, trials.offsets,
             values["t0_s"], values["t0_sd_s"],
         )  # fmt: skip
-        return np.asarray((1 - share) * found + share * lapsed[:, :, None])
+        return np.asarray((1 - share) * probability + share * lapsed[:, :, None])
 
     def each(self, vector: Array) -> Array:
         """Return the log likelihood of each trial, nats (of densities in 1/s)."""
         density, none = self.responses(self.values(vector))
         choice = self.trials.choice
         chosen = density[np.arange(len(choice)), np.maximum(choice, 0)]
-        found = np.log(np.maximum(np.where(choice < 0, none, chosen), TINY))
-        return np.asarray(found if self.kept is None else found[self.kept])
+        logs = np.log(np.maximum(np.where(choice < 0, none, chosen), TINY))
+        return np.asarray(logs if self.kept is None else logs[self.kept])
 
     def unbiased(self, vector: Array) -> Array:
         """Return ``each``, corrected for the number of runs (jackknife; Quenouille 1956)."""
-        own, parts = self.each(vector), [one.each(vector) for one in self.without_parts()]
-        return own + (len(parts) - 1) * (own - np.mean(parts, axis=0)) if parts else own
+        biased, parts = self.each(vector), [one.each(vector) for one in self.without_parts()]
+        return biased + (len(parts) - 1) * (biased - np.mean(parts, axis=0)) if parts else biased
 
     def density(self, vector: Array) -> Array:
         """Return the predicted density of responses (1, 2, bins), 1/s.
@@ -211,16 +211,16 @@ class KnownLikelihood(Likelihood):
         """
         freed = self.freedom
         fastest = float(np.nanquantile(self.trials.rt_s, 0.05)) if self.trials.timed else 0.0
-        found = []
+        starts = []
         for share in T0_SHARES:
             t0_s = share * fastest
             level, spread = self._at_decisions(self.values(freed.start) | {"t0_s": t0_s})
             for noise in NOISES:
-                given = {"t0_s": t0_s, "threshold": level, "noise": noise * spread}
+                guesses = {"t0_s": t0_s, "threshold": level, "noise": noise * spread}
                 pairs = zip(freed.names, freed.start, strict=True)
-                start = np.array([given.get(name, own) for name, own in pairs])
-                found.append(np.clip(start, freed.low, freed.high))
-        return found
+                start = np.array([guesses.get(name, default) for name, default in pairs])
+                starts.append(np.clip(start, freed.low, freed.high))
+        return starts
 
     def _at_decisions(self, values: Values) -> tuple[float, float]:
         """Return the median level of chosen alternatives when they decided, and half its spread."""
@@ -257,11 +257,11 @@ class OnTrials:
         first; biases, of all but the first alternative, are added to its threshold (for two
         alternatives the same as a start nearer one bound), and free if there are two.
         """
-        own, count = self.model.parameters(self.trials.alternatives), self.trials.alternatives
-        most = min(MOST_BIAS, next(each.high for each in own if each.name == "threshold"))
+        of_model, count = self.model.parameters(self.trials.alternatives), self.trials.alternatives
+        most = min(MOST_BIAS, next(each.high for each in of_model if each.name == "threshold"))
         bias = Parameter(BIAS, -most, most, 0.0, "added to its threshold", free=count == 2)
         biases = (replace(bias, name=f"{BIAS}{name}") for name in self.trials.names[1:])
-        return (*own, URGENCY, RUN, *biases, *RESPONSE)
+        return (*of_model, URGENCY, RUN, *biases, *RESPONSE)
 
     def likelihood(self, design: Design, freedom: ParameterSpace) -> KnownLikelihood:
         """Return the likelihood of the trials; a circuit is simulated here."""
@@ -279,6 +279,6 @@ def known_likelihood(
     """Return the likelihood of trials under a model; a circuit is simulated here."""
     asked, made = settings_of(free=list(free), fix=fixed), OnTrials(model, trials)
     asked.check_parameters({model.name: made})
-    found = asked.likelihood(trials.design, made)
-    assert isinstance(found, KnownLikelihood)
-    return found
+    likelihood = asked.likelihood(trials.design, made)
+    assert isinstance(likelihood, KnownLikelihood)
+    return likelihood

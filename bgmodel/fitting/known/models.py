@@ -147,8 +147,8 @@ class Exact:
     def _without_leak(self) -> Array:
         """Sums without a leak, or lengths of runs, after each seen reading."""
         values, time_s = read(self.trials)
-        found = leaky_sums(values, time_s) if self.model.sums else runs_of_cues(values)
-        return np.asarray(found[self.trials.seen_places])
+        states = leaky_sums(values, time_s) if self.model.sums else runs_of_cues(values)
+        return np.asarray(states[self.trials.seen_places])
 
     def parts(self) -> list[Outputs]:
         """Return an empty list, since no run is simulated."""

@@ -88,14 +88,14 @@ class KnownTrials(Facts):
         if not early.any():
             return
         first = int(np.argmax(early))
-        said = (
+        message = (
             f"{early.sum()} of {answered.sum()} responses precede the first reading of their "
             f"trial, such as trial {self.ids[first]} (response at {self.rt_s[first]:.3g} s, first "
             f"reading at {self.time_s[first, 0]:.3g} s)"
         )
         if early.sum() > MOST_EARLY * answered.sum():
-            raise InputError(f"{said}: do both tables count time from the same onset?", "time")
-        DataWarning.warn(f"{said}: they count as lapses")
+            raise InputError(f"{message}: do both tables count time from the same onset?", "time")
+        DataWarning.warn(f"{message}: they count as lapses")
 
     @property
     def trials(self) -> int:

@@ -156,16 +156,16 @@ class CircuitModel(InParts):
         mirrored = settings[:, -1] < 0
         settings[:, -1] = np.abs(settings[:, -1])
         drift = values[SENSITIVITY.name] * np.where(mirrored, -strength, strength)
-        found = np.zeros((len(strength), 2, grid.bins))
+        probability = np.zeros((len(strength), 2, grid.bins))
         for setting in distinct(settings):
             cells = (settings == setting).all(axis=1)
             threshold, *point, bias = map(float, setting)
             corners = list(_corners(self.axes, point))
             for size, weight in _near(bias):
                 near = [(self.biased(corner, size), share) for corner, share in corners]
-                found[cells] += weight * decided(near, threshold, drift[cells], grid)
-        found[mirrored] = found[mirrored, ::-1]
-        return found
+                probability[cells] += weight * decided(near, threshold, drift[cells], grid)
+        probability[mirrored] = probability[mirrored, ::-1]
+        return probability
 
     def points(self) -> list[tuple[float, ...]]:
         """Return all values of the axes at which crossings are stored."""
@@ -179,13 +179,13 @@ class CircuitModel(InParts):
         key = (*point, bias) if bias else point
         if key not in self._kept:
             if self._part_of is not None:
-                whole, parts = self._part_of
-                self._kept[key] = whole.stored(point, bias).part(parts)
+                model, parts = self._part_of
+                self._kept[key] = model.stored(point, bias).part(parts)
             else:
-                found = self.entry(point, bias).once(lambda: self._simulate(point, bias))
+                crossings = self.entry(point, bias).once(lambda: self._simulate(point, bias))
                 if not bias:
-                    found = replace(found, control=matched(found, self._walks))
-                self._kept[key] = found
+                    crossings = replace(crossings, control=matched(crossings, self._walks))
+                self._kept[key] = crossings
         return self._kept[key]
 
     def biased(self, point: tuple[float, ...], size: float) -> FirstPassageTimes:
@@ -219,7 +219,7 @@ class CircuitModel(InParts):
         return self.mechanism.apply(self.circuit, point)
 
     def _key(self, point: tuple[float, ...], bias: float = 0.0) -> dict[str, Any]:
-        own = {
+        settings = {
             name: value for name, value in self.identity().items() if name not in ("axes", "edits")
         }
         at: dict[str, Any] = {
@@ -230,7 +230,7 @@ class CircuitModel(InParts):
             at["centred"] = True
         if bias:
             at["bias_nats"] = bias
-        return {**own, **at}
+        return {**settings, **at}
 
     def entry(self, point: tuple[float, ...], bias: float = 0.0) -> Entry[FirstPassageTimes]:
         """Return the place of the crossings at values of the axes and a bias."""

@@ -50,14 +50,14 @@ class Control:
         bound = np.polyval(self.bound_of_odds, odds)
         place = float(np.interp(-bound, levels, np.arange(len(levels))))
         rows = interpolated(place, len(levels))
-        found = read([(self.walks, 1.0)], rows, drift)[: self.walks.ends]
+        excess = read([(self.walks, 1.0)], rows, drift)[: self.walks.ends]
         for row, weight in rows:
-            found -= weight * exact(-float(levels[row]), self.walks.ends, tuple(drift.tolist()))
-        late = np.zeros((bins, *found.shape[1:]))
-        whole, part = divmod(max(self.lag, 0.0), 1.0)
-        for shift, weight in ((int(whole), 1 - part), (int(whole) + 1, part)):
-            few = max(min(bins - shift, len(found)), 0)
-            late[shift : shift + few] += weight * found[:few]
+            excess -= weight * exact(-float(levels[row]), self.walks.ends, tuple(drift.tolist()))
+        late = np.zeros((bins, *excess.shape[1:]))
+        whole_bins, part = divmod(max(self.lag, 0.0), 1.0)
+        for shift, weight in ((int(whole_bins), 1 - part), (int(whole_bins) + 1, part)):
+            few = max(min(bins - shift, len(excess)), 0)
+            late[shift : shift + few] += weight * excess[:few]
         return SHARE * late
 
 
@@ -84,10 +84,10 @@ def decided(
     ]
     if controls:
         mass = mass - joined(controls).excess(odds, v, len(mass))
-    found = np.zeros((len(v), 2, grid.bins))
+    probability = np.zeros((len(v), 2, grid.bins))
     few = min(grid.bins, len(mass))
-    found[:, :, :few] = mass[:few].transpose(2, 1, 0)
-    return found
+    probability[:, :, :few] = mass[:few].transpose(2, 1, 0)
+    return probability
 
 
 def joined(settings: Sequence[tuple[Control, float]]) -> Control:

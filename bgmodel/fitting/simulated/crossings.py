@@ -142,11 +142,11 @@ def interpolated(place: float, rows: int) -> list[tuple[int, float]]:
         x + 4 * x**2 - 3 * x**3,
         x**2 * (x - 1),
     )
-    found: dict[int, float] = {}
+    weight_of: dict[int, float] = {}
     for row, weight in enumerate(weights, low - 1):
         row = min(max(row, 0), rows - 1)
-        found[row] = found.get(row, 0.0) + weight / 2
-    return [(row, weight) for row, weight in found.items() if weight]
+        weight_of[row] = weight_of.get(row, 0.0) + weight / 2
+    return [(row, weight) for row, weight in weight_of.items() if weight]
 
 
 def read(
@@ -175,8 +175,8 @@ def read(
     seen *= _unmixed(drifts, *shape)[box]
     mass = np.zeros((shape[0], 2, len(v)))
     each = np.split(towards[box[1]], sides, axis=1)
-    found = np.concatenate([one @ ways for one, ways in zip(seen, each, strict=True)], axis=1)
-    mass[box[0]] = found.reshape(-1, 2, len(v))
+    weighted = np.concatenate([one @ ways for one, ways in zip(seen, each, strict=True)], axis=1)
+    mass[box[0]] = weighted.reshape(-1, 2, len(v))
     mass *= np.exp(moved - np.outer(read_s, v**2) / 2)[:, None]
     last_s, evidence = float(read_s[_ends(settings) - 1]), _evidence(len(never))[:, None]
     apart = v * evidence - v**2 * last_s / 2 - _mixed(drifts, last_s, len(never))
@@ -215,10 +215,10 @@ def log_mixture(drifts: npt.ArrayLike, read_s: npt.ArrayLike, evidence: npt.Arra
     """Return the log of the mean of ``exp(+-v_j X - v_j^2 t / 2)`` over drifts and signs."""
     nodes = np.asarray(drifts, float)
     time_s, read = np.broadcast_arrays(np.asarray(read_s, float), np.asarray(evidence, float))
-    found = np.full(time_s.shape, -np.inf)
+    logs = np.full(time_s.shape, -np.inf)
     for v in (*nodes, *-nodes):
-        found = np.logaddexp(found, v * read - v**2 * time_s / 2)
-    return np.asarray(found - math.log(2 * len(nodes)))
+        logs = np.logaddexp(logs, v * read - v**2 * time_s / 2)
+    return np.asarray(logs - math.log(2 * len(nodes)))
 
 
 @lru_cache(maxsize=16)

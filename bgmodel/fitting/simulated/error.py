@@ -32,12 +32,12 @@ class Simulation:
 
 def jackknifed(values: npt.ArrayLike) -> Array:
     """Return the standard error of an estimate from its values without each part, (parts, ...)."""
-    found = np.asarray(values, float)
-    parts = len(found)
+    estimates = np.asarray(values, float)
+    parts = len(estimates)
     if not parts:
-        return np.zeros(found.shape[1:])
+        return np.zeros(estimates.shape[1:])
     return np.asarray(
-        np.sqrt((parts - 1) / parts * ((found - found.mean(axis=0)) ** 2).sum(axis=0))
+        np.sqrt((parts - 1) / parts * ((estimates - estimates.mean(axis=0)) ** 2).sum(axis=0))
     )
 
 
@@ -50,10 +50,10 @@ def simulation_error(
     left = without_parts(likelihood, there) if left is None else left
     vectors = np.array([vector for _, vector in left]).reshape(len(left), len(there.vector))
     values = np.array([each(there.vector) for each, _ in left])
-    own = jackknifed(vectors)
+    errors = jackknifed(vectors)
     if left:
-        own[likelihood.freedom.at_bound(there.vector)] = np.nan
-    return Simulation(float(jackknifed(values)), own)
+        errors[likelihood.freedom.at_bound(there.vector)] = np.nan
+    return Simulation(float(jackknifed(values)), errors)
 
 
 def without_parts(likelihood: Likelihood, there: Directions) -> list[tuple[Likelihood, Array]]:
@@ -94,11 +94,11 @@ def _uphill(likelihood: Likelihood, vector: Array, step: Array, common: Array) -
 
 def _slopes(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
     """Return the derivative of the log likelihood by each number that is not at a bound."""
-    found = np.zeros(len(vector))
+    slopes = np.zeros(len(vector))
     for k, step in zip(np.flatnonzero(inside), _steps(likelihood, vector, inside), strict=True):
         above, below = _beside(vector, k, step)
-        found[k] = (likelihood(above) - likelihood(below)) / (2 * step)
-    return found
+        slopes[k] = (likelihood(above) - likelihood(below)) / (2 * step)
+    return slopes
 
 
 def _beside(vector: Array, k: int, step: float) -> tuple[Array, Array]:
@@ -120,8 +120,8 @@ def _curvature(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
         above, below = _beside(vector, k, step)
         change = _slopes(likelihood, above, inside) - _slopes(likelihood, below, inside)
         slopes.append(change[inside] / (2 * step))
-    found = -np.array(slopes).reshape(inside.sum(), inside.sum())
-    return np.asarray((found + found.T) / 2)
+    curvature = -np.array(slopes).reshape(inside.sum(), inside.sum())
+    return np.asarray((curvature + curvature.T) / 2)
 
 
 def _steps(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:

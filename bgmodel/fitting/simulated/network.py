@@ -74,14 +74,14 @@ class LikelihoodNetwork(Facts):
         ``v``, 1/sqrt(s), is the drift in favour of response 1, ``threshold`` the OUT at which the
         circuit decides, nats, ``t0`` the mean non-decision time, s.
         """
-        given = np.broadcast_arrays(
+        arguments = np.broadcast_arrays(
             *(np.asarray(x, float) for x in (v, threshold, t0, rt, response))
         )
-        drift, nats, mean, time, sign = given
-        found = np.stack([drift * sign, np.log(np.expm1(nats)), time - mean], axis=-1)
+        drift, nats, mean, time, sign = arguments
+        activations = np.stack([drift * sign, np.log(np.expm1(nats)), time - mean], axis=-1)
         for number, (weights, bias) in enumerate(self.layers):
-            found = (np.tanh(found) if number else found) @ weights + bias
-        return np.asarray(found[..., 0])
+            activations = (np.tanh(activations) if number else activations) @ weights + bias
+        return np.asarray(activations[..., 0])
 
     def for_hssm(self, path: str | Path | None = None) -> dict[str, Any]:
         """Return the arguments of ``hssm.HSSM`` but the data; ``path`` is that of the network."""

@@ -100,8 +100,8 @@ def laid(trials: Trials, slowing_ms: tuple[float, float] | None = None) -> StopD
     require(enough, "ssd", must, trials.people())
     if slowing_ms is None:
         known = slowing(one)
-        own = (known[f"after_{name.replace(' ', '_')}_ms"] for name in AFTER)
-        slowing_ms = tuple(np.nan_to_num(list(own)).tolist())
+        slowings = (known[f"after_{name.replace(' ', '_')}_ms"] for name in AFTER)
+        slowing_ms = tuple(np.nan_to_num(list(slowings)).tolist())
     before = np.append("", one.outcome[:-1])
     slower = np.select([before == name for name in AFTER], slowing_ms)
     end_ms = one.deadline_ms or max(float(np.nanmax(one.rt_ms)), float(np.nanmax(one.ssd_ms)) + 1)
@@ -127,5 +127,5 @@ def go_process(trials: Trials) -> dict[str, float]:
         design = design_of(trials.where(go))
     except InputError:
         return unknown
-    found = optimum(likelihood_of(GapModel(), design, fixed={"lapse": LAPSE})).values
-    return {name: found[name] for name in GO}
+    fitted = optimum(likelihood_of(GapModel(), design, fixed={"lapse": LAPSE})).values
+    return {name: fitted[name] for name in GO}

@@ -107,9 +107,9 @@ class StopRace:
 
     def identity(self) -> dict[str, Any]:
         """Return all that its predictions depend on; the go process follows from the trials."""
-        own = {"model": self.name, "noise_nats": self.process.noise_nats, "times": self.times}
+        about = {"model": self.name, "noise_nats": self.process.noise_nats, "times": self.times}
         circuit = self.process.circuit
-        return own if circuit is None else own | {"circuit": identity(circuit)}
+        return about if circuit is None else about | {"circuit": identity(circuit)}
 
     @cached_property
     def threshold(self) -> float:
@@ -118,30 +118,30 @@ class StopRace:
 
     def latency_ms(self, strength_nats: Array) -> Array:
         """Return the time from a stop signal to its effect, ms, in the shape of strengths."""
-        found = np.zeros(strength_nats.shape)
+        latencies_ms = np.zeros(strength_nats.shape)
         for strength in set(strength_nats.ravel().tolist()):
             latency = self.process.latency_ms(self.threshold, strength)
-            found[strength_nats == strength] = latency
-        return found
+            latencies_ms[strength_nats == strength] = latency
+        return latencies_ms
 
     def p_respond(self, trials: Trials, values: Mapping[str, Array]) -> Array:
         """Return the probability of a response in each stop trial, (..., stop trials)."""
         data = laid(trials, self.slowing_ms)
-        own = {name: each[..., data.stop] for name, each in values.items()}
+        stops = {name: each[..., data.stop] for name, each in values.items()}
         first: Integers = np.arange(len(data.stop))
         back = first
-        if all((each == each[..., :1]).all() for each in own.values()):
+        if all((each == each[..., :1]).all() for each in stops.values()):
             first, back = data.alike
-        own = {name: each[..., first] for name, each in own.items()}
-        effect = data.shown_ms[first] + own["ssrt_ms"] + self.latency_ms(own[STRENGTH])
+        stops = {name: each[..., first] for name, each in stops.items()}
+        effect = data.shown_ms[first] + stops["ssrt_ms"] + self.latency_ms(stops[STRENGTH])
         share = np.empty(effect.shape)
-        for strength in set(own[STRENGTH].ravel().tolist()):
-            here = own[STRENGTH] == strength
+        for strength in set(stops[STRENGTH].ravel().tolist()):
+            here = stops[STRENGTH] == strength
             times_ms, weights = responses(self, trials, strength)
             away = effect[here][:, None] - times_ms
-            share[here] = ndtr(away / own["ssrt_sd_ms"][here][:, None]) @ weights
-        found = own["failures"] * data.responded + (1 - own["failures"]) * share
-        return np.asarray(found[..., back])
+            share[here] = ndtr(away / stops["ssrt_sd_ms"][here][:, None]) @ weights
+        probability = stops["failures"] * data.responded + (1 - stops["failures"]) * share
+        return np.asarray(probability[..., back])
 
     def log_density(self, trials: Trials, values: Mapping[str, Array]) -> Array:
         """Return log probabilities of outcomes, 0 in go trials, (..., trials)."""
@@ -149,13 +149,13 @@ class StopRace:
         p, failed = self.p_respond(trials, values), ~np.isnan(data.rt_ms)
         outcome = np.where(failed, p, 1 - p)
         if self.times:
-            own = {name: each[..., data.stop] for name, each in values.items()}
-            left = data.ssd_ms + own["ssrt_ms"] + self.latency_ms(own[STRENGTH]) - data.rt_ms
-            f, late = own["failures"], ndtr(left / own["ssrt_sd_ms"])
+            stops = {name: each[..., data.stop] for name, each in values.items()}
+            left = data.ssd_ms + stops["ssrt_ms"] + self.latency_ms(stops[STRENGTH]) - data.rt_ms
+            f, late = stops["failures"], ndtr(left / stops["ssrt_sd_ms"])
             outcome = np.where(failed, f + (1 - f) * late, outcome)
-        found = np.zeros((*p.shape[:-1], trials.trials))
-        found[..., data.stop] = np.log(np.maximum(outcome, TINY))
-        return found
+        logs = np.zeros((*p.shape[:-1], trials.trials))
+        logs[..., data.stop] = np.log(np.maximum(outcome, TINY))
+        return logs
 
     def simulate(
         self, trials: Trials, values: Mapping[str, Array], rng: np.random.Generator
@@ -165,17 +165,17 @@ class StopRace:
         drawn = rng.integers(len(data.go_ms), size=trials.trials)
         go_ms, response = data.go_ms[drawn] + data.slower_ms, data.go_response[drawn]
         rt_ms = np.where(np.isnan(go_ms), np.inf, np.maximum(go_ms, 1.0))
-        own = {name: each[data.stop] for name, each in values.items()}
-        ssrt = own["ssrt_ms"] + own["ssrt_sd_ms"] * rng.standard_normal(len(data.stop))
-        effect = data.ssd_ms + ssrt + self.latency_ms(own[STRENGTH])
-        stopped = (rt_ms[data.stop] > effect) & (rng.random(len(data.stop)) >= own["failures"])
-        weak = stopped & np.isfinite(rt_ms[data.stop]) & (own[STRENGTH] < self.threshold)
+        stops = {name: each[data.stop] for name, each in values.items()}
+        ssrt = stops["ssrt_ms"] + stops["ssrt_sd_ms"] * rng.standard_normal(len(data.stop))
+        effect = data.ssd_ms + ssrt + self.latency_ms(stops[STRENGTH])
+        stopped = (rt_ms[data.stop] > effect) & (rng.random(len(data.stop)) >= stops["failures"])
+        weak = stopped & np.isfinite(rt_ms[data.stop]) & (stops[STRENGTH] < self.threshold)
         rt_ms[data.stop[stopped]] = np.inf
         for k in np.flatnonzero(weak):
             place = data.stop[k]
             left_ms = np.arange(0.0, data.end_ms - effect[k] + data.slower_ms[place], STEP_MS)
             since_ms = np.full(len(left_ms), effect[k] - data.slower_ms[place])
-            chance = self.later(own[STRENGTH][k], since_ms, left_ms)
+            chance = self.later(stops[STRENGTH][k], since_ms, left_ms)
             beyond = np.searchsorted(chance, rng.random())
             if beyond < len(left_ms):
                 rt_ms[place] = effect[k] + left_ms[beyond]
@@ -269,5 +269,5 @@ def likelihood(
     by = {column.partition("/")[0] for column in (vary or {}).values()}
     by = by.union(*(each.columns for each in formulas))
     design = design_of(coded, [SIGNAL, *sorted(by)], rt_window=EVERY_TIME)
-    given = likelihood_of(race, design, free=free, fixed=fixed, vary=vary, formulas=formulas)
-    return StopLikelihood(race, design, given.freedom, design.observed.cell)
+    base = likelihood_of(race, design, free=free, fixed=fixed, vary=vary, formulas=formulas)
+    return StopLikelihood(race, design, base.freedom, design.observed.cell)

@@ -163,10 +163,10 @@ def _levels(column: pd.Series) -> npt.NDArray[np.str_]:
     if not is_covariate(column):
         return column.to_numpy(dtype=str)
     values = pd.to_numeric(column).to_numpy(float)
-    found = np.empty(len(values), dtype="U24")
+    labels = np.empty(len(values), dtype="U24")
     for group in np.array_split(np.argsort(values, kind="stable"), GROUPS):
-        found[group] = f"{values[group].mean():.6g}"
-    return found
+        labels[group] = f"{values[group].mean():.6g}"
+    return labels
 
 
 def mirrored(choices: Trials, response: Integers | None = None) -> Integers:

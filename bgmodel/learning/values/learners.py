@@ -114,7 +114,7 @@ class LogitQ(QLearning):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Confidence(Learner):
-    """The confidence rule: the error is the reward less what the learner's own confidence expects.
+    """The confidence rule: the error is the reward minus that expected from confidence.
 
     The confidence that the chosen arm is the better one is ``P_c = softmax(w)_c``, and the expected
     reward ``low + (high - low) P_c``, an affine critic. The weights of both arms move apart by the
@@ -231,13 +231,13 @@ LEARNERS: dict[str, Callable[[], Learner]] = {
 """Learners by name, with their default options."""
 
 
-def learner_of(given: Learner | str) -> Learner:
+def learner_of(learner: Learner | str) -> Learner:
     """Return a learner, given as such or by name; ValueError for an unknown name."""
-    if isinstance(given, Learner):
-        return given
-    if given not in LEARNERS:
-        raise InputError.of("learner", f"must be one of {', '.join(LEARNERS)}", given)
-    return LEARNERS[given]()
+    if isinstance(learner, Learner):
+        return learner
+    if learner not in LEARNERS:
+        raise InputError.of("learner", f"must be one of {', '.join(LEARNERS)}", learner)
+    return LEARNERS[learner]()
 
 
 def check_option(name: str, value: Any, low: float, high: float) -> None:

@@ -239,10 +239,10 @@ MODELS: dict[str, ValueModel] = {
 """Models by name; priors are stated in ``special`` and ``COMMON``."""
 
 
-def model_of(given: ValueModel | str) -> ValueModel:
+def model_of(model: ValueModel | str) -> ValueModel:
     """Return a model, given as such or by name; ValueError for an unknown name."""
-    if isinstance(given, ValueModel):
-        return given
-    if given not in MODELS:
-        raise InputError.of("model", f"must be one of {'; '.join(MODELS)}", given)
-    return MODELS[given]
+    if isinstance(model, ValueModel):
+        return model
+    if model not in MODELS:
+        raise InputError.of("model", f"must be one of {'; '.join(MODELS)}", model)
+    return MODELS[model]

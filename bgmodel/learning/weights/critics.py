@@ -44,7 +44,7 @@ class Critic:
     """Whether it assumes that feedback is always valid."""
 
     def start(self, runs: int) -> Array:
-        """Return what is learned, (runs, p)."""
+        """Return the learned parameters, (runs, p)."""
         return np.zeros((runs, 0))
 
     def expected(self, state: Array, trial: Trial) -> Array:
@@ -213,9 +213,9 @@ CRITICS: dict[str, Callable[[], Critic]] = {
 """Critics by name, with their default options."""
 
 
-def critic_of(given: Critic | str) -> Critic:
+def critic_of(critic: Critic | str) -> Critic:
     """Return a critic, given as such or by name; ValueError for an unknown name."""
-    return given if isinstance(given, Critic) else made("critic", given, CRITICS)
+    return critic if isinstance(critic, Critic) else made("critic", critic, CRITICS)
 
 
 def made(field: str, name: str, known: Mapping[str, Callable[[], Made]]) -> Made:

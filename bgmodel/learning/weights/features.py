@@ -129,8 +129,8 @@ class Features(Facts):
         """Return the features of some trials, by index (M,)."""
         index = np.asarray(chosen)
 
-        def part(given: Reals | None) -> Reals | None:
-            return None if given is None else given[index]
+        def part(values: Reals | None) -> Reals | None:
+            return None if values is None else values[index]
 
         lengths = None if self.lengths is None else self.lengths[index]
         exact = part(self.log_likelihood)

@@ -194,6 +194,6 @@ RULES: dict[str, Callable[[], Rule]] = {
 """Rules by name, with their default options."""
 
 
-def rule_of(given: Rule | str) -> Rule:
+def rule_of(rule: Rule | str) -> Rule:
     """Return a rule, given as such or by name; ValueError for an unknown name."""
-    return given if isinstance(given, Rule) else made("rule", given, RULES)
+    return rule if isinstance(rule, Rule) else made("rule", rule, RULES)

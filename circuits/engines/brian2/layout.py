@@ -69,21 +69,21 @@ class Layout:
     @cached_property
     def own_inputs(self) -> list[tuple[int, int, Index]]:
         """(unit of the wiring, target block, places of its cells' own inputs in a trial)."""
-        begin, found = 0, []
+        begin, inputs = 0, []
         for u in sorted(set(range(self.wiring.units)) - set(self.shared_inputs)):
             for b in self.targets[u]:
                 neurons = self.wiring.row(b).neurons
-                found.append((u, b, begin + np.arange(neurons)))
+                inputs.append((u, b, begin + np.arange(neurons)))
                 begin += neurons
-        return found
+        return inputs
 
     @cached_property
     def units(self) -> dict[str, Index]:
         """The unit of the wiring of each shared and each own input of a trial, if there are any."""
-        own = [np.full(len(places), u) for u, _, places in self.own_inputs]
+        of_cells = [np.full(len(places), u) for u, _, places in self.own_inputs]
         units = {
             "shared_inputs": np.array(self.shared_inputs),
-            "own_inputs": np.concatenate([[], *own]),
+            "own_inputs": np.concatenate([[], *of_cells]),
         }
         return {name: of.astype(np.intp) for name, of in units.items() if len(of)}
 
@@ -125,14 +125,14 @@ class Layout:
 
     def line_to_shared(self) -> Columns:
         """Return places in the delay line, shared inputs and nats/Hz."""
-        w, found = self.wiring, []
+        w, parts = self.wiring, []
         for place, u in enumerate(self.shared_inputs):
             for b in np.flatnonzero(w.deliver[u]):
                 at = self.line_end(int(b)) - self.scheme.unit_delay[u]
-                found.append(
+                parts.append(
                     (self.index("line", at), self.index("shared_inputs", place), w.deliver[u, b])
                 )
-        return joined(found)
+        return joined(parts)
 
     def shared_to_blocks(self) -> Columns:
         """Return shared inputs and blocks."""
@@ -151,14 +151,14 @@ class Layout:
 
     def cells_to_own(self, name: str) -> Columns:
         """Return cells, own inputs, nats per spike and delays, ticks."""
-        w, found = self.wiring, []
+        w, parts = self.wiring, []
         for u, target, places in self.own_inputs:
             for b in set(w.blocks_of(name)) & set(np.flatnonzero(w.deliver[u])):
                 fan = fan_in(w.circuit, w.projection(u), int(w.channel[target]), int(w.channel[b]))
                 jump = w.deliver[u, b] * 1000 / (self.scheme.dt_ms * fan.shape[1])
                 own_inputs = self.index("own_inputs", places)[:, :, None]
-                found.append((self.cells(b)[:, fan], own_inputs, jump, self.scheme.unit_delay[u]))
-        return joined(found)
+                parts.append((self.cells(b)[:, fan], own_inputs, jump, self.scheme.unit_delay[u]))
+        return joined(parts)
 
     def own_to_cells(self, name: str) -> Columns:
         """Return own inputs and their cells."""

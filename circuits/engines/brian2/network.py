@@ -80,8 +80,8 @@ class Network:
     # ---- groups and connections
 
     def _group(self, name: str, model: str, about: Any = "", **more: Group) -> Group:
-        own = object_name(name)
-        require(own not in self.groups, "name", "must differ from other groups of the network", own)
+        key = object_name(name)
+        require(key not in self.groups, "name", "must differ from other groups of the network", key)
         values = {v: value for (owner, v), value in self.values.items() if owner == name}
         group = {
             "about": about,
@@ -93,8 +93,8 @@ class Network:
             "values": values,
             "links": {},
         }
-        self.groups[own] = group | more
-        return self.groups[own]
+        self.groups[key] = group | more
+        return self.groups[key]
 
     def _connect(
         self, source: str, target: str, columns: Columns, add: str, value: str = ""
@@ -103,11 +103,11 @@ class Network:
         if not columns:
             return
         ends = {"source": object_name(source), "target": object_name(target)}
-        found = {**ends, "add": add, "values": {value: columns[2]} if value else {}}
-        found |= {"i": columns[0], "j": columns[1]}
+        connection = {**ends, "add": add, "values": {value: columns[2]} if value else {}}
+        connection |= {"i": columns[0], "j": columns[1]}
         if len(columns) > 3:
-            found["delay_ticks"] = columns[3]
-        self.connections.append(found)
+            connection["delay_ticks"] = columns[3]
+        self.connections.append(connection)
 
     def _texts(self, state: str, ticks: tuple[str, str], laws: list[str]) -> tuple[str, str]:
         """Return the equations and the code of a tick, with courses if there are any."""
@@ -154,8 +154,8 @@ class Network:
         hears = row.cell.hears
         state = [brian_text.CELL_STATE, f"{hears} : 1", *(f"{n} : 1" for n in row.cell.state)]
         state += [f"{n} : 1 (constant)" for n in constants if n not in names]
-        hear, own = brian_text.HEAR[hears], layout.own_to_cells(name)
-        if own:
+        hear, own_inputs = brian_text.HEAR[hears], layout.own_to_cells(name)
+        if own_inputs:
             hear = brian_text.OWN_HEAR[hears].format(law=brian_text.law([row.transfer]))
             state.append(brian_text.OWN_STATE)
             names["filter_decay"] = layout.scheme.block_decay[block]
@@ -173,8 +173,8 @@ class Network:
         self._connect(
             name, "blocks", layout.cells_to_blocks(name), "rate_hz_post += a_spike", "a_spike"
         )
-        if own:
-            self._connect("own_inputs", name, own, "own_post = sent_pre")
+        if own_inputs:
+            self._connect("own_inputs", name, own_inputs, "own_post = sent_pre")
         if layout.own_inputs:
             add = "arrived_post += a_spike"
             self._connect(name, "own_inputs", layout.cells_to_own(name), add, "a_spike")
@@ -212,7 +212,7 @@ class Network:
 
 
 def object_name(name: str) -> str:
-    """Return a population's name as Brian2 allows it: "STN" stays as it is."""
+    """Return a name that Brian2 allows for a population; "STN" is unchanged."""
     plain = re.sub(r"\W", "_", name, flags=re.ASCII)
     return plain if plain[0].isalpha() and not iskeyword(plain) else f"n_{plain}"
 

@@ -59,11 +59,11 @@ def load_brian() -> ModuleType:
 
 def functions(brian: Any) -> dict[str, Any]:
     """Return the functions that the code calls, as functions of the module ``brian2`` by name."""
-    whole, real = "integer", "float"
+    integer, real = "integer", "float"
     table: dict[str, tuple[Any, list[str], str]] = {
-        "tick_key": (keys_at, [whole, whole], whole),
-        "byte_counts": (noise_bytes, [whole, whole], whole),
-        "ones": (ones_at, [whole, whole], real),
+        "tick_key": (keys_at, [integer, integer], integer),
+        "byte_counts": (noise_bytes, [integer, integer], integer),
+        "ones": (ones_at, [integer, integer], real),
         "single": (single, [real], real),
         "fused": (fused, [real, real, real], real),
         "exponential": (exponential, [real], real),

@@ -163,9 +163,9 @@ def array_text(values: npt.NDArray[Any]) -> str:
         return f"np.full({values.shape}, {values.flat[0].item()!r})"
     if values.size <= SHORT:
         return f"np.array({values.tolist()})"
-    whole = bool((values == np.round(values)).all())
-    steps = np.diff(values.astype(np.int64).ravel(), prepend=0) if whole else values
-    kinds = ("<i2", "<i4", "<i8") if whole else ("<f4", "<f8")
+    integral = bool((values == np.round(values)).all())
+    steps = np.diff(values.astype(np.int64).ravel(), prepend=0) if integral else values
+    kinds = ("<i2", "<i4", "<i8") if integral else ("<f4", "<f8")
     kind = next(kind for kind in kinds if (steps.astype(kind) == steps).all())
     data = base64.b85encode(zlib.compress(steps.astype(kind).tobytes(), 9)).decode()
     return f'unpacked("{kind}", "{data}")' + f".reshape({values.shape})" * (values.ndim > 1)

@@ -47,8 +47,8 @@ def _lif_columns(cell: Lif, dt_ms: float) -> Columns:
 
 
 def _lif_varied(cell: Lif, factors: Any, dt_ms: float) -> Any:
-    own = cell.constants(factors, dt_ms)
-    return [own[name] for name in ("decay", "rest", "slope", "noise_step", "unit")]
+    constants = cell.constants(factors, dt_ms)
+    return [constants[name] for name in ("decay", "rest", "slope", "noise_step", "unit")]
 
 
 def _phase_columns(cell: Phase, dt_ms: float) -> Columns:
@@ -56,9 +56,9 @@ def _phase_columns(cell: Phase, dt_ms: float) -> Columns:
 
 
 def _phase_varied(cell: Phase, factors: Any, dt_ms: float) -> Any:
-    own = cell.constants(factors, dt_ms)
-    none = np.zeros_like(own["factor"])
-    return [none, none, none, own["noise_step"], own["factor"]]
+    constants = cell.constants(factors, dt_ms)
+    none = np.zeros_like(constants["factor"])
+    return [none, none, none, constants["noise_step"], constants["factor"]]
 
 
 ENTRIES: dict[type[Cell], Entry] = {
@@ -164,9 +164,9 @@ def _advance(tick: Callable[..., Any], size: int, count: int) -> Callable[..., N
     ) -> None:  # fmt: skip
         for t in range(ticks):
             for i in range(cells):
-                given = (heard[t * width + i], lanes.ones_at(noise[i], t))
+                inputs = (heard[t * width + i], lanes.ones_at(noise[i], t))
                 old = _gathered(state, no_state, stride, i)
-                moved = tick(*(given + old + _gathered(constants, no_constants, stride, i)))
+                moved = tick(*(inputs + old + _gathered(constants, no_constants, stride, i)))
                 fires = truth(moved[0])
                 marks[i] |= fires << t
                 new = moved[1:]

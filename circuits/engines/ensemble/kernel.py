@@ -59,7 +59,7 @@ def _law(code, x):
 @numba.njit(inline="always")
 def _most(work):
     """Return the capacity of a list of spikes."""
-    return len(work.found) // len(work.found_n)
+    return len(work.spiked) // len(work.spiked_n)
 
 
 @part
@@ -71,7 +71,7 @@ def _scale(first, window, factors, row):
 
 @part
 def _arrivals(first, window, units, sources, factors, ring, state, passed):
-    """Filter what arrives at each unit in the ticks of a window (step 1 of the scheme)."""
+    """Filter the input of each unit in the ticks of a window (step 1 of the scheme)."""
     mask = ring.shape[1] - 1
     for q in range(len(units)):
         unit, row, u = units[q], passed[q], state[q]
@@ -116,9 +116,9 @@ def _common(block, first, window, clock, inputs, passed, drive, nats, common):
         while t < window:
             step = (first + t - clock.settle) // clock.step
             last = min((step + 1) * clock.step + clock.settle - first, window)
-            given = block.drive_gain * drive[step, block.drive]
+            reading = block.drive_gain * drive[step, block.drive]
             while t < last:
-                common[t] += given
+                common[t] += reading
                 t += 1
     if block.course:
         for t in range(window):
@@ -191,8 +191,8 @@ def _filter(p, work, s, k, cells):
     jump, rows, most = np.float32(own_input.jump / work.scale[s]), 0, _most(work)
     for f in range(own_input.own_source, own_input.own_sources):
         place = ((k - own_input.delay) & mask) * len(p.blocks) + p.own_sources[f].source
-        for i in range(work.found_n[place]):
-            row = p.own_sources[f].connections + work.found[place * most + i] * (
+        for i in range(work.spiked_n[place]):
+            row = p.own_sources[f].connections + work.spiked[place * most + i] * (
                 cells // lanes.LANES
             )
             lanes.add_row(work.sums, p.connections, row, cells)
@@ -295,14 +295,16 @@ def _identical(work, block, t, ticks, noise_of):
 @numba.njit(inline="always")
 def _varied(p, work, block, t, ticks, x, noise_of):
     """Advance cells that differ in their constants and, with x, in their inputs."""
-    v, fired, first, cells, own = work.v, work.fired, block.start, block.filled, p.constants
+    v, fired, first, cells, constants = work.v, work.fired, block.start, block.filled, p.constants
     common = _four(work.mean_step, t)
     if block.kind == LIF:
         top, held = block.threshold, block.refractory
-        lanes.lif_varied(v, fired, first, cells, noise_of, ticks, common, x, own, top, held)
+        lanes.lif_varied(v, fired, first, cells, noise_of, ticks, common, x, constants, top, held)
     else:
         root, each = _four(work.noise_step, t), block.jitter
-        lanes.phase_varied(v, fired, first, cells, noise_of, ticks, common, root, x, own, each)
+        lanes.phase_varied(
+            v, fired, first, cells, noise_of, ticks, common, root, x, constants, each
+        )
 
 
 @part
@@ -335,10 +337,10 @@ def _write(p, work, first, last, written, spikes):
         for b in range(len(p.blocks)):
             if p.blocks[b].kept:
                 place = (k & (p.clock[0].ring - 1)) * len(p.blocks) + b
-                for i in range(work.found_n[place]):
+                for i in range(work.spiked_n[place]):
                     if written < len(spikes):
                         spikes[written, 0] = b
-                        spikes[written, 1] = work.found[place * most + i]
+                        spikes[written, 1] = work.spiked[place * most + i]
                         spikes[written, 2] = k - p.clock[0].settle
                     written += 1
     return written
@@ -367,7 +369,7 @@ def _fire(p, work, block, b, t, k, stream):
         work.ring[b, now] = lanes.how_many(fired, block.filled) * block.spike_hz
         if clock.listing:
             place = now * len(p.blocks) + b
-            work.found_n[place] = lanes.listed(fired, block.filled, work.found[place * most :])
+            work.spiked_n[place] = lanes.listed(fired, block.filled, work.spiked[place * most :])
 
 
 @numba.njit(inline="always")

@@ -87,18 +87,18 @@ def _call(builder, address, *values):
 
 
 @intrinsic
-def advance(typing, address, states, own, start, counts, heard, cells, ticks, marks):
+def advance(typing, address, states, constants, start, counts, heard, cells, ticks, marks):
     """Call a cell type's compiled ``advance`` (see ``cells``) on a block."""
 
     def build(context, builder, signature, arguments):
-        address, states, own, start, counts, heard, cells, ticks, marks = arguments
-        of = dict(zip(("states", "own", "counts", "heard", "marks"),
+        address, states, constants, start, counts, heard, cells, ticks, marks = arguments
+        of = dict(zip(("states", "constants", "counts", "heard", "marks"),
                       (signature.args[i] for i in (1, 2, 4, 5, 8)), strict=True))  # fmt: skip
         _call(
             builder,
             address,
             _data(context, builder, of["states"], states, start),
-            _data(context, builder, of["own"], own, start),
+            _data(context, builder, of["constants"], constants, start),
             _row(context, builder, of["states"], states),
             _data(context, builder, of["counts"], counts, start),
             _data(context, builder, of["heard"], heard),
@@ -108,29 +108,31 @@ def advance(typing, address, states, own, start, counts, heard, cells, ticks, ma
             _data(context, builder, of["marks"], marks),
         )
 
-    whole = types.int64
-    return types.void(whole, states, own, whole, counts, heard, whole, whole, marks), build
+    integer = types.int64
+    return types.void(
+        integer, states, constants, integer, counts, heard, integer, integer, marks
+    ), build
 
 
 @intrinsic
-def place(typing, address, states, own, start, key, cells):
+def place(typing, address, states, constants, start, key, cells):
     """Call a cell type's compiled ``place`` on a block."""
 
     def build(context, builder, signature, arguments):
-        address, states, own, start, key, cells = arguments
-        _, of_states, of_own, *_ = signature.args
+        address, states, constants, start, key, cells = arguments
+        _, of_states, of_constants, *_ = signature.args
         _call(
             builder,
             address,
             _data(context, builder, of_states, states, start),
-            _data(context, builder, of_own, own, start),
+            _data(context, builder, of_constants, constants, start),
             _row(context, builder, of_states, states),
             key,
             cells,
         )
 
-    whole = types.int64
-    return types.void(whole, states, own, whole, types.uint64, whole), build
+    integer = types.int64
+    return types.void(integer, states, constants, integer, types.uint64, integer), build
 
 
 def _const(value: int) -> ir.Constant:
@@ -211,9 +213,9 @@ def add_bits(typing, sums, place, word):
 
 
 @instruction(types.float32, types.float32)
-def two_to(builder, whole):
-    """Return 2**whole for a whole float32 from -126 to 127."""
-    exponent = builder.add(builder.fptosi(whole, _I32), _const(127))
+def two_to(builder, power):
+    """Return 2**power for a whole float32 from -126 to 127."""
+    exponent = builder.add(builder.fptosi(power, _I32), _const(127))
     return builder.bitcast(builder.shl(exponent, _const(23)), _F32)
 
 
@@ -221,9 +223,9 @@ def two_to(builder, whole):
 def exp32(x):
     """Return exp(x) for float32 up to 60, with a relative error near 1e-7; 1e-38 below -87."""
     x = min(max(x, np.float32(-87.0)), np.float32(60.0))
-    whole = np.floor(x * np.float32(1.44269504) + np.float32(0.5))
+    power = np.floor(x * np.float32(1.44269504) + np.float32(0.5))
     # ln 2 in two parts, so that the remainder keeps its bits.
-    r = fused(whole, np.float32(2.12194440e-4), fused(whole, np.float32(-0.693359375), x))
+    r = fused(power, np.float32(2.12194440e-4), fused(power, np.float32(-0.693359375), x))
     # Taylor about 0 on |r| <= ln 2 / 2: the next term is below 1e-7.
     p = np.float32(1 / 5040)
     p = fused(p, r, np.float32(1 / 720))
@@ -233,7 +235,7 @@ def exp32(x):
     p = fused(p, r, np.float32(0.5))
     p = fused(p, r, ONE)
     p = fused(p, r, ONE)
-    return p * two_to(whole)
+    return p * two_to(power)
 
 
 @numba.njit(inline="always")
@@ -426,13 +428,13 @@ def how_many(fired, cells):
 
 
 @part
-def listed(fired, cells, found):
+def listed(fired, cells, places):
     """List the cells that fired; return how many."""
     count = 0
     for g in range(cells // LANES):
         word = fired[np.uint64(g)]
         while word:
-            found[count] = LANES * g + lowest(word)
+            places[count] = LANES * g + lowest(word)
             word &= word - np.uint64(1)
             count += 1
     return count
@@ -442,7 +444,7 @@ def listed(fired, cells, found):
 def add_row(sums, connections, row, cells):
     """Add the connections of one spike, a row of bits, to the one-byte counts of target cells.
 
-    Bit ``8 i + k`` of a word stands for cell ``8 k + i`` of its 64.
+    Bit ``8 i + k`` of a word is the connection to cell ``8 k + i`` of its 64.
     """
     eight = sums.view(np.uint64)
     for m in range(cells // LANES):
@@ -469,8 +471,8 @@ def scaled(u, start, cells, factor):
 def inputs(x, cells, common, u, first, weight, second, other):
     """Set the input x of each cell to a common part plus two filters of the cell."""
     for i in range(cells & WHOLE):
-        own = fused(other, u[np.uint64(second + i)], weight * u[np.uint64(first + i)])
-        x[np.uint64(i)] = common + own
+        filtered = fused(other, u[np.uint64(second + i)], weight * u[np.uint64(first + i)])
+        x[np.uint64(i)] = common + filtered
 
 
 @part

@@ -140,8 +140,8 @@ def _blocks(places: _Places, kept: Any, input_from: Any, own_inputs: Any, of_blo
     _, rest_x, rest_hz = scheme.start
     own_from = np.searchsorted(own_inputs["target"], np.arange(wiring.blocks + 1))
     pairs = zip(places.entries, wiring.rows, strict=True)
-    own = [made.columns(row.cell, scheme.dt_ms) for made, row in pairs]
-    of_type = {name: [columns.get(name, 0) for columns in own] for name in records.OF_TYPE}
+    constants = [made.columns(row.cell, scheme.dt_ms) for made, row in pairs]
+    of_type = {name: [columns.get(name, 0) for columns in constants] for name in records.OF_TYPE}
     return filled(
         records.BLOCK,
         wiring.blocks,
@@ -205,8 +205,8 @@ def _added(places: _Places) -> tuple[npt.NDArray[np.intp], Array]:
 
 def _law(name: str) -> int:
     if name not in kernel.TRANSFERS:
-        said = f"the ensemble engine knows the transfers {', '.join(kernel.TRANSFERS)}"
-        raise InputError(f"{said}, not {name!r}: use brian2 or plain", "transfer")
+        message = f"the ensemble engine knows the transfers {', '.join(kernel.TRANSFERS)}"
+        raise InputError(f"{message}, not {name!r}: use brian2 or plain", "transfer")
     return kernel.TRANSFERS[name]
 
 
@@ -226,12 +226,14 @@ def _constants(places: _Places) -> npt.NDArray[np.float32] | None:
 def _tick_constants(places: _Places) -> npt.NDArray[np.float32]:
     """Return the constants of cells without dedicated loops."""
     general = [b for b, made in enumerate(places.entries) if made is GENERAL]
-    found = {b: list(places.scheme.constants(b).values()) for b in general}
-    own = np.zeros((max(map(len, found.values()), default=1), int(places.filled.sum())), np.float32)
-    for b, values in found.items():
+    by_block = {b: list(places.scheme.constants(b).values()) for b in general}
+    constants = np.zeros(
+        (max(map(len, by_block.values()), default=1), int(places.filled.sum())), np.float32
+    )
+    for b, values in by_block.items():
         for k, value in enumerate(values):
-            own[k, places.start[b] : places.start[b] + places.cells[b]] = value
-    return own
+            constants[k, places.start[b] : places.start[b] + places.cells[b]] = value
+    return constants
 
 
 def _own_inputs(places: _Places) -> tuple[Any, Any, Any, npt.NDArray[np.bool_]]:
@@ -247,8 +249,8 @@ def _own_inputs(places: _Places) -> tuple[Any, Any, Any, npt.NDArray[np.bool_]]:
         sources = np.flatnonzero(wiring.deliver[q])
         gains = wiring.deliver[q, sources]
         if len(sources) and not np.allclose(gains, gains[0]):
-            said = f"{p.name}: sparse connections need one weight for all channels"
-            raise InputError(said, "probability")
+            message = f"{p.name}: sparse connections need one weight for all channels"
+            raise InputError(message, "probability")
         needs[sources] = True
         for b in places.targets[q]:
             first, degree = len(own_sources), 1
@@ -314,7 +316,7 @@ def workspace(p: records.Plan) -> records.Work:
         scale=np.zeros(len(p.own_inputs)),
         sums=np.zeros(widest, np.uint8),
         marks=np.zeros(widest, np.uint8),
-        found=np.zeros(ring * blocks * most, np.int32),
-        found_n=np.zeros(ring * blocks, np.int32),
+        spiked=np.zeros(ring * blocks * most, np.int32),
+        spiked_n=np.zeros(ring * blocks, np.int32),
         low_pass=np.zeros(len(p.readout)),
     )

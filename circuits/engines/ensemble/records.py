@@ -76,9 +76,9 @@ class Work(NamedTuple):
     fired: Any  # (4, most cells of a block / 64) uint64: a bit for each cell that fired
     unit: Any  # (units,) filtered activity before the transfer
     passed: Any  # (units, window) and after it
-    own_input: Any  # (own_input cells,) filtered activity, divided by the scale of its own input
+    own_input: Any  # (own_input cells,) filtered activity, divided by the scale of its input
     scale: Any  # (own_inputs,) common to all cells of an own input
     sums: Any  # (most cells of a block,) arrivals in a tick
-    found: Any  # (ring * blocks * most,) cells that fired in the last ticks
-    found_n: Any  # (ring * blocks,) their number
+    spiked: Any  # (ring * blocks * most,) cells that fired in the last ticks
+    spiked_n: Any  # (ring * blocks,) their number
     low_pass: Any  # (channels,) low-passed rates of the read-out, Hz

@@ -55,14 +55,14 @@ def run(
     streams = noise.stream_keys(seed, first_trial + np.arange(trials), wiring.names)
     out, kept = engine.outputs(trials, clock.samples, wiring)
     p = plan(wiring, clock, kept=written)
-    found = _trials(p, (drive, streams, out, kept), engine)
+    spikes = _trials(p, (drive, streams, out, kept), engine)
     return Activity.from_blocks(
         wiring,
         kept if engine.rates else None,
         clock.time_ms,
         engine=engine.id,
         output_nats=out,
-        spikes=spike_tables(wiring, names, found, engine.dt_ms),
+        spikes=spike_tables(wiring, names, spikes, engine.dt_ms),
         about=clock.about(seed, first_trial),
     )
 
@@ -78,8 +78,8 @@ def stream(
     for name in ("step", "settle"):
         if getattr(clock, f"{name}_ticks") % noise.TICKS_A_WORD:
             word_ms = noise.TICKS_A_WORD * engine.dt_ms
-            given = getattr(clock, f"{name}_ms")
-            raise InputError.of(f"{name}_ms", f"must be a multiple of {word_ms:g} ms", given)
+            time_ms = getattr(clock, f"{name}_ms")
+            raise InputError.of(f"{name}_ms", f"must be a multiple of {word_ms:g} ms", time_ms)
     wiring = wired(circuit)
     keys = noise.stream_keys(seed, np.array([trial]), wiring.names)[0]
     p = plan(wiring, clock, kept=np.zeros(wiring.blocks, dtype=bool))
@@ -101,7 +101,7 @@ def _trials(p: Plan, arrays: tuple[Any, ...], engine: Ensemble) -> list[npt.NDAr
     ``arrays`` are drive, keys of noise, OUT and rates, one row per trial; the last two are written.
     """
     trials = len(arrays[0])
-    found = [np.empty((0, 3), np.int32)] * trials
+    spikes = [np.empty((0, 3), np.int32)] * trials
 
     def task(first: int) -> int:
         capacity = FIRST_CAPACITY if p.blocks["kept"].any() else 0
@@ -109,10 +109,10 @@ def _trials(p: Plan, arrays: tuple[Any, ...], engine: Ensemble) -> list[npt.NDAr
         last = min(first + TRIALS_A_TASK, trials)
         for t in range(first, last):
             drive, stream, out, kept = (array[t] for array in arrays)
-            given = (p, work, drive, stream, engine.level_nats, out, kept)
-            while (count := kernel.trial(*given, room)) > len(room):
+            arguments = (p, work, drive, stream, engine.level_nats, out, kept)
+            while (count := kernel.trial(*arguments, room)) > len(room):
                 room = np.empty((2 * count, 3), np.int32)
-            found[t] = room[:count].copy()
+            spikes[t] = room[:count].copy()
         return last - first
 
     with (
@@ -121,4 +121,4 @@ def _trials(p: Plan, arrays: tuple[Any, ...], engine: Ensemble) -> list[npt.NDAr
     ):
         for done in pool.map(task, range(0, trials, TRIALS_A_TASK)):
             bar.update(done)
-    return found
+    return spikes

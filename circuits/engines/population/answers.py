@@ -106,8 +106,8 @@ def answers(mixture: Mixture, dt_ms: float) -> Answers:
 
     if lags := bool(fitted["following"].size):
         rows[:FOLLOWING] = filters.propagated(at_steps(fitted["following"]), dt_ms)
-        said = "how its rate follows an input"
-        rough = _rough(mixture.cell, said, fitted["hz"], fitted["following_misfit"])
+        what = "how its rate follows an input"
+        rough = _rough(mixture.cell, what, fitted["hz"], fitted["following_misfit"])
     if fitted["colour"].size:
         # Interpolated as powers of the rate, because those of a pacemaker are such powers.
         sections = np.exp(at_steps(np.log(fitted["colour"])))
@@ -147,13 +147,13 @@ def _fit(mixture: Mixture) -> Arrays:
     paces = np.linspace(pace[0], pace[-1], STATES)
     x = np.interp(paces, pace, steps)
     hz = np.maximum(rate(x), LEAST_HZ)
-    found = mixture.response(x, filters.FREQUENCIES_HZ)
+    response = mixture.response(x, filters.FREQUENCIES_HZ)
     following = colour = filters.Fitted(np.zeros((0, 0)), np.zeros(0))
-    if np.iscomplexobj(found.gain):
-        following = filters.following(found.gain)
-    if found.spectrum.max() > 0:
+    if np.iscomplexobj(response.gain):
+        following = filters.following(response.gain)
+    if response.spectrum.max() > 0:
         # Near saturation the theoretical power is a difference of two nearly equal terms.
-        power = np.maximum(np.nan_to_num(found.spectrum / hz[:, None], nan=1.0), LEAST_POWER)
+        power = np.maximum(np.nan_to_num(response.spectrum / hz[:, None], nan=1.0), LEAST_POWER)
         colour = filters.colour(power, hz)
     return {
         "ends": np.array([low, high, top]),
@@ -177,8 +177,8 @@ def looked_up(name: str) -> tuple[float, float, Array]:
     values, middles = law(grid), law((grid[1:] + grid[:-1]) / 2)
     off = np.abs((values[1:] + values[:-1]) / 2 - middles).max()
     if not off <= BENT * np.abs(values).max():
-        said = f"the population engine looks {name!r} up between points"
-        raise ValueError(f"{said}, and it is too curved for that")
+        problem = f"the population engine looks {name!r} up between points"
+        raise ValueError(f"{problem}, and it is too curved for that")
     return *ends, values
 
 

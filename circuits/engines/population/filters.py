@@ -59,14 +59,14 @@ def following(gain: Complex) -> Fitted:
     def slopes(p: Array, state: int) -> Array:
         top, low, (d1, d2) = parts(p)
         down = -top / low**2
-        found = np.array([s / low, s * s / low, down * d1 * s, down * d2 * s * s]) * weight
-        return np.concatenate([found.real, found.imag], axis=1).T
+        derivatives = np.array([s / low, s * s / low, down * d1 * s, down * d2 * s * s]) * weight
+        return np.concatenate([derivatives.real, derivatives.imag], axis=1).T
 
     start = np.array([0.3, 0.03, np.log(0.6), np.log(0.05)])
-    found = _along(len(gain), missing, slopes, start)
-    off = np.abs(np.array([np.divide(*parts(p)[:2]) for p in found]) - wanted)
-    found[:, 2:] = np.exp(found[:, 2:])
-    return Fitted(found, off[:, FREQUENCIES_HZ <= 100].max(axis=1))
+    coefficients = _along(len(gain), missing, slopes, start)
+    off = np.abs(np.array([np.divide(*parts(p)[:2]) for p in coefficients]) - wanted)
+    coefficients[:, 2:] = np.exp(coefficients[:, 2:])
+    return Fitted(coefficients, off[:, FREQUENCIES_HZ <= 100].max(axis=1))
 
 
 def colour(power: Array, rate_hz: Array) -> Fitted:
@@ -77,7 +77,7 @@ def colour(power: Array, rate_hz: Array) -> Fitted:
     highest frequencies. Coefficients (S, 4 SECTIONS) are in powers of 100 /s; misfits are relative.
     """
     tried = [_colour(power, unit) for unit in (np.ones(len(power)), rate_hz / MIDDLING_HZ)]
-    return min(tried, key=lambda found: float(found.misfit.sum()))
+    return min(tried, key=lambda fit: float(fit.misfit.sum()))
 
 
 def _colour(power: Array, unit: Array) -> Fitted:
@@ -100,10 +100,10 @@ def _colour(power: Array, unit: Array) -> Fitted:
         return np.asarray(2 * (SIGNS[:, None, None] * each).reshape(len(p), -1).T)
 
     start = np.log([1.0, 1.0, 1.0, 4.0, 3.0, 9.0, 3.0, 9.0])
-    found = _along(len(power), missing, slopes, start)
-    off = np.array([missing(p, state) for state, p in enumerate(found)])
+    logs_of_states = _along(len(power), missing, slopes, start)
+    off = np.array([missing(p, state) for state, p in enumerate(logs_of_states)])
     misfit = np.abs(np.expm1(off))[:, FREQUENCIES_HZ <= 100].max(axis=1)
-    return Fitted(np.exp(found) * unit[:, None] ** np.tile([1, 2, 1, 2], SECTIONS), misfit)
+    return Fitted(np.exp(logs_of_states) * unit[:, None] ** np.tile([1, 2, 1, 2], SECTIONS), misfit)
 
 
 Of = Callable[[Array, int], Array]
@@ -113,7 +113,7 @@ def _along(count: int, missing: Of, slopes: Of, start: Array) -> Array:
     """Solve one least-squares problem per state in order, each starting from the previous one."""
     from scipy.optimize import least_squares
 
-    found, first = np.empty((count, len(start))), start
+    solutions, first = np.empty((count, len(start))), start
     held = KEPT * np.eye(len(start))
     for state in range(count):
         before = start
@@ -125,8 +125,8 @@ def _along(count: int, missing: Of, slopes: Of, start: Array) -> Array:
             return np.concatenate([slopes(p, state), held, held])
 
         start = least_squares(all_missing, before, jac=all_slopes, method="lm", max_nfev=400).x
-        found[state] = start
-    return found
+        solutions[state] = start
+    return solutions
 
 
 def sampled(sections: Array, dt_ms: float) -> npt.NDArray[np.float64]:

@@ -202,7 +202,7 @@ def _drift(slowly, state, values, ticks):
 
 
 @part
-def _follow(found, state, values, shifts, ticks):
+def _follow(coeffs, state, values, shifts, ticks):
     """Filter the input by the cells' lags (``filters.propagated``), in place."""
     half, last = spread(HALF), load(state, _at(LAST))
     low, v = load(state, _at(LOW)), load(state, _at(SLOPE))
@@ -211,10 +211,10 @@ def _follow(found, state, values, shifts, ticks):
         last = _shifted(last, shifts, t)
         middle = half * (u + last)
         old, last = low - middle, u
-        low = multiply_add(load(found, _at(0)), old, multiply_add(load(found, _at(1)), v, middle))
-        v = multiply_add(load(found, _at(2)), old, load(found, _at(3)) * v)
-        heard = multiply_add(load(found, _at(5)), v, u)
-        store(values, _at(t), multiply_add(load(found, _at(4)), low - u, heard))
+        low = multiply_add(load(coeffs, _at(0)), old, multiply_add(load(coeffs, _at(1)), v, middle))
+        v = multiply_add(load(coeffs, _at(2)), old, load(coeffs, _at(3)) * v)
+        heard = multiply_add(load(coeffs, _at(5)), v, u)
+        store(values, _at(t), multiply_add(load(coeffs, _at(4)), low - u, heard))
     store(state, _at(LAST), last)
     store(state, _at(LOW), low)
     store(state, _at(SLOPE), v)
@@ -229,15 +229,15 @@ def _counts(keys, first, ticks):
 
 
 @part
-def _noise(found, state, values, counts, ticks):
+def _noise(coeffs, state, values, counts, ticks):
     """Write near-Gaussian noise with the spectrum of the cells, by two sections of a filter.
 
     Except for the response to a constant, the output of a section (``filters.sampled``) is a
     difference between ticks, which sums to 0 in the long run even if the coefficients change.
     """
     _white(values, counts, ticks)
-    _section(found, FOLLOWING, state, FIRST, values, ticks)
-    _section(found, FOLLOWING + SECTION, state, SECOND, values, ticks)
+    _section(coeffs, FOLLOWING, state, FIRST, values, ticks)
+    _section(coeffs, FOLLOWING + SECTION, state, SECOND, values, ticks)
 
 
 @numba.njit(inline="always")
@@ -249,10 +249,10 @@ def _white(values, counts, ticks):
 
 
 @numba.njit(inline="always")
-def _section(found, c, state, s, values, ticks):
+def _section(coeffs, c, state, s, values, ticks):
     """Filter noise by a second-order section, in place."""
-    held, top, top1 = load(found, _at(c)), load(found, _at(c + 1)), load(found, _at(c + 2))
-    low1, low2 = load(found, _at(c + 3)), load(found, _at(c + 4))
+    held, top, top1 = load(coeffs, _at(c)), load(coeffs, _at(c + 1)), load(coeffs, _at(c + 2))
+    low1, low2 = load(coeffs, _at(c + 3)), load(coeffs, _at(c + 4))
     last, before, old = load(state, _at(s)), load(state, _at(s + 1)), load(state, _at(s + 2))
     for t in range(len(ticks)):
         e = load(values, _at(t))
@@ -365,7 +365,7 @@ def _arrive(p, work, q, first, ticks):
 @part
 def _advance(p, work, b, first, ticks):
     """Advance a block through the ticks of a window."""
-    block, values, state, found = p.blocks[b], work.values, work.states[b], work.coefficients[b]
+    block, values, state, coeffs = p.blocks[b], work.values, work.states[b], work.coefficients[b]
     if block.table >= 0 and first % p.clock[0].refresh == 0:
         _refresh(p, work, b)
     if block.noise > ZERO and first % KEY_TICKS == 0:
@@ -377,11 +377,11 @@ def _advance(p, work, b, first, ticks):
     if block.table >= 0:
         _drift(p.clock[0].follow_slowly, state, values, ticks)
     if block.lags:
-        _follow(found, state, values, work.shifts, ticks)
+        _follow(coeffs, state, values, work.shifts, ticks)
     n = len(ticks) * LANES
     _apply(n, block.law, values, block.lowest, block.per, p.laws[block.column])
     if block.noise > ZERO:
-        _noise(found, state, work.noise, _counts(work.keys[b], first, ticks), ticks)
+        _noise(coeffs, state, work.noise, _counts(work.keys[b], first, ticks), ticks)
     total, kept = work.totals[b], work.kept
     _send(block, state, values, work.noise, work.ring[b], total, kept, first, ticks)
 
@@ -442,10 +442,10 @@ def _save(p, work, state, lane, after, ticks):
 def _diverged(p, work, lane, k):
     """Return whether a rate of a lane is too high, or not a number."""
     place = (k & (work.ring.shape[1] // LANES - 1)) * LANES + lane
-    found = False
+    diverged = False
     for b in range(len(p.blocks)):
-        found |= not abs(work.ring[b, place]) < p.clock[0].runaway_hz
-    return found
+        diverged |= not abs(work.ring[b, place]) < p.clock[0].runaway_hz
+    return diverged
 
 
 @part

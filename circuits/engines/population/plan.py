@@ -87,8 +87,8 @@ def tick_ms(wiring: Wiring, *times_ms: float) -> float:
     """Return the longest tick that divides all delays and these times, or else the shortest."""
     delays = [p.delay_ms for p in wiring.projections]
     for dt in TICKS_MS:
-        whole = np.array([*delays, *times_ms]) / dt
-        if np.abs(whole - np.round(whole)).max() < 1e-6:
+        ticks = np.array([*delays, *times_ms]) / dt
+        if np.abs(ticks - np.round(ticks)).max() < 1e-6:
             return dt
     return TICKS_MS[-1]
 
@@ -97,9 +97,9 @@ def _check(wiring: Wiring) -> None:
     """Raise ValueError if cells of a channel have different inputs, which is not supported."""
     for p in wiring.circuit.projections:
         if wiring.circuit.is_sparse(p):
-            said = "the population engine assumes that all cells of a channel share their input"
+            message = "the population engine assumes that all cells of a channel share their input"
             connects = f"{p.name} connects {p.probability:.0%}: use ensemble"
-            raise InputError(f"{said}, but {connects}", "probability")
+            raise InputError(f"{message}, but {connects}", "probability")
 
 
 class _Tables:
@@ -113,28 +113,28 @@ class _Tables:
 
     def block(self, row: Population) -> dict[str, float]:
         """Return the fields of a block's record set by its law and its cells' responses."""
-        found = NO_ANSWERS | self.transfer(row.transfer)
-        found["baseline"], found["hz_per_nat"] = row.baseline_hz, row.gain_hz_per_nat
-        found["floor"] = row.cell.lowest_hz
+        fields = NO_ANSWERS | self.transfer(row.transfer)
+        fields["baseline"], fields["hz_per_nat"] = row.baseline_hz, row.gain_hz_per_nat
+        fields["floor"] = row.cell.lowest_hz
         own_law = self.engine.by_cells and row.cell.hears == "nats"
         if not (row.spiking and (own_law or self.engine.noise)):
-            return found
+            return fields
         line = Straight(row.transfer, row.baseline_hz, row.gain_hz_per_nat)
         key = Mixture(row.cell, line, row.heterogeneity)
-        own = answers(key, self.dt_ms)
-        ends, whole = (own.lowest, own.highest), (own.lowest, own.top)
-        if own.rough and self.engine.noise:
-            self.rough[own.rough] = None
-        found["table"] = _place(self.rows, key, own.rows.T.ravel())
-        found["state_lowest"], found["state_per"] = own.lowest, _per(ends, STEPS)
+        responses = answers(key, self.dt_ms)
+        ends, full = (responses.lowest, responses.highest), (responses.lowest, responses.top)
+        if responses.rough and self.engine.noise:
+            self.rough[responses.rough] = None
+        fields["table"] = _place(self.rows, key, responses.rows.T.ravel())
+        fields["state_lowest"], fields["state_per"] = responses.lowest, _per(ends, STEPS)
         if self.engine.noise and row.neurons < FEW:
             self.rough[FEW_CELLS] = None
         if self.engine.noise:
-            found["noise"] = (row.neurons * self.dt_ms / 1000) ** -0.5
+            fields["noise"] = (row.neurons * self.dt_ms / 1000) ** -0.5
         if own_law:
-            found |= self._looked_up(key, whole, own.hz)
-            found |= {"lags": own.lags, "baseline": 0, "hz_per_nat": 1, "floor": 0}
-        return found
+            fields |= self._looked_up(key, full, responses.hz)
+            fields |= {"lags": responses.lags, "baseline": 0, "hz_per_nat": 1, "floor": 0}
+        return fields
 
     def transfer(self, name: str) -> dict[str, float]:
         """Return the fields of a record set by a transfer."""
@@ -178,8 +178,10 @@ def _blocks(scheme: Scheme, tables: _Tables, courses: Timed, input_from: Any) ->
     wiring = scheme.wiring
     of_rows = [tables.block(row) for row in wiring.rows]
     columns = {name: [one[name] for one in of_rows] for name in of_rows[0]}
-    own = tables.engine.by_cells
-    tau_ms = np.array([row.tau_ms + (0 if own else row.cell.membrane_ms()) for row in wiring.rows])
+    by_cells = tables.engine.by_cells
+    tau_ms = np.array(
+        [row.tau_ms + (0 if by_cells else row.cell.membrane_ms()) for row in wiring.rows]
+    )
     return filled(
         records.BLOCK,
         wiring.blocks,
@@ -236,8 +238,8 @@ def _clock(scheme: Scheme, clock: Clock) -> Any:
 def window(p: records.Plan) -> tuple[int, ...]:
     """Return the longest window of ticks that fits the delays, the readings and the samples."""
     least, clock = int(p.units["delay"].min(initial=kernel.WINDOW)), p.clock[0]
-    whole = gcd(clock["step"], clock["sample"])
-    fits = [n for n in kernel.WINDOWS if n <= least and whole % n == 0]
+    divisor = gcd(clock["step"], clock["sample"])
+    fits = [n for n in kernel.WINDOWS if n <= least and divisor % n == 0]
     return kernel.WINDOWS[max(fits)]
 
 

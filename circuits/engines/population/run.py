@@ -74,8 +74,8 @@ def run(
         _warn_of_ringing(circuit)
     clock, wiring, seed = prepared.clock, prepared.scheme.wiring, int(seed or 0)
     out, kept = engine.outputs(len(drive), clock.samples, wiring)
-    given = drive, *prepared.begin(seed, first_trial + np.arange(len(drive))), out, kept
-    late = _trials(prepared, given, engine)
+    arrays = drive, *prepared.begin(seed, first_trial + np.arange(len(drive))), out, kept
+    late = _trials(prepared, arrays, engine)
     if late:
         what = f"rates of {circuit.name} run away, {late * engine.sample_ms:g} ms after onset"
         raise loops.runaway(wiring, drive.max(axis=(0, 1)), what)
@@ -112,8 +112,8 @@ def stream(
         kernel.begin(p, work, state, entries[0], streams)
 
         def onward(first: int, last: int) -> None:
-            given = (p, work, drive[None], out[None], rates, NOT_SAVED)
-            if late := kernel.go_on(*given, max(first - settle, 0), last - settle, ticks):
+            arguments = (p, work, drive[None], out[None], rates, NOT_SAVED)
+            if late := kernel.go_on(*arguments, max(first - settle, 0), last - settle, ticks):
                 when = f"{late * engine.sample_ms:g} ms after onset"
                 what = f"rates of {circuit.name} run away, {when}"
                 raise loops.runaway(prepared.scheme.wiring, drive.max(axis=0), what)
@@ -160,14 +160,14 @@ def _trials(prepared: _Prepared, arrays: tuple[Any, ...], engine: PopulationsEng
     the states have one row per trial, and the last two are written.
     """
     drive, streams, state, entries, out, kept = arrays
-    given = state, entries, drive, streams, engine.level_nats, out, kept, NOT_SAVED
+    arguments = state, entries, drive, streams, engine.level_nats, out, kept, NOT_SAVED
     # Decisions take different times: each thread takes the next trial as soon as it has room.
     next_trial = np.zeros(1, np.int64)
     threads = min(int(engine.workers), -(-len(drive) // kernel.LANES))
 
     def work(_: int) -> int:
         space = workspace(prepared.plan, kept=bool(kept.shape[2]))
-        return int(kernel.trials(prepared.plan, space, *given, prepared.ticks, next_trial))
+        return int(kernel.trials(prepared.plan, space, *arguments, prepared.ticks, next_trial))
 
     with ThreadPoolExecutor(max_workers=threads) as pool:
         ended = [sample for sample in pool.map(work, range(threads)) if sample]

@@ -191,9 +191,9 @@ def _settle_group(
     out, rates = np.empty((count, 1, channels)), np.empty((count, 1, 0), np.float32)
     saved = _room(bank.initial, count)
     begin = np.zeros(count, dtype=np.intp)
-    given = p, work, bank.initial, begin, drive, streams, -np.inf, out, rates, saved, ticks
-    if kernel.trials(*given, np.zeros(1, np.int64)):
+    arguments = p, work, bank.initial, begin, drive, streams, -np.inf, out, rates, saved, ticks
+    if kernel.trials(*arguments, np.zeros(1, np.int64)):
         what = f"rates of {wiring.circuit.name} run away before the onset of evidence"
         raise loops.runaway(wiring, np.zeros(wiring.circuit.columns), what)
-    for part, found in zip(bank.states, saved, strict=True):
-        part[entries] = found
+    for part, settled in zip(bank.states, saved, strict=True):
+        part[entries] = settled

@@ -11,6 +11,7 @@ from circuits import anatomy
 from circuits.declaration.motifs import MOTIFS
 from circuits.dynamics.fixed_point import resting_hz
 from circuits.show import ASSUMED
+from tests.helpers import refused
 
 CORTEX = ("ctx", "ctx_inh")
 INTERNEURONS = "striatal_FSI"
@@ -70,3 +71,32 @@ def test_with_them_the_circuit_still_decides_and_without_half_of_them_it_decides
     assert 0.9 * time_ms < with_ms < 1.3 * time_ms
     assert less_accuracy < with_accuracy - 0.02
     assert less_ms < 0.8 * with_ms
+
+
+@pytest.mark.parametrize("name", ["macaque", "spiking_msprt", "bogacz_gurney"])
+def test_urgency_lowers_out_of_all_channels_by_half_a_nat_in_the_end(name):
+    table = anatomy.load_circuit(name)
+    rows = BasalGanglia(table, "rate").run_drive(np.zeros((1, 100, 2)), 50.0).output_nats[0]
+    urgent = table.edited("add urgency")
+    lower = BasalGanglia(urgent, "rate").run_drive(np.zeros((1, 100, 2)), 50.0).output_nats[0]
+    falls = -0.5 * (1 - np.exp(-5.0))  # after 5 s, with a time constant of 1 s
+    floor = -rows[-1]  # a rate does not fall below 0
+    assert lower[-1] - rows[-1] == pytest.approx(np.maximum(falls, floor), abs=0.02)
+
+
+def test_the_onset_transient_raises_cortex_and_leaves_out_in_the_end():
+    table = anatomy.macaque(2)
+    quiet, burst = (
+        BasalGanglia(c, "rate").run_drive(np.zeros((1, 40, 2)), 50.0)
+        for c in (table, table.add("onset_transient"))
+    )
+    cortex = burst.rates_hz["ctx"][0] - quiet.rates_hz["ctx"][0]
+    assert cortex.max() > 3
+    assert np.abs(cortex[-1]).max() < 0.3
+    assert np.abs(burst.output_nats[0, -1] - quiet.output_nats[0, -1]).max() < 0.02
+
+
+@pytest.mark.parametrize("name", sorted(MOTIFS))
+def test_a_motif_in_nats_is_refused_by_a_circuit_in_another_unit(name):
+    with refused("unit"):
+        anatomy.gpr(2).add(name)

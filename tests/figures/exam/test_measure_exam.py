@@ -7,11 +7,22 @@ import pytest
 from bgmodel.exam.numbers import shipped_list
 from circuits.anatomy import CIRCUITS, DEFAULT, load_circuit
 from circuits.dynamics.fixed_point import resting_hz
-from figures.exam.measure_exam import CONTROLS, examinees, judged, noise_alone, ranks
+from figures.exam.measure_exam import (
+    CONTROLS,
+    NO_MOTIFS,
+    WITHOUT,
+    examinees,
+    games,
+    judged,
+    noise_alone,
+    others,
+    ranks,
+)
 
 
 def test_every_circuit_and_four_controls_are_examined():
-    assert list(examinees()) == [*CIRCUITS, *CONTROLS]
+    without = [f"{name}{WITHOUT}" for name in NO_MOTIFS]
+    assert list(examinees()) == [*CIRCUITS, *CONTROLS, *without]
     assert {domain for domain, _ in CONTROLS.values()} <= set(shipped_list().domains)
 
 
@@ -43,3 +54,18 @@ def test_a_control_is_ranked_among_circuits_and_not_among_controls():
     assert ranked.loc["no GPe", ["worse", "tied", "of"]].tolist() == [1, 0, 3]
     assert ranked.loc["no D1", ["worse", "tied"]].tolist() == [0, 1]
     assert set(ranked["as_good_as_default"]) == {"resting rates"}
+
+
+def test_a_game_is_told_by_the_numbers_that_it_wins_and_loses():
+    ids = ["a", "b", "c"]
+    plain = pd.DataFrame({"id": ids, "outcome": ["agrees", "agrees", "disagrees"]})
+    tried = plain.assign(edit="one", outcome=["agrees", "fails", "agrees"])
+    (row,) = games(tried, plain).to_dict("records")
+    assert row == {"edit": "one", "more": 0, "won": "c", "lost": "b"}
+
+
+def test_rates_of_other_people_answer_what_is_about_rest():
+    table = others()
+    known = table[table["outcome"] != "not answered"]
+    assert set(known["domain"]) == {"resting rates"}
+    assert set(known["circuit"]) == {"topological_bg"}
