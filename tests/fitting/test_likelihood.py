@@ -138,8 +138,10 @@ def test_conditions_change_a_parameter():
     assert linear["level[block[T.b]]"] == pytest.approx(0.3, abs=0.05)
 
 
+@pytest.mark.usefixtures("few_moves")
 def test_people_are_fitted_in_a_hierarchy():
-    group = bg.fit(people(8, 60, seed=5, spread=0.2), MODEL, strength="strength", hierarchical=True)
+    some, fixed = people(8, 60, seed=5, spread=0.2), {"slope": 3.0, "gain": 0.6}
+    group = bg.fit(some, MODEL, strength="strength", fix=fixed, hierarchical=True)
     table = group.summary()
     assert group.agreement.reached
     assert table.loc["level", "low"] < TRUTH["level"] < table.loc["level", "high"]

@@ -13,6 +13,7 @@ from bgmodel.fitting.hierarchy.scale import log_uniform
 from bgmodel.support.seeds import stream
 from tests.fitting.hierarchy.known import wide
 
+pytestmark = pytest.mark.usefixtures("few_moves")
 SEED = 24_311
 # Far above the lower bound, where the scale is linear: a surrogate can represent Gaussians there.
 MIDDLE = np.array([6.0, 12.0])
