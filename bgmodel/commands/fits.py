@@ -41,6 +41,8 @@ def fit(
     formula: Annotated[tuple[str, ...], MANY] = (),
     free: Annotated[tuple[str, ...], MANY] = (),
     fix: Annotated[tuple[str, ...], MANY] = (),
+    prior: Annotated[tuple[str, ...], MANY] = (),
+    correlated: bool = False,
     mechanism: str = FitSettings.mechanism,
     simulation: Annotated[tuple[str, ...], MANY] = (),
     draws: bool = False,
@@ -113,6 +115,11 @@ def fit(
         threshold that --mechanism replaces. With a plus, in addition to these: "+start".
     fix
         Parameters to fix at a value, such as "lapse=0.02".
+    prior
+        Priors of parameters, name=low:high, such as "t0_s=0.2:0.4": the central 95 % of where a
+        person's value, or with --people hierarchical the median person's, is believed to be.
+    correlated
+        Let parameters be correlated between people, with --people hierarchical.
     mechanism
         What changes the decision criterion of a circuit: threshold, dopamine, stn_loss or gpe_loss;
         or, with a threshold, a change within a trial: rising_dopamine or onset_stn.
@@ -147,8 +154,9 @@ def fit(
     FitRun(
         data=data, folder=folder, models=models, strength=strength, participant=participant,
         pooled=people == "pooled", hierarchical=people == "hierarchical", vary=vary,
-        formula=formula, free=free, fix=fix, mechanism=mechanism, draws=draws, compare=compare,
-        evidence=file, workers=workers, output=output,
+        formula=formula, free=free, fix=fix, prior=prior, correlated=correlated,
+        mechanism=mechanism, draws=draws, compare=compare, evidence=file, workers=workers,
+        output=output,
         **_of_columns(columns), **values(simulation, FitRun, OF_SIMULATION),
         **values(words, FitRun, OF_EVIDENCE),
     )()  # fmt: skip
@@ -183,6 +191,7 @@ class FitRun(FitSettings):
     models: tuple[str, ...] | None = None
     draws: bool = False
     compare: bool = False
+    correlated: bool = False
     workers: int = 2
     output: Output = Output()  # noqa: RUF009
 
@@ -193,6 +202,8 @@ class FitRun(FitSettings):
         self.check()
         if self.models == ():
             raise InputError("models must name at least one", "models")
+        if self.correlated and not self.hierarchical:
+            raise InputError("correlated needs --people hierarchical", "correlated")
         try:
             self._fit()
         except KeyboardInterrupt:
