@@ -288,15 +288,15 @@ def draw_covariance(away: Array, sd: Array, law: Law, rng: np.random.Generator) 
         root[a, a] = np.sqrt(2 * rng.standard_gamma(freedom / 2))
         for b in range(a):
             root[a, b] = rng.normal()
-    half = np.linalg.solve(np.linalg.cholesky(scatter).T, root)
-    precision = half @ half.T
-    variance = np.diag(np.linalg.inv(precision))
+    lower = np.linalg.cholesky(scatter)
+    variance = (np.linalg.solve(root, lower.T) ** 2).sum(axis=0)
+    half = np.linalg.solve(lower.T, root)
     for a in range(size):
         sd[which[a]] = np.sqrt(variance[a])
+        half[a] *= sd[which[a]]
     for a in range(size):
         for b in range(size):
-            i, j = which[a], which[b]
-            inverse[i, j] = precision[a, b] * sd[i] * sd[j]
+            inverse[which[a], which[b]] = (half[a] * half[b]).sum()
 
 
 def group_of(means: Array, variances: Array | None = None, shared: Truths | bool = False) -> Group:
