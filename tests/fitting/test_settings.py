@@ -178,7 +178,8 @@ def test_a_slope_has_one_range_for_all_people_of_a_hierarchy():
 
 
 TABLE = pd.DataFrame({"rt": 0.5, "response": np.resize([0, 1, 1], 60),
-                      "strength": np.resize([0.5, 1.0], 60), "x": np.resize(["a", "b"], 60), "z": np.linspace(0, 1, 60)})  # fmt: skip
+                      "strength": np.resize([0.5, 1.0], 60), "x": np.resize(["a", "b"], 60),
+                      "z": np.linspace(0, 1, 60)})  # fmt: skip
 
 
 @pytest.mark.parametrize(
