@@ -178,8 +178,9 @@ class GroupFit(Facts):
             found[str(row.Index)] = f"{row.median:.4g} ({row.low:.4g} to {row.high:.4g})"
         for row in self.effects().itertuples():
             found[str(row.Index)] = f"{row.median:.4g} ({row.low:.4g} to {row.high:.4g})"
-        for row in self.correlations().itertuples():
-            found[f"correlation of {row.Index[0]} and {row.Index[1]}"] = f"{row.median:.2f}"
+        for (first, second), draws in self.correlation.items():
+            if draws.any():  # not of parameters that people share
+                found[f"correlation of {first} and {second}"] = f"{np.median(draws):.2f}"
         return found | {"effective sample size": f"{self.agreement.effective.min():.0f}"}
 
     def summary(self) -> pd.DataFrame:
