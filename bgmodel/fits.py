@@ -104,7 +104,7 @@ class Question:
     def likelihoods(self, name: str) -> dict[str, Likelihood]:
         """Return the likelihood of each person's trials under a model."""
         asked, model, kind = self.versions[name]
-        return kind.likelihoods(asked, self, model)
+        return asked.with_priors(kind.likelihoods(asked, self, model), model)
 
     def predictors(self, likelihoods: Mapping[str, Likelihood]) -> Predictors:
         """Return the predictors between people that shift parameters of a hierarchy."""
@@ -347,7 +347,7 @@ KINDS = {
     "rewarded choices": REWARDED,
 }
 """How each kind of trials (``trials.record.KINDS``) is fitted."""
-CHAINS = ("most_draws", "chains_seed", "workers")
+CHAINS = ("correlated", "most_draws", "chains_seed", "workers")
 """Options that need a hierarchy."""
 
 
@@ -382,6 +382,7 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     fix: Mapping[str, float] | None = None,
     vary: Mapping[str, str] | None = None,
     formula: Sequence[str] | str = (),
+    prior: Mapping[str, tuple[float, float]] | None = None,
     draws: bool = False,
     engine: str = FitSettings.engine,
     noise_nats: float = FitSettings.noise_nats,
@@ -392,6 +393,7 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     step_ms: float | None = None,
     forced: bool = False,
     runs: int | None = None,
+    correlated: bool = False,
     most_draws: int = MOST,
     chains_seed: int = HIERARCHY_SEED,
     workers: int = 1,
@@ -437,6 +439,10 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         Parameters that are linear in conditions: ``"bound ~ instruction * side"``. In a hierarchy
         also in what differs between people: ``"bound ~ group"``, which moves every number of the
         parameter.
+    prior : mapping from names to (low, high), optional
+        Where 95 % of your belief about a number of the fit is, in its units: ``{"t0_s": (0.2,
+        0.4)}``. In a hierarchy it is about the median person's. Without one a prior is uniform; in
+        the fit of one person some models have weak ones.
     draws : bool
         Whether to sample from the posterior as well; a hierarchical fit always does.
     engine, noise_nats, trials, seed :
@@ -452,6 +458,8 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         Whether the last reading of a trial forces a response.
     runs : int, optional
         Simulated runs of each trial by a circuit, if there is evidence; by default 8 to 32.
+    correlated : bool
+        Whether parameters may be correlated between people, in a hierarchy.
     most_draws, chains_seed, workers :
         Of a hierarchical fit: largest number of draws of each of four chains, their seed, and the
         number of processes, on which the result does not depend.
@@ -475,6 +483,7 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     need_fit()
     check_flag("draws", draws)
     check_flag("hierarchical", hierarchical)
+    check_flag("correlated", correlated)
     for name, value in (("most_draws", most_draws), ("workers", workers)):
         whole(name, value, 1)
     whole("chains_seed", chains_seed, 0)
@@ -482,8 +491,8 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     asked = settings_of(
         strength=strength, participant=participant, columns=columns, pooled=pooled,
         hierarchical=hierarchical, rt_window=rt_window, mechanism=mechanism, engine=engine,
-        free=free, fix=fix, vary=vary, formula=formula, noise_nats=noise_nats, trials=trials,
-        seed=seed, evidence=evidence, step_ms=step_ms, forced=forced, runs=runs,
+        free=free, fix=fix, vary=vary, formula=formula, prior=prior, noise_nats=noise_nats,
+        trials=trials, seed=seed, evidence=evidence, step_ms=step_ms, forced=forced, runs=runs,
     )  # fmt: skip
     kept = None if folder is None else path_of(folder, "folder")
     one = question(asked, data, None if model is None else [model], kept, alone=True)
@@ -492,7 +501,7 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         likelihoods = one.likelihoods(name)
         return fit_group(
             likelihoods, predictors=one.predictors(likelihoods), seed=chains_seed,
-            workers=workers, most_draws=most_draws,
+            workers=workers, most_draws=most_draws, correlated=correlated,
         )  # fmt: skip
     (likelihood,) = one.likelihoods(name).values()
     return fit_likelihood(likelihood, draws=draws)

@@ -8,6 +8,8 @@ import pytest
 import bgmodel as bg
 from bgmodel.fits import question
 from bgmodel.fitting.fit import Fit, fit_likelihood
+from bgmodel.fitting.hierarchy.group import priors_of
+from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.fitting.known.circuit import KnownCircuit
 from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
@@ -69,6 +71,8 @@ def test_draws_are_of_the_posterior():
         ({"strength": "coherence"}, "strength"),
         ({"mechanism": "dopamine"}, "mechanism"),
         ({"draws": 1}, "draws"),
+        ({"correlated": 1}, "correlated"),
+        ({"correlated": True}, "correlated"),
         ({"formula": "threshold ~ x"}, "formula"),
         ({"vary": {"threshold": "x"}}, "vary"),
         ({"model": "ddm"}, "models"),
@@ -292,3 +296,30 @@ def test_every_kind_of_trials_is_simulated_for_every_person():
         bg.simulate("constant_gap", {"speed": 1.0}, "roitman_shadlen_2002", seed=1, **MONKEY)
     with refused("values"):
         bg.simulate("constant_gap", {"bound": 99.0}, "roitman_shadlen_2002", seed=1, **MONKEY)
+
+
+@pytest.mark.parametrize(
+    ("data", "model", "prior", "options"),
+    [
+        ("roitman_shadlen_2002", "macaque", {"threshold_nats": (0.2, 0.4)},
+         {"strength": "coherence"}),
+        (DATA, "leaky_sum", {"leak_hz": (0.5, 2.0)}, {"evidence": EVIDENCE, "forced": True}),
+        (stop_table(), "constant_gap", {"ssrt_ms": (150.0, 300.0)}, {}),
+        ("pedersen_frank_2020", "q", {"rate": (0.05, 0.5)}, {}),
+    ],
+    ids=["choices", "known evidence", "stop signals", "rewards"],
+)  # fmt: skip
+@pytest.mark.parametrize("hierarchical", [False, True])
+def test_every_kind_of_model_has_priors(data, model, prior, options, hierarchical):
+    """Those of a fit of one person are those of the median person in a hierarchy."""
+    asked = settings_of(prior=prior, hierarchical=hierarchical, **options)
+    one = question(asked, data, [model])
+    ((name, interval),) = prior.items()
+    for each in one.likelihoods(model).values():
+        assert each.freedom.priors[name] == pytest.approx(interval)
+        k = each.freedom.names.index(name)
+        rows = priors_of(each.freedom, Scale.of(each.freedom))
+        # Weak priors of the models are of one person.
+        assert np.flatnonzero(rows[:, 6]).tolist() == [k]
+        parameter = each.freedom.moved[k].parameter
+        assert parameter.scaled(interval).mean() == pytest.approx(rows[k, 3])

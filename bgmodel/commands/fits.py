@@ -24,7 +24,7 @@ OF_SIMULATION = ("trials", "seed", "engine", "noise_nats")
 """Settings of simulated trials, given by --simulation."""
 ESTIMATES = "estimates.csv"
 """Table of estimates without a model, such as SSRT by integration, for trials that have any."""
-PEOPLE = Literal["each", "pooled", "hierarchical"]
+PEOPLE = Literal["each", "pooled", "hierarchical", "correlated"]
 
 
 def fit(
@@ -41,6 +41,7 @@ def fit(
     formula: Annotated[tuple[str, ...], MANY] = (),
     free: Annotated[tuple[str, ...], MANY] = (),
     fix: Annotated[tuple[str, ...], MANY] = (),
+    prior: Annotated[tuple[str, ...], MANY] = (),
     mechanism: str = FitSettings.mechanism,
     simulation: Annotated[tuple[str, ...], MANY] = (),
     draws: bool = False,
@@ -92,7 +93,8 @@ def fit(
     people
         How participants are fitted: each separately, pooled as if they were one, or all together,
         each with parameters from a distribution of the group, which is fitted too (partial
-        pooling); this writes the draws for ArviZ.
+        pooling; hierarchical, or correlated if parameters may be correlated between people); this
+        writes the draws for ArviZ.
     columns
         How the table is read, name=value: rt, response, participant, ssd and trial_type (columns
         of other names), rt_unit (s or ms), upper (the response that counts as 1), alternatives
@@ -113,6 +115,9 @@ def fit(
         threshold that --mechanism replaces. With a plus, in addition to these: "+start".
     fix
         Parameters to fix at a value, such as "lapse=0.02".
+    prior
+        Priors of parameters, name=low:high, such as "t0_s=0.2:0.4": the central 95 % of where a
+        person's value, or in a hierarchy the median person's, is believed to be.
     mechanism
         What changes the decision criterion of a circuit: threshold, dopamine, stn_loss or gpe_loss;
         or, with a threshold, a change within a trial: rising_dopamine or onset_stn.
@@ -146,9 +151,10 @@ def fit(
     file = Path(words.pop(0)) if words else None
     FitRun(
         data=data, folder=folder, models=models, strength=strength, participant=participant,
-        pooled=people == "pooled", hierarchical=people == "hierarchical", vary=vary,
-        formula=formula, free=free, fix=fix, mechanism=mechanism, draws=draws, compare=compare,
-        evidence=file, workers=workers, output=output,
+        pooled=people == "pooled", hierarchical=people in ("hierarchical", "correlated"),
+        correlated=people == "correlated", vary=vary, formula=formula, free=free, fix=fix,
+        prior=prior, mechanism=mechanism, draws=draws, compare=compare, evidence=file,
+        workers=workers, output=output,
         **_of_columns(columns), **values(simulation, FitRun, OF_SIMULATION),
         **values(words, FitRun, OF_EVIDENCE),
     )()  # fmt: skip
@@ -183,6 +189,7 @@ class FitRun(FitSettings):
     models: tuple[str, ...] | None = None
     draws: bool = False
     compare: bool = False
+    correlated: bool = False
     workers: int = 2
     output: Output = Output()  # noqa: RUF009
 

@@ -127,6 +127,7 @@ class Kept:
             "model": recorded(identity_of(likelihood.model)),
             "free": likelihood.freedom.names,
             "values": [each.start for each in likelihood.freedom.parameters],
+            "priors": likelihood.freedom.priors,
             "window_s": [f"{time:g}" for time in likelihood.design.observed.window_s],
             "left_out": likelihood.design.left_out,
             "posterior": self.posterior,
@@ -168,8 +169,13 @@ class Kept:
         """Report identifiability, simulation error and the effective number of samples."""
         import pandas as pd
 
+        from bgmodel.fitting.parameters import told_priors
+
         names = fit.directions.names
         cosines = pd.DataFrame(fit.directions.cosines, names, names).round(2)
+        priors = told_priors(fit.priors)
+        if priors:
+            self.note(f"\n{who}, {name}: {priors}")
         self.note(f"\n{who}, {name}: parameter trade-offs (cosine similarity)")
         self.note(cosines.to_string())
         error_nats = fit.simulation.log_likelihood

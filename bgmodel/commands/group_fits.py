@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from bgmodel.fitting.likelihood import Likelihood
 
 GROUP, PEOPLE, CELLS = "group.csv", "people.csv", "people_cells.csv"
-EFFECTS = "group_effects.csv"
+EFFECTS, CORRELATIONS = "group_effects.csv", "group_correlations.csv"
 """Tables of a hierarchical fit: parameters of the group and of each participant, data and model of
-each participant, and effects of predictors between people."""
+each participant, effects of predictors between people, and correlations."""
 
 
 def fit_hierarchically(
@@ -50,7 +50,7 @@ def fit_hierarchically(
         raise InputError(
             "--draws has no effect with --people hierarchical, which always draws", "draws"
         )
-    for name in (GROUP, PEOPLE, CELLS, EFFECTS):
+    for name in (GROUP, PEOPLE, CELLS, EFFECTS, CORRELATIONS):
         path = folder / name
         files.check_new(path, force=command.output.force and files.is_result(path))
     files.check_writable(folder)
@@ -64,8 +64,10 @@ def fit_hierarchically(
     people = _table({name: fit.to_dataframe() for name, fit in fits.items()})
     cells = _table({name: fit.cells() for name, fit in fits.items()})
     between = _table({name: fit.effects().reset_index() for name, fit in fits.items()})
+    related = _table({name: fit.correlations().reset_index() for name, fit in fits.items()})
     tables = [(group, GROUP), (people, PEOPLE), (cells, CELLS)]
-    tables = tables if between.empty else [*tables, (between, EFFECTS)]
+    tables += [(each, name) for each, name in ((between, EFFECTS), (related, CORRELATIONS))
+               if not each.empty]  # fmt: skip
     written = [name for _, name in tables]
     for table, name in tables:
         files.write_table(table, folder / name, seed=command.seed, **asked)
@@ -77,8 +79,11 @@ def fit_hierarchically(
         command.output.note("\n" + comparison.summary())
     with pd.option_context("display.width", 160):
         effects = "" if between.empty else "\n\n" + between.round(4).to_string(index=False)
-        shown = "\n" + group.round(4).to_string(index=False) + effects
-        command.output.show(shown, group, effects=between.to_dict("records"))
+        notes = "".join(f"\n\n{name}, {fit.notes()}" for name, fit in fits.items() if fit.notes())
+        shown = "\n" + group.round(4).to_string(index=False) + effects + notes
+        more = {"effects": between, "correlations": related}
+        records = {name: table.to_dict("records") for name, table in more.items()}
+        command.output.show(shown, group, **records)
     command.output.note(
         f"-> {folder}: {', '.join(written)}; for each model figures of its parameters and of "
         "data and model, and the draws (.nc, for ArviZ)"
@@ -105,6 +110,7 @@ def _fit(
         "people": list(likelihoods),
         "values": [each.start for each in first.freedom.parameters],
         "free": first.freedom.names,
+        "priors": first.freedom.stated,
         "predictors": {
             name: values.tolist()
             for name, values in zip(predictors.names, predictors.columns, strict=True)
@@ -114,8 +120,9 @@ def _fit(
     kept = chains_entry(folder / "pieces", stem, key)
     with stages(name) as tell, collected() as cautions:
         fit = fit_group(
-            likelihoods, predictors=predictors, workers=command.workers, kept=kept, tell=tell
-        )
+            likelihoods, predictors=predictors, workers=command.workers, kept=kept, tell=tell,
+            correlated=command.correlated,
+        )  # fmt: skip
     for caution in cautions:
         say(f"{name}: {caution}")
     fit.to_netcdf(folder / f"{stem}.nc")

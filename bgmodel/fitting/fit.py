@@ -18,6 +18,7 @@ from bgmodel.fitting.exact.responses import QUANTILES, TINY, moments
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.optimum import Optimum, optimum
+from bgmodel.fitting.parameters import told_priors
 from bgmodel.fitting.posterior import Posterior, posterior
 from bgmodel.fitting.quantiles import (
     SIDES,
@@ -86,7 +87,12 @@ class Fit(Facts):
         shown = table.dropna(axis="columns", how="all").map(
             lambda value: value if isinstance(value, (bool, np.bool_)) else float(f"{value:.4g}")
         )
-        return Readable(shown)
+        return Readable(shown).with_note(told_priors(self.priors))
+
+    @property
+    def priors(self) -> dict[str, tuple[float, float]]:
+        """Central 95 % of the priors, by the names of the numbers that have one."""
+        return self.optimum.likelihood.freedom.priors
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return ``parameters()``."""

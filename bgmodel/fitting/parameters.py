@@ -9,12 +9,15 @@ from functools import cached_property
 
 import numpy as np
 
+from bgmodel.bootstrap import Z95
 from bgmodel.fitting.formulas import ranged
 from bgmodel.support.arrays import Array, Integers, Truths
 from circuits.errors import InputError, require
 
 ADDED = "+"
 """Before the name of a free parameter: in addition to those that are free by default."""
+MOST_TOLD = 12
+"""Largest number of priors that are listed in a text."""
 AT_BOUND = 1e-3
 """A number of a fit counts as at a bound within this share of its range."""
 Map = Callable[[Array], Array]
@@ -61,8 +64,8 @@ class Parameter:
     scale : str
         The scale on which it is searched, a name in ``SCALES``.
     prior : (float, float), optional
-        Median and, on that scale, standard deviation of a Gaussian prior. A hierarchical fit puts
-        the distribution of the group in its place.
+        Median and, on that scale, standard deviation of a Gaussian prior; see ``within``. A
+        hierarchical fit puts the distribution of the group in its place.
     shared : bool
         Whether people in a hierarchy share one value by default, as where the trials of one person
         hardly determine it.
@@ -101,6 +104,23 @@ class Parameter:
         """Return values on the scale."""
         return np.asarray(SCALES[self.scale][0](np.asarray(natural, float)))
 
+    def within(self, low: float, high: float) -> Parameter:
+        """Return it with the prior of which the central 95 % are an interval within its range."""
+        if not self.low <= low < high <= self.high:
+            must = f"must be an interval within {self.low:.4g} to {self.high:.4g}"
+            raise InputError.of("prior", f"of {self.name} {must}", (low, high))
+        first, last = float(self.scaled(low)), float(self.scaled(high))
+        median = float(self.natural((first + last) / 2))
+        return replace(self, prior=(median, (last - first) / (2 * Z95)))
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """Central 95 % of the prior, before it is cut at the ends of the range."""
+        if self.prior is None:
+            return None
+        middle, half = float(self.scaled(self.prior[0])), Z95 * self.prior[1]
+        return float(self.natural(middle - half)), float(self.natural(middle + half))
+
 
 RESPONSE = (
     Parameter("t0_s", 0.05, 1.5, 0.3, "mean non-decision time"),
@@ -121,6 +141,8 @@ class FreeParameter:
     weights: Array
     # Whether it is a difference or a slope: no cell has this number as its value.
     effect: bool = False
+    # Whether its prior was stated for this fit: in a hierarchy it is that of the median person.
+    stated: bool = False
 
 
 @dataclass(frozen=True)
@@ -191,11 +213,35 @@ class ParameterSpace:
         change = (self.from_scale(scaled + 1e-6) - self.from_scale(scaled - 1e-6)) / 2e-6
         return np.where(self.rescaled, change, 1.0)
 
+    @property
+    def priors(self) -> dict[str, tuple[float, float]]:
+        """Central 95 % of the priors, by the names of the numbers that have one."""
+        every = {each.name: each.parameter.interval for each in self.moved}
+        return {name: interval for name, interval in every.items() if interval is not None}
+
+    @property
+    def stated(self) -> dict[str, tuple[float, float]]:
+        """Those of ``priors`` that were stated for this fit."""
+        named = {each.name for each in self.moved if each.stated}
+        return {name: interval for name, interval in self.priors.items() if name in named}
+
+    def with_priors(self, intervals: Mapping[str, tuple[float, float]]) -> ParameterSpace:
+        """Return it with priors of numbers, or of all values of a parameter, by ``within``."""
+        moved = list(self.moved)
+        for name in sorted(intervals, key=lambda name: "[" in name):  # the more special one last
+            places = [k for k, each in enumerate(moved) if each.name == name
+                      or (each.parameter.name == name and not each.effect)]  # fmt: skip
+            require(places, "prior", f"must be of a fitted number: {', '.join(self.names)}", name)
+            for k in places:
+                own = moved[k].parameter.within(*intervals[name])
+                moved[k] = replace(moved[k], parameter=own, stated=True)
+        return replace(self, moved=tuple(moved))
+
     @cached_property
     def _priors(self) -> tuple[Integers, Array, Array]:
         """Places, medians and standard deviations, on the scale, of the numbers with a prior."""
         pairs = [(k, each.parameter) for k, each in enumerate(self.moved)
-               if each.parameter.prior is not None and not each.effect]  # fmt: skip
+                 if each.parameter.prior is not None]  # fmt: skip
         priors = [
             (float(p.scaled(p.prior[0])), p.prior[1]) for _, p in pairs if p.prior is not None
         ]
@@ -310,6 +356,13 @@ class ParameterSpace:
     def _starts(self) -> dict[str, Array]:
         """The default value of each parameter in every cell, (cells,)."""
         return {each.name: np.full(self.cells, each.start) for each in self.parameters}
+
+
+def told_priors(intervals: Mapping[str, tuple[float, float]]) -> str:
+    """Return priors as a line of text, "" if there are none."""
+    told = [f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in intervals.items()]
+    more = f", and {len(told) - MOST_TOLD} more" if len(told) > MOST_TOLD else ""
+    return f"priors (central 95 %): {', '.join(told[:MOST_TOLD])}{more}" if told else ""
 
 
 def freedom(

@@ -59,6 +59,9 @@ class FitSettings:
     formula: tuple[str, ...] = ()
     """Parameters that are linear in conditions, such as "bound ~ instruction * side" or
     "t0_s ~ block": a formula as in R, of columns of text (levels) or of numbers (covariates)."""
+    prior: tuple[str, ...] = ()
+    """Priors of parameters, such as "t0_s=0.2:0.4": the central 95 % of where a person's value, or
+    in a hierarchy the median person's, is believed to be."""
     engine: str = "population"
     """Engine of the circuit: algebra, population, ensemble, ..."""
     noise_nats: float = 2.0
@@ -90,6 +93,7 @@ class FitSettings:
         if not isinstance(self.mechanism, str) or self.mechanism not in MECHANISMS:
             allowed = ", ".join(MECHANISMS)
             raise InputError.of("mechanism", f"must be one of {allowed}", self.mechanism)
+        _ = self.priors
 
     def check_unused(self, names: Iterable[str], reason: str) -> None:
         """Raise ValueError for one of some settings that was given though it has no effect."""
@@ -202,6 +206,37 @@ class FitSettings:
         return {name: _number(*pair) for name, *pair in (_pair(h, "fix") for h in self.fix)}
 
     @property
+    def priors(self) -> dict[str, tuple[float, float]]:
+        """Intervals of the priors that are asked for."""
+        found = {}
+        for text in self.prior:
+            name, _, interval = text.rpartition("=")
+            try:
+                low, high = map(float, interval.split(":"))
+            except ValueError:
+                must = "must give two numbers, such as t0_s=0.2:0.4"
+                raise InputError.of("prior", must, text) from None
+            found[name.strip()] = low, high
+        return found
+
+    def with_priors(
+        self, likelihoods: Mapping[str, Likelihood], model: AnyModel
+    ) -> dict[str, Likelihood]:
+        """Return likelihoods with the priors of parameters that their model has."""
+        known, intervals = {each.name for each in model.parameters}, {}
+        for name, interval in self.priors.items():
+            parameter, bracket, condition = name.partition("[")
+            parameter = own_name(parameter, model)
+            if parameter in known:
+                intervals[parameter + bracket + condition] = interval
+        if not intervals:
+            return dict(likelihoods)
+        return {
+            who: replace(each, freedom=each.freedom.with_priors(intervals))
+            for who, each in likelihoods.items()
+        }
+
+    @property
     def named(self) -> tuple[str, ...]:
         """Names of ``free``, without plus signs."""
         return tuple(name.removeprefix(ADDED) for name in self.free)
@@ -213,7 +248,8 @@ class FitSettings:
         vary = tuple(each for each in self.vary if _pair(each, "vary")[0] != name)
         written = zip(self.formulas, self.formula, strict=True)
         formula = tuple(each for other, each in written if other != name)
-        return replace(self, free=(*self.free, *more), vary=vary, formula=formula)
+        prior = tuple(each for each in self.prior if not each.startswith(f"{name}["))
+        return replace(self, free=(*self.free, *more), vary=vary, formula=formula, prior=prior)
 
     def _freed(
         self, known: Mapping[str, Parameter], name_of: Callable[[str], str]
@@ -325,6 +361,7 @@ class FitSettings:
         for option, names in (
             ("free", self.named), ("fix", self.fixed), ("vary", self.varied),
             ("formula", [each.parameter for each in self._parsed]),
+            ("prior", [each.partition("[")[0] for each in self.priors]),
         ):  # fmt: skip
             for name in names:
                 if name not in known and name != "threshold":
@@ -412,7 +449,8 @@ def shared_ranges(likelihoods: Mapping[str, Likelihood]) -> dict[str, Likelihood
     return shared
 
 
-EXAMPLES = {"fix": '{"lapse": 0.02}', "vary": '{"sensitivity": "conflict"}'}
+EXAMPLES = {"fix": '{"lapse": 0.02}', "vary": '{"sensitivity": "conflict"}',
+            "prior": '{"t0_s": (0.2, 0.4)}'}  # fmt: skip
 """Examples of mappings of parameters for ``fit``."""
 
 
@@ -432,6 +470,7 @@ def settings_of(
     fix: Mapping[str, float] | None = None,
     vary: Mapping[str, str] | None = None,
     formula: Sequence[str] | str = (),
+    prior: Mapping[str, tuple[float, float]] | None = None,
     **others: Any,
 ) -> FitSettings:
     """Return checked settings from the arguments of ``fit``; ValueError for an unknown name."""
@@ -444,6 +483,7 @@ def settings_of(
         fix=tuple(f"{name}={value!r}" for name, value in _pairs("fix", fix)),
         vary=tuple(f"{name}={column}" for name, column in _pairs("vary", vary)),
         formula=names_of(formula, "formula"),
+        prior=tuple(f"{name}={_interval(pair)}" for name, pair in _pairs("prior", prior)),
         **others,
     )
     asked.check()
@@ -487,6 +527,11 @@ def _pairs(option: str, settings: Mapping[str, object] | None) -> Iterable[tuple
     if not isinstance(settings, Mapping | None):
         raise InputError.of(option, f"must be a mapping such as {EXAMPLES[option]}", settings)
     return (settings or {}).items()
+
+
+def _interval(pair: object) -> str:
+    """Return an interval as the command has it."""
+    return ":".join(map(str, pair)) if isinstance(pair, (tuple, list)) else str(pair)
 
 
 def _pair(text: str, option: str) -> tuple[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from html import escape
 
 import pandas as pd
 
@@ -20,8 +21,21 @@ class Readable(pd.DataFrame):
         """The class of tables made from this one."""
         return Readable
 
+    def with_note(self, text: str) -> Readable:
+        """Return it with a text that is printed below."""
+        found = self.copy()
+        found.attrs["note"] = text
+        return found
+
     def __repr__(self) -> str:
         """Return the table as text, each line at most as wide as the terminal."""
         if len(self) > MOST_ROWS:
             return super().__repr__()
-        return self.to_string(line_width=shutil.get_terminal_size(USUAL).columns)
+        text, note = self.to_string(line_width=shutil.get_terminal_size(USUAL).columns), self.attrs
+        return f"{text}\n{note['note']}" if note.get("note") else text
+
+    def _repr_html_(self) -> str | None:
+        """Return the table for a notebook."""
+        table: str | None = super()._repr_html_()  # type: ignore[misc]  # not in the stubs
+        note = escape(self.attrs.get("note", ""))
+        return f"{table}<pre>{note}</pre>" if table and note else table

@@ -5,7 +5,7 @@ import json
 import pandas as pd
 import pytest
 
-from bgmodel.commands.group_fits import CELLS, GROUP, PEOPLE
+from bgmodel.commands.group_fits import CELLS, CORRELATIONS, GROUP, PEOPLE
 from bgmodel.fitting.hierarchy import chains
 from bgmodel.support.files import read_provenance
 from tests.fitting.conftest import PEOPLE as PERSONS
@@ -81,3 +81,40 @@ def test_options_without_effect_are_refused(mine, capsys):
     assert run("fit", *ASKED, "--draws") == 2
     assert "--draws" in capsys.readouterr().err
     assert not (mine / "out").exists()
+
+
+def test_another_prior_or_correlations_have_chains_of_their_own(mine, capsys):
+    def stored():
+        return {path.name for path in (mine / "out" / "pieces").glob("*chains*")}
+
+    together = ["correlated" if word == "hierarchical" else word for word in ASKED]
+    asked = [*together, "--prior", "bound=0.3:0.9"]
+    assert run("fit", *asked) == 0
+    told = capsys.readouterr().out
+    assert "priors (central 95 %): bound 0.3 to 0.9" in told
+    assert "correlations between people" in told
+    related = pd.read_csv(mine / "out" / CORRELATIONS)
+    assert related[["first", "second"]].to_numpy().tolist() == [["sensitivity", "bound"]]
+    made = read_provenance(mine / "out" / GROUP)["parameters"]
+    assert (made["prior"], made["correlated"]) == (["bound=0.3:0.9"], True)
+    seen = stored()
+    assert run("fit", *asked, "--force") == 0
+    assert stored() == seen
+    for other in ([*together, "--prior", "bound=0.3:0.8"], [*ASKED, *asked[-2:]], ASKED):
+        before = stored()
+        assert run("fit", *other, "--force") == 0
+        assert len(stored() - before) == 1
+    capsys.readouterr()
+    assert run("fit", *ASKED, "--prior", "bound=0.3", "--force") == 2
+    assert "prior must give two numbers" in capsys.readouterr().err
+
+
+def test_another_prior_of_one_person_is_another_fit(mine, capsys):
+    single = [each for each in ASKED if each not in ("--people", "hierarchical", "--workers", "1")]
+    single += ["--participant", "anna"]
+    assert run("fit", *single, "--prior", "bound=0.5:0.51") == 0
+    assert "priors (central 95 %): bound 0.5 to 0.51" in capsys.readouterr().out
+    assert run("fit", *single, "--prior", "bound=0.7:0.71") == 2
+    assert run("fit", *single, "--prior", "bound=0.7:0.71", "--force") == 0
+    value = pd.read_csv(mine / "out" / "parameters.csv").set_index("parameter")["value"]
+    assert value["bound"] == pytest.approx(0.705, abs=0.01)

@@ -2,14 +2,14 @@
 
 import inspect
 import pickle
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from bgmodel.commands.fits import FitRun
-from bgmodel.fits import fit
+from bgmodel.fits import fit, question
 from bgmodel.fitting.alternatives.models import MODELS
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.gaps import GAPS
@@ -20,6 +20,7 @@ from bgmodel.fitting.simulated.mechanisms import MECHANISMS
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.trials.reading import read_trials
 from circuits import anatomy
+from circuits.errors import InputError
 from tests.helpers import refused
 
 DATA, WHOSE = "roitman_shadlen_2002", {"strength": "coherence", "participant": "b"}
@@ -69,7 +70,7 @@ def test_python_and_the_command_have_the_same_defaults():
     parameters = inspect.signature(fit).parameters
     for field in fields(FitSettings):
         default = parameters[field.name].default
-        if field.name not in ("fix", "vary"):
+        if field.name not in ("fix", "prior", "vary"):
             assert default == field.default, field.name
     assert {f.name for f in fields(FitSettings)} <= {f.name for f in fields(FitRun)}
 
@@ -174,3 +175,45 @@ def test_a_slope_has_one_range_for_all_people_of_a_hierarchy():
     for each in shared:
         assert each.high[k] == max(one.high[k] for one in alone)
         assert each.low[k] == min(one.low[k] for one in alone)
+
+
+TABLE = pd.DataFrame({"rt": 0.5, "response": np.resize([0, 1, 1], 60),
+                      "strength": np.resize([0.5, 1.0], 60), "x": np.resize(["a", "b"], 60),
+                      "z": np.linspace(0, 1, 60)})  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("prior", "said"),
+    [
+        ({"speed": (1.0, 2.0)}, "must name a parameter"),
+        ({"lapse": (0.01, 0.02)}, "must be of a fitted number"),
+        ({"bound": (0.5, 1.0)}, "bound[Intercept]"),
+        ({"t0_s": (0.4, 0.2)}, "within 0.05 to 1.5"),
+        ({"t0_s": (0.3, 0.3)}, "within 0.05 to 1.5"),
+        ({"t0_s": (0.01, 0.4)}, "within 0.05 to 1.5"),
+        ({"t0_s": (np.nan, 0.4)}, "within 0.05 to 1.5"),
+        ({"t0_s": 0.3}, "two numbers"),
+        ({"t0_s": (0.1, 0.2, 0.3)}, "two numbers"),
+        ({"t0_s": "soon"}, "two numbers"),
+        ("t0_s=0.2:0.4", "must be a mapping"),
+    ],
+)
+def test_a_prior_that_cannot_be_is_refused(prior, said):
+    given = {"fix": {"lapse": 0.01}, "formula": "bound ~ z", "strength": "strength"}
+    with pytest.raises(InputError) as error:
+        fit(TABLE, "constant_gap", prior=prior, **given)
+    assert error.value.field == "prior"
+    assert said in str(error.value)
+
+
+def test_priors_of_a_parameter_are_of_each_of_its_values_unless_one_has_its_own():
+    asked = settings_of(
+        vary={"threshold": "x"}, formula="t0_s ~ z",
+        prior={"threshold[x=b]": (0.4, 0.5), "threshold": (0.3, 0.9), "t0_s[z]": (-0.1, 0.1)},
+    )  # fmt: skip
+    one = question(replace(asked, strength="strength"), TABLE, ["constant_gap"])
+    (likelihood,) = one.likelihoods("constant_gap").values()
+    assert {name: tuple(np.round(x, 9)) for name, x in likelihood.freedom.priors.items()} == {
+        "bound[x=a]": (0.3, 0.9), "bound[x=b]": (0.4, 0.5), "t0_s[z]": (-0.1, 0.1)}  # fmt: skip
+    # A version without the effect keeps the prior of the parameter alone.
+    assert asked.constant("threshold").prior == ("threshold=0.3:0.9", "t0_s[z]=-0.1:0.1")

@@ -73,25 +73,28 @@ class Expansion:
 
     def times(self, group: Group) -> Proposal:
         """Return the product with the group's distribution: a Gaussian for each person."""
-        precision = self.precision + np.diag(1 / group.variance)
-        return proposal_of(precision, self.pull + group.means / group.variance)
+        means, own = group.means, group.precision
+        pull = means / group.variance if group.correlation is None else means @ own
+        return proposal_of(self.precision + own, self.pull + pull)
 
-    def shared(
-        self, scores: Array, now: Array, which: Integers, offsets: Array | float = 0.0
-    ) -> Proposal:
+    def shared(self, scores: Array, now: Array, which: Integers, group: Group) -> Proposal:
         """Return the proposal for a group's means and standard deviations, given standard scores.
 
         With standard scores z of its people, parameters are linear in the group's mean m and
         standard deviations s, ``x = m + s z + offsets``, so that an expansion in x is one in (m,
         s), (2 * parameters,); those at ``which`` are drawn, the others keep their values ``now``.
         """
+        _, prior, _, _ = group.law
         both = np.stack([np.ones(scores.shape), scores], axis=1)  # people, (m, s), parameters
         size = 2 * scores.shape[1]
         precision = np.einsum("pai,pij,pbj->aibj", both, self.precision, both).reshape(size, size)
-        prior = np.repeat([1 / FLAT, 1 / SPREAD**2], scores.shape[1])
-        precision += np.diag(prior)
-        away = np.einsum("pij,pj->pi", self.precision, np.broadcast_to(offsets, scores.shape))
-        pull = np.einsum("pai,pi->ai", both, self.pull - away).ravel()
+        near = np.where(prior[:, 6] > 0, prior[:, 6], 1 / FLAT)
+        precision += np.diag(np.append(near, np.full(scores.shape[1], 1 / SPREAD**2)))
+        offsets = np.broadcast_to(group.offsets, scores.shape)
+        away = np.einsum("pij,pj->pi", self.precision, offsets)
+        pull = np.einsum("pai,pi->ai", both, self.pull - away)
+        pull[0] += near * prior[:, 5]
+        pull = pull.ravel()
         rest = np.setdiff1d(np.arange(size), which)
         pull = pull[which] - precision[np.ix_(which, rest)] @ now[rest]
         return proposal_of(precision[np.ix_(which, which)], pull)

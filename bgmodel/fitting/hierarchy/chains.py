@@ -40,7 +40,7 @@ class Agreement:
     """R-hat and effective sample size (smaller of bulk and tail) of each number of a fit.
 
     First the group's mean and standard deviation in each parameter, then each person's parameters,
-    and slopes of predictors between people.
+    slopes of predictors between people, and correlations of each parameter with those before it.
     """
 
     rhat: Array
@@ -56,10 +56,13 @@ def agreement(chains: list[Draws]) -> Agreement:
     """Return the diagnostics of chains of equal length."""
     from arviz_stats.base import array_stats
 
-    parts = [
-        np.stack([getattr(each, name) for each in chains]).reshape(len(chains), len(chains[0]), -1)
-        for name in ("mean", "sd", "scaled", *(["slopes"] if chains[0].slopes.size else []))
+    below = np.tril_indices(chains[0].correlation.shape[1], -1)
+    every = [
+        np.stack([getattr(each, name) for each in chains])
+        for name in ("mean", "sd", "scaled", "slopes")
     ]
+    every.append(np.stack([each.correlation[:, *below] for each in chains]))
+    parts = [each.reshape(*each.shape[:2], -1) for each in every if each.size]
     numbers = np.moveaxis(np.concatenate(parts, axis=2), 2, 0)
     axes = {"chain_axis": 1, "draw_axis": 2}
     bulk = array_stats.ess(numbers, method="bulk", **axes)
@@ -190,7 +193,7 @@ def _arrays(kept: _Kept, guide: Guide) -> Arrays:
 def _kept(entry: Entry[Arrays] | None, sampler: Sampler, group: Group) -> _Kept | None:
     """Return kept chains; None without a complete file, or if it is of other data."""
     arrays = None if entry is None else entry.get()
-    if arrays is None:
+    if arrays is None or not arrays.keys() >= {*DRAWS, *SURROGATE}:
         return None
     parts = [arrays[name] for name in DRAWS]
     numbers = json.loads(str(arrays["rng"]))
@@ -207,7 +210,10 @@ def _restored(draws: Draws, numbers: dict[str, Any], group: Group) -> State:
     """Return the last state of a chain."""
     rng = np.random.default_rng()
     rng.bit_generator.state = numbers
-    last = replace(group, mean=draws.mean[-1], variance=draws.sd[-1] ** 2, slopes=draws.slopes[-1])
+    last = replace(
+        group, mean=draws.mean[-1], variance=draws.sd[-1] ** 2, slopes=draws.slopes[-1],
+        correlation=draws.correlation[-1] if draws.correlation.size else None,
+    )  # fmt: skip
     return State(last, draws.scaled[-1], draws.log_likelihood[-1], rng)
 
 

@@ -23,13 +23,14 @@ from bgmodel.fitting.hierarchy.chains import (
     agreement,
     sampled,
 )
-from bgmodel.fitting.hierarchy.group import ALIKE, Predictors
+from bgmodel.fitting.hierarchy.group import ALIKE, Predictors, priors_of
 from bgmodel.fitting.hierarchy.pooled import pooled
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.optimum import Optimum
+from bgmodel.fitting.parameters import told_priors
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.processes import shared_map
 from bgmodel.support.reprs import Facts
@@ -108,6 +109,33 @@ class GroupFit(Facts):
             changes[name] = high - low
         return changes
 
+    @property
+    def priors(self) -> dict[str, tuple[float, float]]:
+        """Central 95 % of the prior of the median person's value, where it is not uniform."""
+        return next(iter(self.likelihoods.values())).freedom.stated
+
+    @cached_property
+    def correlation(self) -> dict[tuple[str, str], Array]:
+        """Correlation of two parameters between people, on the scale, (chains, draws)."""
+        draws = np.stack([each.correlation for each in self.chains])
+        pairs = zip(*np.tril_indices(draws.shape[2], -1), strict=True)
+        return {(self.parameters[j], self.parameters[k]): draws[..., k, j] for k, j in pairs}
+
+    def correlations(self) -> pd.DataFrame:
+        """Return correlations between people: median, low_95, high_95 (0.95), above_zero.
+
+        One row per pair of parameters in which people differ, none if the fit has no correlations.
+        """
+        rows = {
+            pair: [*np.quantile(draws, [0.5, 0.025, 0.975]), (draws > 0).mean()]
+            for pair, draws in self.correlation.items()
+            if draws.any()
+        }
+        index = pd.MultiIndex.from_tuples(rows, names=["first", "second"])
+        columns = ["median", "low_95", "high_95", "above_zero"]
+        values = np.array(list(rows.values())).reshape(-1, len(columns))
+        return Readable(values, index if rows else None, columns)
+
     def effects(self) -> pd.DataFrame:
         """Return the effects of predictors between people: median, low, high (0.9), above_zero."""
         rows = {}
@@ -150,6 +178,9 @@ class GroupFit(Facts):
             facts[str(row.Index)] = f"{row.median:.4g} ({row.low:.4g} to {row.high:.4g})"
         for row in self.effects().itertuples():
             facts[str(row.Index)] = f"{row.median:.4g} ({row.low:.4g} to {row.high:.4g})"
+        for (first, second), draws in self.correlation.items():
+            if draws.any():  # not of parameters that people share
+                facts[f"correlation of {first} and {second}"] = f"{np.median(draws):.2f}"
         return facts | {"effective sample size": f"{self.agreement.effective.min():.0f}"}
 
     def summary(self) -> pd.DataFrame:
@@ -157,6 +188,7 @@ class GroupFit(Facts):
 
         ``median``, ``low`` and ``high`` are of the median person's parameter, ``between_...`` of
         the standard deviation; ``rhat`` and ``effective_sample_size`` are the worse of the two.
+        Priors and ``correlations()`` are printed below.
         """
         rhat, effective = (
             np.asarray(each)[: 2 * len(self.parameters)].reshape(2, -1)
@@ -168,7 +200,14 @@ class GroupFit(Facts):
             "rhat": rhat.max(axis=0),
             "effective_sample_size": effective.min(axis=0),
         }
-        return Readable(columns, index=pd.Index(self.parameters, name="parameter"))
+        table = Readable(columns, index=pd.Index(self.parameters, name="parameter"))
+        return table.with_note(self.notes())
+
+    def notes(self) -> str:
+        """Return priors and correlations as text."""
+        related = self.correlations()
+        table = f"correlations between people:\n{related.round(3)}" if len(related) else ""
+        return "\n".join(each for each in (told_priors(self.priors), table) if each)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return each person's parameters: participant, parameter, median, low, high."""
@@ -215,6 +254,7 @@ class GroupFit(Facts):
         names += [f"spread of {each}" for each in self.parameters]
         names += [f"{each} of {who}" for who in self.people for each in self.parameters]
         names += self.predictors.names
+        names += [f"correlation of {first} and {second}" for first, second in self.correlation]
         worst = np.argsort(self.agreement.effective)[:3]
         told = ", ".join(f"{names[k]} ({self.agreement.effective[k]:.0f})" for k in worst)
         return [
@@ -237,8 +277,11 @@ class GroupFit(Facts):
         group = {name: self.group[..., k] for k, name in enumerate(names)}
         group |= {f"{name}_between_people": self.between[..., k] for k, name in enumerate(names)}
         group |= self.slopes
+        group |= {f"correlation of {a} and {b}": each for (a, b), each in self.correlation.items()}
         individual = {name: self.individual[..., k] for k, name in enumerate(names)}
-        return labelled(group, individual, self.log_likelihood, self.likelihoods)
+        tree = labelled(group, individual, self.log_likelihood, self.likelihoods)
+        tree.attrs["notes"] = self.notes()
+        return tree
 
     def to_netcdf(self, path: str | Path) -> Path:
         """Write ``to_datatree()`` atomically as a netCDF file that ArviZ opens; return its path."""
@@ -325,21 +368,24 @@ def fit_group(
     most_draws: int = MOST,
     scale: Scale | None = None,
     shared: Sequence[str] | None = None,
+    correlated: bool = False,
     kept: Entry[Arrays] | None = None,
     tell: Tell = lambda _: None,
 ) -> GroupFit:
     """Fit a model to a group of people, with partial pooling of their parameters.
 
     Parameters named ``shared`` (by default those of which ``Parameter.shared`` holds) are the same
-    for everyone. People are Gaussian on ``scale``, its unit by default set by the median of
-    separate estimates; see ``group.Group`` for the priors. Chains run until they agree or have
-    ``most_draws``, whatever the number of workers; an interrupted run continues from ``kept``.
-    At least 3 people with 20 responses each are required. Warns of misfit, and of chains
-    that do not agree.
+    for everyone, and the others may be ``correlated``. People are Gaussian on ``scale``, its unit
+    by default set by the median of separate estimates; see ``group.Group`` for the priors. Chains
+    run until they agree or have ``most_draws``, whatever the number of workers; an interrupted run
+    continues from ``kept``. At least 3 people with 20 responses each are required. Warns of
+    misfit, and of chains that do not agree.
     """
     check_people(likelihoods)
     every = list(likelihoods.values())
     same = _shared(every[0], shared)
+    if correlated and (~same).sum() < 2:
+        raise InputError("correlated needs two parameters in which people differ", "correlated")
     tell(f"start of {len(every)} people")
     first = estimates(every, min(workers, len(every)))
     scale = scale or Scale.of(every[0].freedom, np.median(first, axis=0))
@@ -350,6 +396,8 @@ def fit_group(
         group = replace(
             group, mean=np.minimum(group.mean, highest), highest=highest,
             slopes=np.zeros(len(predictors.names)), predictors=predictors,
+            prior=priors_of(every[0].freedom, scale),
+            correlation=np.eye(len(same)) if correlated else None,
         )  # fmt: skip
         chains = sampled(
             Sampler(people, expansion), group,

@@ -9,11 +9,22 @@ surrogate L* by ``L(y) L*(x) / (L(x) L*(y))``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD, Group
+from bgmodel.fitting.hierarchy.group import (
+    FREEDOM,
+    SPREAD,
+    Group,
+    Law,
+    asked_mean,
+    draw_covariance,
+    gain_of_mean,
+    log_mean,
+    log_sd,
+    shift,
+)
 from bgmodel.fitting.hierarchy.surrogate import Surrogate, value, values
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.compiling import compiled
@@ -60,18 +71,18 @@ class Guide:
         share: float,
     ) -> tuple[Group, Array, Array]:  # fmt: skip
         mean, sd, now = group.mean.copy(), np.sqrt(group.variance), scaled.copy()
-        highest = np.broadcast_to(group.highest, mean.shape).astype(float)
-        settings = (self.step, np.cumsum(vague)[:-1], highest, self.surrogate.arrays, rng)
+        law = (group.law[0].copy(), *group.law[1:])
+        settings = (self.step, np.cumsum(vague)[:-1], law, self.surrogate.arrays, rng)
         slopes, offsets = group.slopes.copy(), np.zeros(now.shape) + group.offsets
         between = (slopes, group.predictors.columns, group.predictors.of)
         rise = _wander(mean, sd, now, offsets, moves, share, between, *settings)
-        return replace(group, mean=mean, variance=sd**2, slopes=slopes), now, rise
+        return group.with_law(law[0], mean=mean, variance=sd**2, slopes=slopes), now, rise
 
 
 @compiled
 def _wander(
     mean: Array, sd: Array, scaled: Array, offsets: Array, moves: int, share: float,
-    between: tuple[Array, Array, Integers], step: Array, cumulative: Array, highest: Array,
+    between: tuple[Array, Array, Integers], step: Array, cumulative: Array, law: Law,
     surrogate: tuple[Array, ...], rng: np.random.Generator,
 ) -> Array:  # fmt: skip
     """Move a group and its people in place; return the rise of everyone's log likelihood.
@@ -86,15 +97,13 @@ def _wander(
     for _ in range(moves):
         kind = rng.random()
         if kind < share:
-            _move_people(mean, sd, scaled, offsets, logs, step, cumulative, surrogate, rng)
+            _move_people(mean, sd, scaled, offsets, logs, step, cumulative, law, surrogate, rng)
         elif kind < share + GROUP:
-            _move_group(mean, sd, scaled, offsets, step, highest, rng)
+            _move_group(mean, sd, scaled, offsets, step, law, rng)
         elif len(slopes) and share < 1 and rng.random() < 0.5:
             _move_slope(scaled, offsets, logs, between, step, surrogate, rng)
         else:
-            _move_together(
-                mean, sd, scaled, offsets, logs, step, cumulative, highest, surrogate, rng
-            )
+            _move_together(mean, sd, scaled, offsets, logs, step, cumulative, law, surrogate, rng)
     return logs - before
 
 
@@ -124,21 +133,23 @@ def _move_slope(
 @compiled
 def _move_people(
     mean: Array, sd: Array, scaled: Array, offsets: Array, logs: Array, step: Array,
-    cumulative: Array, surrogate: tuple[Array, ...], rng: np.random.Generator,
+    cumulative: Array, law: Law, surrogate: tuple[Array, ...], rng: np.random.Generator,
 ) -> None:  # fmt: skip
     """Move each person given the group: one parameter to a draw from it, or all by a step.
 
     The group's density of a parameter drawn from it cancels that of the prior. Parameters that
     people share stay where they are in steps.
     """
-    size, root = len(mean), surrogate[0]
+    size, root, inverse = len(mean), surrogate[0], law[0]
     for person in range(len(scaled)):
         now, middle = scaled[person], mean + offsets[person]
         asked = now.copy()
+        scores = (now - middle) / sd
         gain = 0.0
         if rng.random() < SINGLE:
-            alone = np.searchsorted(cumulative, rng.random())
-            asked[alone] = middle[alone] + sd[alone] * rng.normal()
+            alone = int(np.searchsorted(cumulative, rng.random()))
+            moved = rng.normal() / np.sqrt(inverse[alone, alone])
+            asked[alone] = middle[alone] + sd[alone] * (shift(scores, alone, inverse) + moved)
         else:
             reach = LONGEST / np.sqrt(size) * SHORTEST ** rng.random()
             for i in range(size):
@@ -146,7 +157,10 @@ def _move_people(
             for k in range(size):
                 if step[1, k] == 0:
                     asked[k] = now[k]
-                gain += ((now[k] - middle[k]) ** 2 - (asked[k] - middle[k]) ** 2) / (2 * sd[k] ** 2)
+            new = (asked - middle) / sd
+            for k in range(size):
+                for j in range(size):
+                    gain += inverse[k, j] * (scores[k] * scores[j] - new[k] * new[j]) / 2
         log = value(asked, person, surrogate)
         if np.log(rng.random()) < gain + log - logs[person]:
             scaled[person] = asked
@@ -155,22 +169,29 @@ def _move_people(
 
 @compiled
 def _move_group(
-    mean: Array, sd: Array, scaled: Array, offsets: Array, step: Array, highest: Array,
+    mean: Array, sd: Array, scaled: Array, offsets: Array, step: Array, law: Law,
     rng: np.random.Generator,
 ) -> None:  # fmt: skip
-    """Draw a mean or a standard deviation as ``Group.drawn``; both in turn are not reversible."""
-    people, size = scaled.shape
-    for k in range(size):
-        centred = scaled[:, k] - offsets[:, k]
+    """Draw a mean or a standard deviation as ``Group.drawn``; both in turn are not reversible.
+
+    Nor are means in turn, or means and covariances, if parameters are correlated.
+    """
+    (people, size), correlated = scaled.shape, len(law[3])
+    average = np.array([(scaled[:, k] - offsets[:, k]).mean() for k in range(size)])
+    for turn in range(size):
+        k = int(rng.random() * size) if correlated else turn
         if rng.random() < 0.5:
-            asked = centred.mean() + sd[k] / np.sqrt(people) * rng.normal()
-            gain = np.logaddexp(0, -mean[k]) - np.logaddexp(0, -asked)
-            if asked <= highest[k] and np.log(rng.random()) < gain:
+            error, normal = sd[k] / np.sqrt(people), rng.normal()
+            asked = asked_mean(k, mean, sd, average, error, normal, law)
+            gain = gain_of_mean(k, mean[k], asked, law)
+            if gain > -np.inf and np.log(rng.random()) < gain:
                 mean[k] = asked
+        elif correlated:
+            draw_covariance(scaled - offsets - mean, sd, law, rng)
         elif step[1, k] > 0:
             rate = FREEDOM / sd[k] ** 2 + 1 / SPREAD**2
             mixing = rate / rng.standard_gamma((FREEDOM + 1) / 2)
-            squares = ((centred - mean[k]) ** 2).sum()
+            squares = ((scaled[:, k] - offsets[:, k] - mean[k]) ** 2).sum()
             shape = (FREEDOM + people) / 2
             sd[k] = np.sqrt((FREEDOM / mixing + squares / 2) / rng.standard_gamma(shape))
 
@@ -178,25 +199,30 @@ def _move_group(
 @compiled
 def _move_together(
     mean: Array, sd: Array, scaled: Array, offsets: Array, logs: Array, step: Array,
-    cumulative: Array, highest: Array, surrogate: tuple[Array, ...], rng: np.random.Generator,
+    cumulative: Array, law: Law, surrogate: tuple[Array, ...], rng: np.random.Generator,
 ) -> None:  # fmt: skip
     """Move mean and standard deviation of one parameter, and everyone at fixed standard scores."""
     k = np.searchsorted(cumulative, rng.random())
     reach = LONGEST * SHORTEST ** rng.random()
     middle = mean[k] + reach * step[0, k] * rng.normal()
-    # A negative standard deviation is a positive one with scores of the other sign.
+    # A negative standard deviation is a positive one with scores, and correlations, of the other
+    # sign.
     spread = sd[k] + reach * step[1, k] * rng.normal()
+    inverse, prior, highest, correlated = law
     if middle > highest[k]:
         return
     asked = scaled.copy()
     centred = scaled[:, k] - offsets[:, k]
     asked[:, k] = offsets[:, k] + middle + spread * (centred - mean[k]) / sd[k]
     new = values(asked, surrogate)
-    gain = (new - logs).sum() + np.logaddexp(0, -mean[k]) - np.logaddexp(0, -middle)
-    unit = FREEDOM * SPREAD**2
-    gain -= (FREEDOM + 1) / 2 * (np.log1p(spread**2 / unit) - np.log1p(sd[k] ** 2 / unit))
+    gain = (new - logs).sum() + log_mean(middle, prior[k]) - log_mean(mean[k], prior[k])
+    own, count = inverse[k, k], len(correlated)
+    gain += log_sd(spread, own, count) - log_sd(sd[k], own, count)
     if np.log(rng.random()) < gain:
         mean[k], sd[k] = middle, abs(spread)
+        if spread < 0:
+            inverse[k], inverse[:, k] = -inverse[k], -inverse[:, k]
+            inverse[k, k] = own
         scaled[:] = asked
         logs[:] = new
 

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from bgmodel.fitting.hierarchy.approximation import Expansion, Person
-from bgmodel.fitting.hierarchy.group import Group
+from bgmodel.fitting.hierarchy.group import Group, shift
 from bgmodel.fitting.hierarchy.guide import SINGLE, Guide, guide_of
 from bgmodel.fitting.hierarchy.surrogate import surrogate_of
 from bgmodel.support.arrays import Array
@@ -35,10 +35,13 @@ class Draws:
     log_likelihood: Array  # (draws, people), nats
     # (draws, slopes), of the predictors between people
     slopes: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    # (draws, parameters, parameters), of people; (draws, 0, 0) if they are independent
+    correlation: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
     def __post_init__(self) -> None:
-        if len(self.slopes) != len(self.mean):
-            object.__setattr__(self, "slopes", np.zeros((len(self.mean), 0)))
+        for name, shape in (("slopes", (0,)), ("correlation", (0, 0))):
+            if len(getattr(self, name)) != len(self.mean):
+                object.__setattr__(self, name, np.zeros((len(self.mean), *shape)))
 
     def __len__(self) -> int:
         """Return the number of draws."""
@@ -111,7 +114,9 @@ class Sampler:
             sd = np.sqrt(state.group.variance)
             # The square of the kept root, so that a chain continues from it with the same bytes.
             state = replace(state, group=replace(state.group, variance=sd**2))
-            kept.append((state.group.mean, sd, state.scaled, state.log, state.group.slopes))
+            group = state.group
+            related = np.zeros((0, 0)) if group.correlation is None else group.correlation
+            kept.append((group.mean, sd, state.scaled, state.log, group.slopes, related))
         return state, Draws(*(np.array(each) for each in zip(*kept, strict=True)))
 
     def logs(self, scaled: Array) -> Array:
@@ -136,10 +141,12 @@ class Sampler:
         """Return everyone's parameters with one of them drawn from the group, (people, ...)."""
         group, rng, places = state.group, state.rng, np.arange(len(state.scaled))
         which = rng.choice(len(self.vague), size=len(places), p=self.vague)
-        asked = state.scaled.copy()
-        sd = np.sqrt(group.variance[which])
-        means = np.broadcast_to(group.means, asked.shape)[places, which]
-        asked[places, which] = means + sd * rng.normal(size=len(places))
+        asked, inverse, sd = state.scaled.copy(), group.law[0], np.sqrt(group.variance)
+        means = np.broadcast_to(group.means, asked.shape)
+        scores = zip((asked - means) / sd, which, strict=True)
+        moved = np.array([shift(own, k, inverse) for own, k in scores])
+        moved += rng.normal(size=len(places)) / np.sqrt(np.diag(inverse)[which])
+        asked[places, which] = means[places, which] + sd[which] * moved
         return asked
 
     def _together(self, state: State) -> State:
@@ -151,11 +158,15 @@ class Sampler:
         if rng.random() < ALONE:
             k = rng.choice(size, p=self.vague)
             which = np.intersect1d(which, (k, k + size))
-        proposal = self.expansion.shared(scores, now, which, state.group.offsets)
+        proposal = self.expansion.shared(scores, now, which, state.group)
         asked = now.copy()
         asked[which] = proposal.draw(rng)
-        # A negative standard deviation is a positive one with scores of the other sign.
         group = replace(state.group, mean=asked[:size], variance=asked[size:] ** 2)
+        # A negative standard deviation is a positive one with scores, and correlations, of the
+        # other sign.
+        if group.correlation is not None:
+            sign = np.sign(asked[size:])
+            group = replace(group, correlation=group.correlation * np.outer(sign, sign))
         scaled = group.means + asked[size:] * scores
         log = self.logs(scaled)
         gain = log.sum() + group.log_own_prior() - proposal.log_density(asked[which])

@@ -10,6 +10,7 @@ from bgmodel.support.seeds import stream
 
 SEED = 24_313
 PRECISION = np.array([[2.0, 0.6], [0.6, 1.0]])
+GROUP = Group(np.zeros(2), np.ones(2))
 
 
 def test_proposal_is_a_t_distribution_around_the_peak():
@@ -45,14 +46,14 @@ def test_given_scores_the_group_has_the_slope_and_curvature_of_its_people():
         prior = (both[:2] ** 2).sum() / FLAT + (both[2:] ** 2).sum() / SPREAD**2
         return (expansion.slope * away).sum() - quadratic / 2 - prior / 2
 
-    peak = expansion.shared(scores, np.zeros(4), np.arange(4)).mean
+    peak = expansion.shared(scores, np.zeros(4), np.arange(4), GROUP).mean
     for step in 1e-3 * np.eye(4):
         assert log(peak + step) == pytest.approx(log(peak - step), abs=1e-9)
         assert log(peak + step) < log(peak)
     # Those of one parameter alone, while the other one keeps its own.
     now, which = np.array([0.4, -0.3, 0.8, 1.2]), np.array([1, 3])
     partly = now.copy()
-    partly[which] = expansion.shared(scores, now, which).mean
+    partly[which] = expansion.shared(scores, now, which, GROUP).mean
     for step in 1e-3 * np.eye(4)[which]:
         assert log(partly + step) == pytest.approx(log(partly - step), abs=1e-9)
         assert log(partly + step) < log(partly)

@@ -66,17 +66,6 @@ def short(monkeypatch):
     monkeypatch.setattr(chains, "WARM_UP", FEW)
 
 
-def test_an_interrupted_run_goes_on_with_the_same_bytes(short, tmp_path):
-    kept = chains_entry(tmp_path / "pieces", "a", {})
-    once = sampled(SAMPLER, START, seed=SEED, most=3 * FEW)
-    sampled(SAMPLER, START, seed=SEED, most=2 * FEW, kept=kept)
-    assert kept.path.is_file()
-    told = []
-    rest = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, kept=kept, tell=told.append)
-    assert not any("warm-up" in each for each in told)
-    assert [each.scaled.tobytes() for each in rest] == [each.scaled.tobytes() for each in once]
-
-
 def test_chains_that_mix_slowly_are_discarded_and_their_surrogate_is_learned_again(
     short, monkeypatch, tmp_path
 ):
@@ -132,6 +121,24 @@ OTHERS = {
         Group(np.zeros(2), np.ones(2)),
     ),
 }
+
+
+RELATED = OTHERS["parameters"][0], replace(OTHERS["parameters"][1], correlation=np.eye(2))
+
+
+@pytest.mark.parametrize(("sampler", "start"), [(SAMPLER, START), RELATED], ids=["one", "related"])
+def test_an_interrupted_run_goes_on_with_the_same_bytes(short, tmp_path, sampler, start):
+    kept = chains_entry(tmp_path / "pieces", "a", {})
+    whole = sampled(sampler, start, seed=SEED, most=3 * FEW)
+    sampled(sampler, start, seed=SEED, most=2 * FEW, kept=kept)
+    assert kept.path.is_file()
+    told = []
+    rest = sampled(sampler, start, seed=SEED, most=3 * FEW, kept=kept, tell=told.append)
+    assert not any("warm-up" in each for each in told)
+    for name in ("scaled", "correlation"):
+        assert [getattr(each, name).tobytes() for each in rest] == [
+            getattr(each, name).tobytes() for each in whole
+        ]
 
 
 @pytest.mark.parametrize("what", OTHERS)

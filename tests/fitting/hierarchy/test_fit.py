@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+import xarray
 
 from bgmodel.fits import fit
 from bgmodel.fitting.exact.algorithms import GapModel
@@ -169,3 +170,59 @@ def test_predictors_between_people_that_cannot_be_fitted_are_refused(settings, f
     table = two_groups(0.3).assign(block=lambda t: np.where(np.arange(len(t)) % 2, "a", "b"))
     with refused(field):
         fit(table, "constant_gap", strength="strength", fix=FIXED, **settings)
+
+
+@pytest.fixture(scope="module")
+def related():
+    """Return a fit with correlations and a prior that is much narrower than the data."""
+    with short_chains(), pytest.warns(FitWarning):
+        return fit(
+            table(), **GAP, prior={"t0_s": (0.2, 0.204)}, correlated=True, most_draws=MOST,
+            hierarchical=True,
+        )  # fmt: skip
+
+
+def test_a_narrow_prior_outweighs_the_data_and_a_wide_one_changes_nothing(group, related):
+    def t0_s(fitted):
+        return fitted.group[..., 2].ravel()
+
+    assert abs(np.median(t0_s(related)) - 0.202) < 0.002
+    assert np.median(t0_s(group)) > 0.25
+    with short_chains(), pytest.warns(FitWarning):
+        wide = fit(table(), **GAP, prior={"t0_s": (0.05, 1.5)}, most_draws=MOST, hierarchical=True)
+    assert abs(np.median(t0_s(wide)) - np.median(t0_s(group))) < t0_s(group).std()
+    assert t0_s(wide).std() == pytest.approx(t0_s(group).std(), rel=0.5)
+    # As in the fit of one person, where the prior is of that person.
+    one = fit(table(), **GAP, participant="anna", prior={"t0_s": (0.2, 0.204)})
+    assert one.summary().loc["t0_s", "value"] == pytest.approx(0.202, abs=0.002)
+    assert one.priors["t0_s"] == pytest.approx((0.2, 0.204))
+    assert "priors (central 95 %): t0_s 0.2 to 0.204" in repr(one.summary())
+
+
+def test_priors_and_correlations_are_in_the_result_and_its_file(group, related, tmp_path):
+    told, pairs = repr(related.summary()), related.correlations()
+    assert "t0_s 0.2 to 0.204" in told
+    assert "correlations between people" in told
+    assert "correlations between people" in related.summary()._repr_html_()
+    assert pairs.index.tolist() == [
+        ("sensitivity", "bound"), ("sensitivity", "t0_s"), ("bound", "t0_s")]  # fmt: skip
+    draws = np.stack([each.correlation for each in related.chains])[..., 1, 0]
+    assert pairs["low_95"].iloc[0] == np.quantile(draws, 0.025)
+    assert (pairs["low_95"] < pairs["median"]).all()
+    tree = xarray.open_datatree(related.to_netcdf(tmp_path / "fit.nc"), engine="h5netcdf")
+    assert "0.2 to 0.204" in tree.attrs["notes"]
+    assert np.array_equal(tree["posterior/correlation of sensitivity and bound"], draws)
+    assert group.correlations().empty
+    assert "prior" not in repr(group.summary())
+
+
+def test_correlated_draws_do_not_depend_on_the_number_of_workers(related):
+    with short_chains(), pytest.warns(FitWarning):
+        again = fit_group(related.likelihoods, most_draws=MOST, correlated=True, workers=2)
+    assert again.individual.tobytes() == related.individual.tobytes()
+    assert again.correlations().equals(related.correlations())
+
+
+def test_one_parameter_has_no_correlations(group):
+    with refused("correlated"):
+        fit_group(group.likelihoods, correlated=True, shared=["bound", "t0_s"])

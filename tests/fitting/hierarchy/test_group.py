@@ -5,7 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.fitting.hierarchy.group import SPREAD, Group, Predictors, group_of
+from bgmodel.fitting.hierarchy.group import (
+    SPREAD,
+    Group,
+    Predictors,
+    group_of,
+    log_mean,
+    priors_of,
+)
+from bgmodel.fitting.hierarchy.scale import Scale, log_uniform
+from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.support.seeds import stream
 
 SEED = 24_312
@@ -59,5 +68,34 @@ def test_a_slope_is_drawn_from_its_regression():
     seen = np.array([group._slope_drawn(0, scaled, rng).slopes[0] for _ in range(20_000)])
     precision = (column**2).sum() / 0.09 + 1 / SPREAD**2
     middle = column @ (scaled[:, 0] - 1.0) / 0.09 / precision
+    assert seen.mean() == pytest.approx(middle, abs=4 / np.sqrt(precision * len(seen)))
+    assert seen.std() == pytest.approx(1 / np.sqrt(precision), rel=0.03)
+
+
+@pytest.mark.parametrize("scale", ["identity", "log", "logit", "atanh"])
+def test_the_prior_of_a_mean_is_that_of_one_person(scale):
+    """On the scale of a hierarchy: the same density times the slope of that scale."""
+    space = freedom([Parameter("a", 0.05, 0.9, 0.3, scale=scale)], {}, 1)
+    space = space.with_priors({"a": (0.1, 0.5)})
+    own = Scale.of(space)
+    (row,) = priors_of(space, own)
+    at = np.linspace(-3.0, 3.0, 15)
+    one = [space.log_prior(x) + space.log_slope(x) for x in own.back(at[:, None])]
+    found = np.array([log_mean(x, row) for x in at]) - log_uniform(at)
+    assert np.diff(found) == pytest.approx(np.diff(one), abs=1e-6)
+    assert space.priors["a"] == pytest.approx((0.1, 0.5))
+
+
+def test_a_slope_given_correlated_parameters_is_drawn_from_their_conditional_distribution():
+    rng = np.random.default_rng(5)
+    column, related = np.array([-0.5, -0.5, 0.5, 0.5]), np.array([[1.0, 0.8], [0.8, 1.0]])
+    scaled, sd = rng.normal(1.0, 1.0, (4, 2)), np.array([0.3, 2.0])
+    predictors = Predictors(("x",), column[None], np.array([0]))
+    group = Group(np.ones(2), sd**2, slopes=np.zeros(1), predictors=predictors, correlation=related)
+    seen = np.array([group._slope_drawn(0, scaled, rng).slopes[0] for _ in range(20_000)])
+    own = 0.3**2 * (1 - 0.8**2)
+    rest = scaled[:, 0] - 1 - 0.8 * 0.3 / 2.0 * (scaled[:, 1] - 1)
+    precision = (column**2).sum() / own + 1 / SPREAD**2
+    middle = column @ rest / own / precision
     assert seen.mean() == pytest.approx(middle, abs=4 / np.sqrt(precision * len(seen)))
     assert seen.std() == pytest.approx(1 / np.sqrt(precision), rel=0.03)

@@ -33,21 +33,24 @@ def guide():
     return guide_of(surrogate, 5 + groups[0], np.abs(groups[1]))
 
 
-def pairs(guide, count=6000):
+def pairs(guide, correlation, count=6000):
     """Return consecutive states of a chain of guided moves: mean, sd and first person."""
-    group, scaled = Group(np.full(2, 5.0), np.ones(2)), np.tile(MIDDLES[:, None], 2).astype(float)
+    group = Group(np.full(2, 5.0), np.ones(2), correlation=correlation)
+    scaled = np.tile(MIDDLES[:, None], 2).astype(float)
     rng, kept = stream(SEED, "chain"), []
     for _ in range(count):
         group, scaled, _ = guide.all_moved(group, scaled, VAGUE, rng)
-        kept.append([*group.mean, *np.log(group.variance), *scaled[0]])
+        related = [] if correlation is None else [group.correlation[0, 1]]
+        kept.append([*group.mean, *np.log(group.variance), *scaled[0], *related])
     return np.array(kept[100:])
 
 
-def test_moves_are_reversible(guide, monkeypatch):
+@pytest.mark.parametrize("correlation", [None, np.eye(2)], ids=["independent", "correlated"])
+def test_moves_are_reversible(guide, correlation, monkeypatch):
     # Few moves, so that a state depends on the one before; steps up and down are then equally
     # common of any size, which a chain that cycles in one direction would violate.
     monkeypatch.setattr(moves, "MOVES_OF_ALL", 6)
-    kept = pairs(guide)
+    kept = pairs(guide, correlation)
     for column in kept.T:
         assert np.corrcoef(column[1:], column[:-1])[0, 1] > 0.1
     # A function of both states and its mirror image have one mean.

@@ -7,11 +7,20 @@ import pytest
 from arviz_stats.base import array_stats
 
 from bgmodel.fitting.hierarchy.approximation import Expansion
-from bgmodel.fitting.hierarchy.group import ALMOST, FREEDOM, SPREAD, Group, Predictors
+from bgmodel.fitting.hierarchy.group import (
+    ALMOST,
+    CORRELATED,
+    FREEDOM,
+    SPREAD,
+    Group,
+    Predictors,
+    priors_of,
+)
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler, joined
-from bgmodel.fitting.hierarchy.scale import log_uniform
+from bgmodel.fitting.hierarchy.scale import Scale, log_uniform
+from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.support.seeds import stream
-from tests.fitting.hierarchy.known import wide
+from tests.fitting.hierarchy.known import Known, wide
 
 pytestmark = pytest.mark.usefixtures("few_moves")
 SEED = 24_311
@@ -34,12 +43,18 @@ class Gaussian:
         return float(-0.5 * (((scaled - self.middle) / self.error) ** 2).sum())
 
 
-def quadrature(estimates, errors):
-    """Return mean and sd of the group's mean and of its standard deviation."""
-    mean = np.mean(estimates) + np.linspace(-5.5, 5.5, 441)[:, None]
+def quadrature(estimates, errors, prior=None, wider=1.0):
+    """Return mean and sd of the group's mean and of its standard deviation.
+
+    Under the prior of an interval that is as many times as wide, or a uniform one.
+    """
+    mean = np.mean(estimates) + np.linspace(-5.5, 5.5, 881)[:, None]
     sd = np.exp(np.linspace(-6, 2.5, 400))
     log = log_uniform(mean) - (FREEDOM + 1) / 2 * np.log1p(sd**2 / (FREEDOM * SPREAD**2))
     log = log + np.log(sd)  # the grid is even in its logarithm
+    if prior is not None:
+        away = np.logaddexp(0, mean) - np.mean(prior)
+        log = log - (away / (wider * np.ptp(prior) / (2 * 1.96))) ** 2 / 2
     for estimate, error in zip(estimates, errors, strict=True):
         variance = sd**2 + error**2
         log = log - 0.5 * (estimate - mean) ** 2 / variance - 0.5 * np.log(variance)
@@ -59,13 +74,23 @@ def expansion(people, shift=0.0, narrower=1.0):
     return Expansion(points, np.zeros(points.shape), precisions)
 
 
-def draws(approximation, people, sweeps, guided=False):
+def draws(approximation, people, sweeps, guided=False, group=None, warm_up=200):
+    """Return draws of a chain, after a warm-up."""
     sampler = Sampler(people, approximation)
-    group = Group(MIDDLE, np.ones(2))
-    state, warm = sampler.run(sampler.first(group, stream(SEED)), 200)
+    state = sampler.first(group or Group(MIDDLE, np.ones(2)), stream(SEED))
+    state, warm = sampler.run(state, warm_up)
     if guided:
         sampler = replace(sampler, guide=sampler.guide_from(warm, stream(SEED, "surrogate")))
     return sampler.run(state, sweeps)[1]
+
+
+def misses(numbers, expected):
+    """Return by how many errors means and standard deviations of draws miss the expected ones."""
+    size = array_stats.ess(np.array(numbers)[:, None], chain_axis=1, draw_axis=2)
+    assert size.min() > 300
+    means, sds = np.reshape(expected, (-1, 2)).T
+    off = np.mean(numbers, axis=1) - means, np.std(numbers, axis=1) - sds
+    return np.abs([off[0] / sds * np.sqrt(size), off[1] / sds * np.sqrt(size / 2)]).max()
 
 
 @pytest.fixture(scope="module")
@@ -214,20 +239,9 @@ def test_a_predictor_between_people_has_its_posterior(guided):
         each.scale = wide(1)
     predictors = Predictors(("x",), column[None], np.array([0]))
     group = Group(MIDDLE[:1], np.ones(1), slopes=np.zeros(1), predictors=predictors)
-    sampler = Sampler(some, expansion(some))
-    state, warm = sampler.run(sampler.first(group, stream(SEED, "slope")), 400)
-    if guided:
-        sampler = replace(sampler, guide=sampler.guide_from(warm, stream(SEED, "surrogate")))
-    kept = sampler.run(state, 3_000)[1]
-    numbers = np.stack([kept.mean[:, 0], kept.sd[:, 0], kept.slopes[:, 0]])
-    size = array_stats.ess(numbers[:, None], chain_axis=1, draw_axis=2)
-    expected = with_slope(ESTIMATES, ERRORS, column)
-    for draws, effective, middle, spread in zip(
-        numbers, size, expected[::2], expected[1::2], strict=True
-    ):
-        assert effective > 300
-        assert draws.mean() == pytest.approx(middle, abs=4 * spread / np.sqrt(effective))
-        assert draws.std() == pytest.approx(spread, rel=0.15)
+    kept = draws(expansion(some), some, 3000, guided, group, 400)
+    numbers = [kept.mean[:, 0], kept.sd[:, 0], kept.slopes[:, 0]]
+    assert misses(numbers, with_slope(ESTIMATES, ERRORS, column)) < 4
 
 
 @pytest.mark.parametrize("guided", [False, True])
@@ -236,19 +250,121 @@ def test_a_shared_parameter_has_the_posterior_of_all_trials_together(guided):
     middles, errors = np.stack([ESTIMATES, SECOND], axis=1), np.stack([ERRORS, ERRORS], axis=1)
     some = [Gaussian(middle, error) for middle, error in zip(middles, errors, strict=True)]
     group = Group(MIDDLE, np.array([ALMOST**2, 1.0]), shared=np.array([True, False]))
-    sampler = Sampler(some, expansion(some))
-    state, warm = sampler.run(sampler.first(group, stream(SEED, "shared")), 400)
-    if guided:
-        sampler = replace(sampler, guide=sampler.guide_from(warm, stream(SEED, "surrogate")))
-    kept = sampler.run(state, 3_000)[1]
+    kept = draws(expansion(some), some, 3000, guided, group, 400)
     np.testing.assert_allclose(kept.sd[:, 0], ALMOST)
     weight = 1 / ERRORS**2
     together = (weight @ ESTIMATES) / weight.sum(), 1 / np.sqrt(weight.sum())
     apart = quadrature(SECOND, ERRORS)
-    expected = [together, apart[:2], apart[2:]]
-    numbers = np.stack([kept.mean[:, 0], kept.mean[:, 1], kept.sd[:, 1]])
-    size = array_stats.ess(numbers[:, None], chain_axis=1, draw_axis=2)
-    for draws, effective, (middle, spread) in zip(numbers, size, expected, strict=True):
-        assert effective > 300
-        assert draws.mean() == pytest.approx(middle, abs=4 * spread / np.sqrt(effective))
-        assert draws.std() == pytest.approx(spread, rel=0.15)
+    numbers = [kept.mean[:, 0], kept.mean[:, 1], kept.sd[:, 1]]
+    assert misses(numbers, [together, apart[:2], apart[2:]]) < 4
+
+
+SPACE = freedom([Parameter("a", 0.0, 1e9, 6.0), Parameter("b", 0.0, 1e9, 12.0)], {}, 1)
+PRIORS = SPACE.with_priors({"a": (4.8, 5.2), "b": (11.0, 17.0)})
+"""Priors of the means of both parameters; the first is narrower than the data say, the other
+wider."""
+
+
+def correlated_quadrature(error):
+    """Return mean and sd of means, sds and correlation, by the density of the covariance matrix.
+
+    Huang & Wand (2013), their equation 3; means, with flat priors, are Gaussian given it.
+    """
+    every, people = np.stack([ESTIMATES, SECOND], axis=1), len(ESTIMATES)
+    grid = np.exp(np.linspace(-5, 3, 70))
+    first, second, rho = np.meshgrid(grid, grid, np.tanh(np.linspace(-4, 4, 81)), indexing="ij")
+    across = rho * first * second
+    covariance = np.moveaxis(np.array([[first**2, across], [across, second**2]]), (0, 1), (3, 4))
+    diagonal = np.diagonal(np.linalg.inv(covariance), axis1=3, axis2=4)
+    log = -(CORRELATED + 4) / 2 * np.linalg.slogdet(covariance)[1]
+    log -= (CORRELATED + 2) / 2 * np.log(CORRELATED * diagonal + SPREAD**-2).sum(axis=-1)
+    # From the matrix to standard deviations and correlation, and to their logarithm and artanh.
+    log += 3 * np.log(first * second) + np.log(1 - rho**2)
+    total, away = covariance + error**2 * np.eye(2), every - every.mean(axis=0)
+    log -= (people - 1) / 2 * np.linalg.slogdet(total)[1]
+    log -= (np.linalg.inv(total) * (away.T @ away)).sum(axis=(3, 4)) / 2
+    weight = np.exp(log - log.max())
+    weight /= weight.sum()
+    errors = [np.sqrt((weight * total[..., k, k]).sum() / people) for k in range(2)]
+    found = list(zip(every.mean(axis=0), errors, strict=True))
+    for each in (first, second, rho):
+        middle = (weight * each).sum()
+        found.append((middle, np.sqrt((weight * (each - middle) ** 2).sum())))
+    return found
+
+
+@pytest.mark.parametrize("guided", [False, True])
+def test_correlated_parameters_have_the_posterior_of_a_quadrature(guided):
+    errors = np.full(2, 0.3)
+    some = [Gaussian(x, errors) for x in np.stack([ESTIMATES, SECOND], axis=1)]
+    group = Group(MIDDLE, np.ones(2), correlation=np.eye(2))
+    kept = draws(expansion(some), some, 3000 if guided else 6000, guided, group)
+    numbers = [*kept.mean.T, *kept.sd.T, kept.correlation[:, 0, 1]]
+    assert misses(numbers, correlated_quadrature(0.3)) < 4
+
+
+@pytest.mark.parametrize("guided", [False, True])
+def test_priors_of_means_have_the_posterior_of_a_quadrature(people, guided):
+    group = Group(MIDDLE, np.ones(2), prior=priors_of(PRIORS, wide()))
+    kept = draws(expansion(people), people, 3000, guided, group)
+    for k, (name, estimates) in enumerate({"a": ESTIMATES, "b": SECOND}.items()):
+        given, numbers = (estimates, (1, 3)[k] * ERRORS), [kept.mean[:, k], kept.sd[:, k]]
+        assert misses(numbers, quadrature(*given, PRIORS.priors[name])) < 4
+    # Negative control: a narrow prior that is twice as wide would be seen.
+    wrong = quadrature(ESTIMATES, ERRORS, PRIORS.priors["a"], wider=2.0)
+    assert misses([kept.mean[:, 0], kept.sd[:, 0]], wrong) > 10
+
+
+LAPSE = Parameter("c", 0.001, 0.4, 0.05, scale="logit").within(0.02, 0.1)
+ALONE = freedom([Parameter("a", 0.1, 3.0, 0.7), LAPSE], {}, 1).with_priors({"c": (0.02, 0.1)})
+
+
+@pytest.mark.parametrize("guided", [False, True])
+@pytest.mark.parametrize("correlated", [False, True])
+def test_without_data_draws_are_those_of_the_priors(guided, correlated):
+    """A uniform and a narrow prior of means, half-t spreads, people around them, correlations."""
+    scale, count = Scale.of(ALONE), 3
+    group = Group(
+        scale.to(ALONE.start), np.ones(2), highest=scale.to(ALONE.high),
+        prior=priors_of(ALONE, scale), correlation=np.eye(2) if correlated else None,
+    )  # fmt: skip
+    some = [Known(lambda _: 0.0, scale) for _ in range(count)]
+    none = Expansion(np.zeros((count, 2)), np.zeros((count, 2)), np.zeros((count, 2, 2)))
+    kept = draws(none, some, 3000, guided, group, 1000)
+    rng, many = stream(SEED, "exact"), 400_000
+    mean = np.stack([
+        rng.uniform(0.1, 3.0, many),
+        LAPSE.natural(LAPSE.scaled(LAPSE.prior[0]) + LAPSE.prior[1] * rng.normal(size=many)),
+    ])  # fmt: skip
+    mean = np.clip(mean, ALONE.low[:, None], ALONE.high[:, None])
+    freedom_ = CORRELATED if correlated else FREEDOM
+    sd = SPREAD * np.abs(rng.standard_t(freedom_, size=mean.shape))
+    person = scale.back(scale.to(mean.T) + sd.T * rng.normal(size=(many, 2))).T
+    pairs = [*zip(scale.back(kept.mean).T, mean, strict=True), *zip(kept.sd.T, sd, strict=True),
+             *zip(scale.back(kept.scaled[:, 1]).T, person, strict=True)]  # fmt: skip
+    if correlated:
+        pairs.append((kept.correlation[:, 1, 0], rng.uniform(-1, 1, many)))
+    for seen, exact in pairs:
+        for share in (0.05, 0.25, 0.5, 0.75, 0.95):
+            below = seen < np.quantile(exact, share)
+            size = array_stats.ess(below[None].astype(float), chain_axis=0, draw_axis=1)
+            assert size > 100
+            off = (below.mean() - share) / np.sqrt(share * (1 - share) / size)
+            assert abs(off) < 4, (share, off)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.7])
+def test_a_correlation_between_people_is_recovered(rho):
+    """In at least 17 of 20 groups, as by 95 % intervals; else chance would be below 0.02."""
+    held, sure, errors = 0, 0, np.array([0.3, 0.3])
+    for number in range(20):
+        rng = stream(SEED, "recovery", number)
+        true = rng.multivariate_normal(MIDDLE, [[1.0, 2 * rho], [2 * rho, 4.0]], size=40)
+        some = [Gaussian(x + errors * rng.normal(size=2), errors) for x in true]
+        group = Group(MIDDLE, np.ones(2), correlation=np.eye(2))
+        kept = draws(expansion(some), some, 300, group=group, warm_up=100).correlation[:, 0, 1]
+        low, high = np.quantile(kept, [0.025, 0.975])
+        held += low < rho < high
+        sure += low > 0 or high < 0
+    assert held >= 17
+    assert sure == (20 if rho else 20 - held)
