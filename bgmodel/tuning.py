@@ -36,6 +36,8 @@ TUNING_SEED, SCORING_SEEDS = 51_001, (98_101, 98_102, 98_103)
 """Default seeds of tuning and of scoring."""
 UNMET = 10.0
 """Loss of a number that a circuit does not answer, or whose direction it lacks, about |z| = 150."""
+NEAR = 0.001
+"""Relative changes of place and loss below which the search ends."""
 IMPOSSIBLE = 1e6
 """Loss of a point at which there is no circuit, such as one where a weight has the wrong sign."""
 TUNED, HELD_OUT = "tuned", "held out"
@@ -102,8 +104,8 @@ def tune(
 
     The loss is the sum over numbers of weight times ``ln(1 + z^2)``, so that one number out of
     reach does not outweigh the others. Resting rates come from the fixed point, spectra from linear
-    theory, and behaviour from populations. Nelder and Mead's method (1965) minimises it, from the
-    circuit's present values.
+    theory, and behaviour from populations. Powell's method (1964) minimises it, from the circuit's
+    present values: most numbers depend on few directions, which it follows one by one.
 
     Parameters
     ----------
@@ -166,9 +168,8 @@ def tune(
     from scipy.optimize import minimize  # slow to import
 
     bounds = [(0.0, 1.0)] * len(free)
-    minimum = minimize(
-        loss, start, method="Nelder-Mead", bounds=bounds, options={"maxfev": evaluations}
-    )
+    options = {"maxfev": evaluations, "xtol": NEAR, "ftol": NEAR}
+    minimum = minimize(loss, start, method="Powell", bounds=bounds, options=options)
     best = at(minimum.x)
     parts = []
     for use, seeds in (("tuning", [seed]), ("scoring", scoring_seeds)):

@@ -34,10 +34,7 @@ class Gap:
 
     name: str  # Name of the model that has this gap.
     about: str  # Equation and source.
-    # Without the bound; further ones of ``left`` and ``slope`` follow the rate.
-    parameters: tuple[Parameter, ...] = ()
-    left: Callable[..., Array] = np.ones_like  # g, of ``x = r t`` and of further parameters.
-    slope: Callable[..., Array] = np.zeros_like  # Its derivative.
+    parameters: tuple[Parameter, ...] = ()  # Without the bound; further ones follow the rate.
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -50,10 +47,10 @@ class Gap:
         more = [values[name] for name in self.names if name not in (FALL.name, FLOOR.name)]
         x = rate * np.asarray(time_s, float)
         falls = bound * (1 - floor)
-        return bound * floor + falls * self.left(x, *more), falls * rate * self.slope(x, *more)
+        left, slope = SHAPES[self.name]
+        return bound * floor + falls * left(x, *more), falls * rate * slope(x, *more)
 
 
-# Functions with names, because fits are sent to other processes.
 def _exponential(x: Array) -> Array:
     return np.exp(-x)
 
@@ -83,22 +80,24 @@ EXPONENTIAL = Gap(
     "falling_gap",
     "exponential, g(x) = exp(-x)",
     (FALL, FLOOR),
-    _exponential,
-    _exponential_slope,
 )
 HYPERBOLIC = Gap(
     "hyperbolic_gap",
     "hyperbolic, g(x) = 1 / (1 + x) (Voskuilen, Ratcliff & Smith 2016)",
     (FALL, FLOOR),
-    _hyperbolic,
-    _hyperbolic_slope,
 )
 WEIBULL = Gap(
     "weibull_gap",
     "Weibull, g(x) = exp(-x^k), with k the shape (Hawkins et al. 2015)",
     (FALL, STEEPNESS, FLOOR),
-    _weibull,
-    _weibull_slope,
 )
 GAPS = {each.name: each for each in (CONSTANT, EXPONENTIAL, HYPERBOLIC, WEIBULL)}
 """The shapes by the name of the model."""
+SHAPES: dict[str, tuple[Callable[..., Array], Callable[..., Array]]] = {
+    CONSTANT.name: (np.ones_like, np.zeros_like),
+    EXPONENTIAL.name: (_exponential, _exponential_slope),
+    HYPERBOLIC.name: (_hyperbolic, _hyperbolic_slope),
+    WEIBULL.name: (_weibull, _weibull_slope),
+}
+"""g and its derivative, of ``x = r t`` and of further parameters: apart from the records, which
+are saved."""

@@ -10,6 +10,7 @@ from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.gaps import CONSTANT, EXPONENTIAL, FALL, FLOOR, GAPS, STEEPNESS, WEIBULL
 from bgmodel.fitting.exact.responses import Grid
 from bgmodel.fitting.settings import FitSettings
+from bgmodel.support.saved import packed, unpacked
 from tests.helpers import refused
 from tests.test_start_point import drawn, fitted
 
@@ -128,3 +129,9 @@ def test_a_shape_is_recovered_and_told_from_the_constant_gap(name, truth):
     assert values["fall_per_s"] == pytest.approx(truth["fall_per_s"], rel=0.3)
     assert values["bound"] == pytest.approx(1.0, rel=0.15)
     assert fit.log_likelihood > without.log_likelihood + 20
+
+
+@pytest.mark.parametrize("gap", GAPS.values(), ids=lambda gap: gap.name)
+def test_a_model_is_saved_as_its_gap(gap):
+    model = GapModel(gap)
+    assert unpacked(packed(model)) == model
