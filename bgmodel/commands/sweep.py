@@ -192,7 +192,7 @@ class _Run:
             import snakemake  # noqa: F401
         except ImportError as error:
             raise ImportError('jobs need Snakemake: pip install ".[cluster]"') from error
-        from bgmodel.sweeps.cluster import check_slurm
+        from bgmodel.sweeps.shards import check_slurm
 
         if self.on == "slurm" and not self.dry_run:
             check_slurm(folder)

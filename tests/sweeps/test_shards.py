@@ -1,4 +1,4 @@
-"""Shards: what they hold, and when they are computed."""
+"""Shards: what they hold, when they are computed, and whether SLURM can; its programs are fakes."""
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.plan import Plan
 from bgmodel.tables.given import EvidenceTable
 from bgmodel.task import Gaussian
+from circuits.errors import InputError
 from tests.helpers import long_table, some_evidence
 
 TASK = Gaussian(trials=60, t_max=30)
@@ -113,3 +114,50 @@ def test_evidence_that_changes_under_way_is_no_outcome(tmp_path):
     table.iloc[::-1].to_csv(tmp_path / "own.csv", index=False)
     with pytest.raises(ValueError, match="was changed while the sweep ran"):
         stored.compute(shard, tmp_path)
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """Return a function that puts a program alone on the path, with its exit status."""
+    monkeypatch.setenv("PATH", str(tmp_path))
+
+    def installed(name, status):
+        (tmp_path / name).write_text(f"#!/bin/sh\necho no database >&2\nexit {status}\n")
+        (tmp_path / name).chmod(0o755)
+
+    return installed
+
+
+@pytest.mark.parametrize("sinfo", [None, 1])
+def test_a_machine_that_reaches_no_slurm_is_refused(install, tmp_path, sinfo):
+    if sinfo is not None:
+        install("sinfo", sinfo)
+    install("sacct", 0)
+    with pytest.raises(InputError, match="sinfo") as caught:
+        stored.check_slurm(tmp_path)
+    assert caught.value.field == "on"
+
+
+def test_a_slurm_without_accounts_is_refused_with_its_own_words(install, tmp_path):
+    """Jobs would be submitted, and waited for without end."""
+    install("sinfo", 0)
+    install("sacct", 1)
+    with pytest.raises(InputError, match="sacct: no database") as caught:
+        stored.check_slurm(tmp_path)
+    assert caught.value.field == "on"
+
+
+def test_a_slurm_that_answers_is_accepted(install, tmp_path):
+    install("sinfo", 0)
+    install("sacct", 0)
+    stored.check_slurm(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["a'b", 'a"b', "$(touch x)", "`touch x`", "a\\b"])
+def test_a_folder_that_a_shell_would_interpret_is_refused(install, tmp_path, name):
+    install("sinfo", 0)
+    install("sacct", 0)
+    stored.check_slurm(tmp_path / "a folder")
+    with pytest.raises(InputError) as caught:
+        stored.check_slurm(tmp_path / name)
+    assert caught.value.field == "folder"
