@@ -1,4 +1,4 @@
-"""A probabilistic two-armed bandit whose arms exchange their probabilities, and its ideal learner."""
+"""A probabilistic two-armed bandit whose arms exchange their rewards, and its ideal learner."""
 
 from __future__ import annotations
 
