@@ -36,6 +36,7 @@ from bgmodel.support.reprs import Facts
 from circuits.activity import RateMeans, beyond_range, checked_drive, warn_beyond_range
 from circuits.circuit import Circuit
 from circuits.declaration.courses import warn_of_late
+from circuits.differences import ignored_edits
 from circuits.engines import EngineOrName
 from circuits.errors import (
     BgmodelWarning,
@@ -45,7 +46,6 @@ from circuits.errors import (
     RangeWarning,
     quiet,
 )
-from circuits.ignored import ignored_edits
 
 if TYPE_CHECKING:
     from circuits.activity import Activity
