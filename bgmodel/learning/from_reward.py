@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import shown
-from bgmodel.deciding.reward import check_xi
+from bgmodel.deciding.measures import check_xi
 from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import threshold_from_posterior
