@@ -37,7 +37,7 @@ from bgmodel.integrators.deciding import CIRCUIT, HIGHEST, LOWEST, decide_at_thr
 from bgmodel.integrators.given import checked_circuit
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_flag
-from bgmodel.support.reprs import Facts
+from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
 from circuits.circuit import Circuit

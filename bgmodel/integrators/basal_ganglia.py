@@ -32,7 +32,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_flag, check_positive, whole
 from bgmodel.support.memory import check_memory
 from bgmodel.support.progress import advance
-from bgmodel.support.reprs import Facts
+from bgmodel.support.saved import Facts
 from circuits.activity import RateMeans, beyond_range, checked_drive, warn_beyond_range
 from circuits.circuit import Circuit
 from circuits.declaration.courses import warn_of_late
