@@ -26,7 +26,6 @@ from bgmodel.integrators.criterion import (
     readout_of,
     unfiltered,
 )
-from bgmodel.integrators.given import checked_circuit
 from bgmodel.integrators.session import Reader, Session
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_flag, check_positive, whole
@@ -34,6 +33,7 @@ from bgmodel.support.memory import check_memory
 from bgmodel.support.progress import advance
 from bgmodel.support.saved import Facts
 from circuits.activity import RateMeans, beyond_range, checked_drive, warn_beyond_range
+from circuits.anatomy import checked_circuit
 from circuits.circuit import Circuit
 from circuits.declaration.courses import warn_of_late
 from circuits.differences import ignored_edits
