@@ -73,7 +73,7 @@ class Answers:
 
 @dataclass(frozen=True)
 class Mixture:
-    """Cells of a population, which may be heterogeneous (``laws.mixture``), and its line."""
+    """Cells of a population, which may be heterogeneous (``laws.mean_field``), and its line."""
 
     cell: Cell
     line: Straight
