@@ -30,8 +30,9 @@ demo: $(VENV)/core.installed
 pictures: figures
 	$(BIN)/python -m figures.gallery
 
+# With SLOW=1, slow ones too: every process reads the tests, imports and compiles once for both.
 test: $(VENV)/test.installed
-	$(PYTEST)
+	$(PYTEST) $(if $(SLOW),-m 'not validate')
 
 # Tests of seconds: engines cell by cell, blocks of pages, commands that are stopped and go on.
 slow: $(VENV)/test.installed

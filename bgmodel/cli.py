@@ -9,7 +9,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
+from functools import cache, partial
 from importlib import import_module
 from importlib.resources import files
 from textwrap import indent
@@ -202,6 +202,7 @@ def _default(value: Any) -> str | None:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
+@cache
 def _about(place: str) -> str:
     """Return the first line of a command's docstring, without importing its module."""
     module, name = place.split(":")

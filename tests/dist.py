@@ -143,14 +143,14 @@ def try_out(python: str, archive: Path, *constraints: str) -> float:
     return seconds
 
 
-def check_replaced(own: Path, pip: Sequence[str], work: Path, environment: dict[str, str]) -> None:
+def check_replaced(venv: Path, pip: Sequence[str], work: Path, environment: dict[str, str]) -> None:
     """Raise SystemExit unless an editable installation takes the place of one that was used."""
-    left = [str(path) for path in own.rglob("*.nb[ic]") if {*path.parts} & {*PACKAGES}]
+    left = [str(path) for path in venv.rglob("*.nb[ic]") if {*path.parts} & {*PACKAGES}]
     if left:
         raise SystemExit(f"the installed package contains compiled code: {', '.join(left)}")
     _run([*pip, "--no-deps", "-e", str(ROOT)], work, environment)
     code = f"import bgmodel; bgmodel.Msprt; assert {str(ROOT)!r} in bgmodel.__file__"
-    _run([str(own / "bin" / "python"), "-c", code], work, environment)
+    _run([str(venv / "bin" / "python"), "-c", code], work, environment)
 
 
 def interpreters(names: Sequence[str]) -> Iterator[str]:

@@ -59,13 +59,13 @@ def words(line):
     return shlex.split(line)
 
 
-def found(dotted):
+def imported(dotted):
     """Return the module, or what a module holds, of a dotted name."""
     try:
         return importlib.import_module(dotted)
     except ModuleNotFoundError:
         module, _, name = dotted.rpartition(".")
-        return getattr(found(module), name)
+        return getattr(imported(module), name)
 
 
 def some_evidence(trials=300, steps=20, hypotheses=3, seed=5, **kwargs):
@@ -123,9 +123,9 @@ def unwarned():
         yield
 
 
-def told(call, *given, **named):
+def told(call, *arguments, **named):
     """Return all that a call warns of, as texts."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        call(*given, **named)
+        call(*arguments, **named)
     return [str(one.message) for one in caught]

@@ -39,8 +39,8 @@ def test_a_decider_takes_no_longer_than_itself_and_a_later_one_by_what_it_is_lat
     evidence = gaussian()
     test = tradeoff(Msprt(0.5).run(evidence), evidence)
     late = replace(test, time_ms=test.time_ms + 70)
-    found = hick.at_accuracies({MSPRT: test, MSPRT_AT_GAIN: test, "late": late})
-    known = found.dropna(subset=["longer_ms"]).set_index("decider")["longer_ms"]
+    rows = hick.at_accuracies({MSPRT: test, MSPRT_AT_GAIN: test, "late": late})
+    known = rows.dropna(subset=["longer_ms"]).set_index("decider")["longer_ms"]
     assert known[MSPRT].to_numpy() == pytest.approx(0, abs=1e-5)
     assert known["late"].to_numpy() == pytest.approx(70, abs=1e-5)
 
@@ -59,13 +59,13 @@ def test_errors_stay_below_what_a_criterion_allows_where_likelihoods_are_right(s
     """Control: log-likelihoods that are twice the right ones."""
     evidence = gaussian()
     evidence = replace(evidence, log_likelihood=sure * evidence.log_likelihood)
-    found = calibrated.criteria(evidence, np.arange(evidence.trials))
-    assert (1 - found["accuracy"] <= 1 - found["criterion"]).all() == kept
-    assert (found["excess_high"] >= 0).all() == kept
+    calibration = calibrated.criteria(evidence, np.arange(evidence.trials))
+    assert (1 - calibration["accuracy"] <= 1 - calibration["criterion"]).all() == kept
+    assert (calibration["excess_high"] >= 0).all() == kept
 
 
 @pytest.mark.parametrize(
-    ("sign", "low", "high", "said"),
+    ("sign", "low", "high", "outcome"),
     [
         (1, 2.1, 5, others.AGREES),
         (1, 1, 5, others.OPEN),
@@ -75,5 +75,5 @@ def test_errors_stay_below_what_a_criterion_allows_where_likelihoods_are_right(s
         (1, np.nan, np.nan, others.OPEN),
     ],
 )
-def test_a_change_is_as_expected_where_its_whole_interval_says_so(sign, low, high, said):
-    assert others.outcome(others.Expected("mean_percent", sign, 2.0), low, high) == said
+def test_a_change_is_as_expected_where_its_whole_interval_says_so(sign, low, high, outcome):
+    assert others.outcome(others.Expected("mean_percent", sign, 2.0), low, high) == outcome

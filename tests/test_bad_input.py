@@ -154,7 +154,7 @@ FIELDS = {
 """Fields that an error names in place of the argument."""
 
 
-def given(call, argument, odd):
+def called(call, argument, odd):
     good = {name: value for name, value in CALLS[call].items() if name != argument.name}
     if argument.kind == argument.VAR_POSITIONAL:
         return call(*good.values(), odd)
@@ -180,10 +180,10 @@ def test_what_an_argument_cannot_be_is_refused_by_name(call, tmp_path, monkeypat
             legal.append("None")
         for what, odd in ODD.items():
             if what in legal:
-                given(call, argument, odd)
+                called(call, argument, odd)
                 continue
             with pytest.raises(bg.InputError) as caught:
-                given(call, argument, odd)
+                called(call, argument, odd)
             assert caught.value.field in (name, *FIELDS.get(name, [])), (name, what)
             assert len(str(caught.value).splitlines()) == 1
 

@@ -21,7 +21,7 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def said(path):
+def about(path):
     return json.loads(provenance_path(path).read_text())["parameters"]
 
 
@@ -57,14 +57,14 @@ def test_a_file_runs_as_the_table_that_it_was_written_from(here, command, edits)
         assert run(*command.split(), "--save", output, *edits, "--circuit", name, *SMALL) == 0
     assert (here / "a.csv").read_bytes() == (here / "b.csv").read_bytes()
     behind = {"name": "spiking_msprt", "sha256": digest(anatomy.spiking_msprt(2))}
-    assert said(here / "a.csv")["circuit"] == said(here / "b.csv")["circuit"] == behind
-    assert said(here / "a.csv")["command"]["circuit"] == "spiking_msprt"
-    assert said(here / "b.csv")["command"]["circuit"]["file"] == "mine.toml"
+    assert about(here / "a.csv")["circuit"] == about(here / "b.csv")["circuit"] == behind
+    assert about(here / "a.csv")["command"]["circuit"] == "spiking_msprt"
+    assert about(here / "b.csv")["command"]["circuit"]["file"] == "mine.toml"
 
 
 def test_the_hash_in_a_result_is_that_of_the_circuit_as_edited(here):
     assert run("circuit", "run", "--save", "a.csv", *SMALL, "--edits", "lesion D2 50%") == 0
-    assert said(here / "a.csv")["circuit"]["sha256"] == digest(anatomy.macaque().lesion("D2", 0.5))
+    assert about(here / "a.csv")["circuit"]["sha256"] == digest(anatomy.macaque().lesion("D2", 0.5))
 
 
 EXPERIMENT = """
@@ -92,7 +92,7 @@ def test_an_experiment_names_a_file_as_seen_from_its_own(here, refusal):
     table_files.write(anatomy.spiking_msprt(2), here / "in" / "tables" / "mine.toml")
     (here / "in" / "experiment.toml").write_text(EXPERIMENT)
     assert run("experiment", "in/experiment.toml", "--save", "a.csv") == 0
-    behind = said(here / "a.csv")
+    behind = about(here / "a.csv")
     assert behind["experiment"]["circuit"]["file"] == "mine.toml"
     assert behind["experiment"]["gain"] == 0.7
     assert behind["control"]["sha256"] == digest(anatomy.spiking_msprt())

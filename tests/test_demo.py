@@ -17,44 +17,44 @@ pytestmark = pytest.mark.usefixtures("no_check_of_noise")
 
 
 @pytest.fixture(scope="module")
-def found():
+def chain():
     """Return the chain of seed 1 after a brief course of learning."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(demos, "LEARNER", Learner(episodes=800))
         return demos.demo(seed=1)
 
 
-def test_its_spikes_are_those_of_the_compiled_engine(found):
+def test_its_spikes_are_those_of_the_compiled_engine(chain):
     engine = Ensemble(dt_ms=demos.STEP_MS, settle_ms=demos.SETTLE_MS)
-    model = BasalGanglia(load_circuit("macaque", 2), engine, found.gain, 1)
-    out = model.run(found.evidence).out_nats
-    assert np.allclose(out, found.traces["circuit"].out_nats)
+    model = BasalGanglia(load_circuit("macaque", 2), engine, chain.gain, 1)
+    out = model.run(chain.evidence).out_nats
+    assert np.allclose(out, chain.traces["circuit"].out_nats)
 
 
-def test_its_evidence_and_its_threshold_are_those_of_the_functions_that_it_shows(found):
+def test_its_evidence_and_its_threshold_are_those_of_the_functions_that_it_shows(chain):
     evidence = demos.TASK.evidence(1, seed=stream(1, "demo"))
-    assert np.array_equal(evidence.log_likelihood, found.evidence.log_likelihood)
+    assert np.array_equal(evidence.log_likelihood, chain.evidence.log_likelihood)
     learned = learn(demos.TASK, xi=50, runs=5, seed=1, learner=Learner(episodes=800))
-    assert np.array_equal(learned.learned, found.learned.learned)
+    assert np.array_equal(learned.learned, chain.learned.learned)
     # At the circuit's gain, log odds of the posterior are those of half the boundary separation.
-    posterior = np.exp(-found.threshold_nats)
+    posterior = np.exp(-chain.threshold_nats)
     odds = np.log(posterior / (1 - posterior))
-    assert odds == pytest.approx(found.gain * learned.learned.mean() / 2)
+    assert odds == pytest.approx(chain.gain * learned.learned.mean() / 2)
 
 
-def test_a_decision_is_the_first_crossing_of_the_learned_threshold(found):
-    for name, decision in found.decisions.items():
-        trace = found.traces[name]
+def test_a_decision_is_the_first_crossing_of_the_learned_threshold(chain):
+    for name, decision in chain.decisions.items():
+        trace = chain.traces[name]
         at = int(np.searchsorted(trace.time_ms, decision.time_ms[0]))
         out = trace.out_nats[0, :, decision.choice[0]]
-        assert out[at] <= found.threshold_nats + 1e-9
-        assert (out[:at] > found.threshold_nats - 1e-9).all()
+        assert out[at] <= chain.threshold_nats + 1e-9
+        assert (out[:at] > chain.threshold_nats - 1e-9).all()
 
 
-def test_it_says_and_draws_both_decisions(found):
-    text, figure = found.summary(), demos.draw(found)
-    assert f"of {found.learned.learned.mean():.2f} nats" in text
-    for name, decision in found.decisions.items():
+def test_it_says_and_draws_both_decisions(chain):
+    text, figure = chain.summary(), demos.draw(chain)
+    assert f"of {chain.learned.learned.mean():.2f} nats" in text
+    for name, decision in chain.decisions.items():
         time_ms = decision.time_ms[0]
         assert f"after {time_ms:.0f} ms" in text
         style = "--" if name == "MSPRT" else "-"
@@ -66,21 +66,21 @@ def test_it_says_and_draws_both_decisions(found):
     plt.close(figure)
 
 
-def test_the_picture_is_as_large_as_in_the_docs_and_shaded_to_the_top_where_out_is_not_read(found):
-    figure = demos.draw(found)
+def test_the_picture_is_as_large_as_in_the_docs_and_shaded_to_the_top_where_out_is_not_read(chain):
+    figure = demos.draw(chain)
     high, wide = plt.imread(ROOT / "docs" / "demo.png").shape[:2]
     assert np.allclose(200 * figure.get_size_inches(), (wide, high))
     panel = figure.axes[2]
     (shade,) = panel.patches
     low, top = shade.get_extents().transformed(panel.transData.inverted()).get_points()[:, 1]
-    assert (low, top) == pytest.approx((found.readable_nats, panel.get_ylim()[1]))
+    assert (low, top) == pytest.approx((chain.readable_nats, panel.get_ylim()[1]))
     plt.close(figure)
 
 
-def test_rasters_have_the_spikes_from_the_onset_on_of_as_many_cells_as_the_title_says(found):
-    figure = demos.draw(found)
+def test_rasters_have_the_spikes_from_the_onset_on_of_as_many_cells_as_the_title_says(chain):
+    figure = demos.draw(chain)
     for panel, name in zip(figure.axes[3:], demos.NUCLEI, strict=True):
-        spikes = found.spikes[name]
+        spikes = chain.spikes[name]
         late = spikes[(spikes["time_ms"] > 0) & (spikes["neuron"] < demos.CELLS)]
         drawn = np.concatenate(
             [line.get_xdata() for line in panel.lines if line.get_marker() == "s"]
@@ -90,11 +90,11 @@ def test_rasters_have_the_spikes_from_the_onset_on_of_as_many_cells_as_the_title
     plt.close(figure)
 
 
-def test_the_command_writes_a_picture_and_says_what_one_sees(found, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(demos, "demo", lambda *_: found)
+def test_the_command_writes_a_picture_and_says_what_one_sees(chain, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(demos, "demo", lambda *_: chain)
     assert run("demo", "--plot", tmp_path / "demo.svg") == 0
     printed = capsys.readouterr().out
-    assert found.summary() in printed
+    assert chain.summary() in printed
     assert printed.endswith(f"-> {tmp_path / 'demo.svg'}\n")
     assert (tmp_path / "demo.svg").stat().st_size > 1000
     assert run("demo", "--plot", tmp_path / "demo.svg") == 2

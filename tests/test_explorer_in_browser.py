@@ -43,9 +43,9 @@ def command(tmp_path):
         yield re.search(r"http://\S+", process.stdout.readline())[0], process
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
-        said = process.communicate(timeout=60)[1]
+        errors = process.communicate(timeout=60)[1]
         assert process.returncode == 0
-        assert "Traceback" not in said
+        assert "Traceback" not in errors
     finally:
         process.kill()
 
@@ -62,7 +62,7 @@ def page(command):
         page = browser.new_page(viewport={"width": 1400, "height": 900})
         page.set_default_timeout(WAIT_MS)
         page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.on("console", lambda said: wrong.append(said.text) if loud(said) else None)
+        page.on("console", lambda message: wrong.append(message.text) if loud(message) else None)
         page.on("request", lambda asked: wrong.append(asked.url) if elsewhere(asked.url) else None)
         page.goto(command[0])
         yield page
@@ -70,8 +70,8 @@ def page(command):
     assert wrong == []
 
 
-def loud(said):
-    return said.type in LOUD and HARMLESS not in said.text
+def loud(message):
+    return message.type in LOUD and HARMLESS not in message.text
 
 
 def elsewhere(url):
@@ -135,10 +135,10 @@ def refuse(page, capsys, link):
     """Make a wrong edit: it is refused in the command's sentence, which is shown as text."""
     line = "lesion <b>STM</b> 10%"
     enter(page, "New edit (then Enter)", line)
-    said = page.get_by_role("alert").first.inner_text()
+    alert = page.get_by_role("alert").first.inner_text()
     assert run("circuit", "show", "--task", "channels=3", "--edits", line) == 2
     sentence = capsys.readouterr().err.strip().removeprefix("bgmodel: ")
-    assert said == f"Refused: {sentence}"
+    assert alert == f"Refused: {sentence}"
     assert page.get_by_label("Link", exact=True).input_value() == link
     field = page.get_by_label("New edit (then Enter)", exact=True)
     assert field.input_value() == line

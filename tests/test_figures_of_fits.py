@@ -37,14 +37,14 @@ def tables(tmp_path_factory):
         for who in people:
             design = design_of(read_trials(data, strength="coherence", participant=who))
             likelihood = likelihood_of(GapModel(), design)
-            found = cells_of(design, likelihood.density(likelihood.freedom.start))
-            for k, (model, own) in enumerate(OF.items()):
+            rows = cells_of(design, likelihood.density(likelihood.freedom.start))
+            for k, (model, changes) in enumerate(OF.items()):
                 same = {"data": data, "participant": who, "model": model}
                 parameters += [
                     same | {"parameter": name, "value": value}
-                    for name, value in (SMALL | own).items()
+                    for name, value in (SMALL | changes).items()
                 ]
-                cells.append(found.assign(**same))
+                cells.append(rows.assign(**same))
                 better.append(same | {"better_nats": 10.0 * k, "error_nats": 2.0})
     made = {"parameters": pd.DataFrame(parameters), "predicted": pd.DataFrame(better)}
     made["cells"] = pd.concat(cells)

@@ -16,7 +16,7 @@ from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.stops.race import likelihood as stop_likelihood
 from bgmodel.learning.values.models import likelihood
 from bgmodel.trials.record import joined
-from circuits.errors import DataWarning, FitWarning, InputError
+from circuits.errors import DataWarning, FitWarning
 from tests.helpers import refused
 from tests.known_trials import simulated
 from tests.stop_trials import table_of as stop_table
@@ -83,16 +83,14 @@ def test_draws_are_of_the_posterior():
 )
 def test_options_that_make_no_sense_are_refused(options, field):
     two = DATA.assign(x=np.resize(["a", "b"], len(DATA)))
-    with pytest.raises(InputError) as error:
+    with refused(field):
         bg.fit(two, **{"model": "msprt", "evidence": EVIDENCE, **options})
-    assert error.value.field == field
 
 
 @pytest.mark.parametrize("option", ["step_ms", "forced", "runs"])
 def test_options_of_evidence_need_evidence(option):
-    with pytest.raises(InputError) as error:
+    with refused(option):
         bg.fit(DATA, **{option: 9})
-    assert error.value.field == option
 
 
 def test_models_are_known_by_name():
@@ -134,9 +132,8 @@ def test_trials_that_were_read_are_fitted_as_their_tables_are():
         bg.fit(read, "msprt", **options),
     )
     np.testing.assert_array_equal(first.optimum.vector, second.optimum.vector)
-    with pytest.raises(InputError) as error:
+    with refused("evidence"):
         bg.fit(read, "msprt", evidence=EVIDENCE)
-    assert error.value.field == "evidence"
 
 
 def test_rewarded_choices_are_fitted_by_learners():
@@ -147,9 +144,8 @@ def test_rewarded_choices_are_fitted_by_learners():
     likely = likelihood("q", trials, free=["rate", "scale"])
     assert fit.log_likelihood == pytest.approx(likely(fit.optimum.vector))
     for options in ({"model": "macaque"}, {"engine": "rate"}, {"pooled": True}):
-        with pytest.raises(InputError) as error:
+        with refused(next(iter(options))):
             bg.fit(trials, **{"model": "q", **options})
-        assert error.value.field == next(iter(options))
 
 
 def test_stop_signal_trials_are_fitted_by_their_stop_process():
@@ -259,13 +255,13 @@ def test_trials_of_people_one_after_the_other_are_those_that_were_read():
         for k in (0, 1)
     )
     rewarded = bg.read_trials("pedersen_frank_2020")
-    for whole in (
+    for trials in (
         bg.read_trials(data, evidence=evidence, forced=True),
         bg.read_trials(stop_table(2)),
         rewarded.where(np.isin(rewarded.participant, ["3", "4"])),
         bg.read_trials("roitman_shadlen_2002", strength="coherence"),
     ):
-        assert joined(list(whole.by_participant().values())).checksum == whole.checksum
+        assert joined(list(trials.by_participant().values())).checksum == trials.checksum
 
 
 def test_every_kind_of_trials_is_simulated_for_every_person():
@@ -292,9 +288,7 @@ def test_every_kind_of_trials_is_simulated_for_every_person():
     assert slow.kind == "stop-signal trials"
     failed = [np.isfinite(each.rt_s[~np.isnan(each.ssd_s)]).mean() for each in (slow, fast)]
     assert failed[0] > failed[1] + 0.3
-    with pytest.raises(InputError) as error:
+    with refused("fix"):
         bg.simulate("constant_gap", {"speed": 1.0}, "roitman_shadlen_2002", seed=1, **MONKEY)
-    assert error.value.field == "fix"
-    with pytest.raises(InputError) as error:
+    with refused("values"):
         bg.simulate("constant_gap", {"bound": 99.0}, "roitman_shadlen_2002", seed=1, **MONKEY)
-    assert error.value.field == "values"

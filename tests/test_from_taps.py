@@ -40,70 +40,70 @@ def told(taps, task=EdgeDirection, count=2, step=5.0):
 
 
 @pytest.fixture(scope="module")
-def found():
+def touched():
     return told(taps_of())
 
 
-def test_one_reading_is_right_as_often_as_the_errors_of_the_decoder_let_it(found):
-    curve = found.psychometric.set_index("stimulus")
+def test_one_reading_is_right_as_often_as_the_errors_of_the_decoder_let_it(touched):
+    curve = touched.psychometric.set_index("stimulus")
     for step in (2.0, 5.0, 20.0):
         assert curve["accuracy"][step] == pytest.approx(norm.cdf(step / 2 / SD_DEG), abs=0.03)
         assert curve["low"][step] <= curve["accuracy"][step] <= curve["high"][step]
 
 
-def test_test_and_circuit_decide_alike_and_the_circuit_later(found):
-    assert found.numbers["test_accuracy"] >= 0.88
-    assert found.numbers["agreement"] > 0.9
-    assert 20 < found.numbers["extra_ms"] < 100
-    assert 0 < found.numbers["optimal_gap_nats"] < 8
-    assert not any("too rough" in remark for remark in found.remarks)
-    decided = found.decided.set_index("who")
+def test_test_and_circuit_decide_alike_and_the_circuit_later(touched):
+    assert touched.numbers["test_accuracy"] >= 0.88
+    assert touched.numbers["agreement"] > 0.9
+    assert 20 < touched.numbers["extra_ms"] < 100
+    assert 0 < touched.numbers["optimal_gap_nats"] < 8
+    assert not any("too rough" in remark for remark in touched.remarks)
+    decided = touched.decided.set_index("who")
     assert (decided["choice"] >= 0).all()
     assert decided["time_ms"]["test"] < decided["time_ms"]["circuit in spikes"]
 
 
-def test_reward_sets_the_criteria_at_which_test_and_spikes_decide(found):
-    rows = found.learned.set_index(["who", "measure"])["value"]
+def test_reward_sets_the_criteria_at_which_test_and_spikes_decide(touched):
+    rows = touched.learned.set_index(["who", "measure"])["value"]
     assert set(rows.index.get_level_values("who")) == {TEST, POPULATIONS, SPIKES}
     assert rows[SPIKES, "criterion"] == rows[POPULATIONS, "criterion"]
-    gap = found.numbers["learned_gap_nats"]
+    gap = touched.numbers["learned_gap_nats"]
     assert rows[TEST, "criterion"] == pytest.approx(np.log1p(np.exp(-gap / 2)))
     # The example trial is decided in spikes at the learned threshold.
-    shown = found.courses[found.courses["who"] == SPIKES]
-    choice, time_ms = found.decided.set_index("who").loc[SPIKES, ["choice", "time_ms"]]
+    shown = touched.courses[touched.courses["who"] == SPIKES]
+    choice, time_ms = touched.decided.set_index("who").loc[SPIKES, ["choice", "time_ms"]]
     out = shown[shown["channel"] == choice].set_index("time_ms")["out_nats"]
     assert out[time_ms] <= rows[SPIKES, "criterion"] < out[out.index < time_ms].min()
     # What populations learned is drawn as the gap that it corresponds to.
-    drawn = found.learning[found.learning["who"] == POPULATIONS]
+    drawn = touched.learning[touched.learning["who"] == POPULATIONS]
     ends = drawn.groupby("run")["mean_separation"].apply(
         lambda each: each.tail(Learner.last).mean()
     )
-    threshold = np.log1p(np.exp(-found.numbers["gain"] * ends.mean() / 2))
+    threshold = np.log1p(np.exp(-touched.numbers["gain"] * ends.mean() / 2))
     assert threshold == pytest.approx(rows[SPIKES, "criterion"])
 
 
-def test_readings_claim_what_they_reach_and_spread_as_the_decoder_errs(found):
-    curve = found.psychometric
+def test_readings_claim_what_they_reach_and_spread_as_the_decoder_errs(touched):
+    curve = touched.psychometric
     np.testing.assert_allclose(curve["claimed"], curve["accuracy"], atol=0.03)
     np.testing.assert_allclose(curve["spread_deg"], SD_DEG, rtol=0.05)
 
 
-def test_a_result_comes_back_from_its_table(found):
-    again = Touched.from_dataframe(found.to_dataframe(), found.axis, found.step_ms)
-    assert again.numbers == found.numbers
-    pd.testing.assert_frame_equal(again.to_dataframe(), found.to_dataframe(), check_like=True)
+def test_a_result_comes_back_from_its_table(touched):
+    again = Touched.from_dataframe(touched.to_dataframe(), touched.axis, touched.step_ms)
+    assert again.numbers == touched.numbers
+    pd.testing.assert_frame_equal(again.to_dataframe(), touched.to_dataframe(), check_like=True)
 
 
-def test_the_page_has_the_picture_the_numbers_and_what_was_warned_of(found):
-    text = page(found, "Mine <1>", "made by hand")
+def test_the_page_has_the_picture_the_numbers_and_what_was_warned_of(touched):
+    text = page(touched, "Mine <1>", "made by hand")
     assert "data:image/png;base64," in text
     assert "Mine &lt;1&gt;" in text
     assert "optimal_gap_nats" in text
     assert "At what reward taught" in text
     assert "over 10 folds" in text
     assert SPIKES in text
-    assert all(remark[:20] in text for remark in found.remarks)
-    axes = found.plot().axes
+    assert all(remark[:20] in text for remark in touched.remarks)
+    axes = touched.plot().axes
     assert len(axes) == 4
     assert "Learned threshold" in axes[3].get_legend_handles_labels()[1]
 

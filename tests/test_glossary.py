@@ -6,7 +6,7 @@ import re
 import pytest
 
 from bgmodel import cli
-from tests.helpers import ROOT, found
+from tests.helpers import ROOT, imported
 
 TEXT = (ROOT / "docs/glossary.md").read_text()
 NAMES = sorted(set(re.findall(r"`((?:bgmodel|circuits)\.[\w.]+)`", TEXT)))
@@ -20,7 +20,7 @@ def is_there(dotted):
         owner, _, name = dotted.rpartition(".")
         if not owner or not is_there(owner):
             return False
-        held = found(owner)
+        held = imported(owner)
         return hasattr(held, name) or name in getattr(held, "__annotations__", {})
     return True
 

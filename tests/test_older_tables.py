@@ -50,10 +50,10 @@ def test_a_table_of_another_circuit_is_said_under_the_figure_and_of_todays_nothi
     ax.plot([0, 1], label="a line")
     if legend:
         figure.legend(loc="outside lower center")
-    said = told(say_if_older, figure, table)
+    texts = told(say_if_older, figure, table)
     plt.close(figure)
     assert older(table) == bool(channels)
-    assert [OLDER in text for text in said] == [True] * bool(channels)
+    assert [OLDER in text for text in texts] == [True] * bool(channels)
     assert (f"{OLDER}: found.csv" in written(figure)) == bool(channels)
     assert channels or written(figure).strip() == ""
 

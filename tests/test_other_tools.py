@@ -49,10 +49,10 @@ def test_simulated_decisions_are_those_of_both_solutions_and_of_no_control():
     correct, readings = crosschecks.decided(*at, trials, "test")
     times = crosschecks.spread(readings, "test")
     for solution in (other_tools.exact, other_tools.by_pyddm):
-        found = crosschecks.held(correct, readings, solution(*at), times)
-        assert abs(found["z_error"]) < 3.5
-        assert abs(found["z_mean"]) < 3.5
-        assert found["p"] > 1e-3
+        check = crosschecks.held(correct, readings, solution(*at), times)
+        assert abs(check["z_error"]) < 3.5
+        assert abs(check["z_mean"]) < 3.5
+        assert check["p"] > 1e-3
     raw = other_tools.by_pyddm(*at, overshoot=0.0)
     assert crosschecks.held(correct, readings, raw, times)["p"] < 1e-3
 
@@ -78,15 +78,15 @@ def test_moved_up_and_with_steps_of_a_reading_their_accumulators_are_ours(point)
     out = -integrator.run(evidence).out_nats
     added = stream(2, "accumulators").standard_normal((3, other_tools.SSM_READINGS, 3))
     added[:, :, 0] += point.separation
-    _, given = point.theirs()
-    g, b, floor = given.get("g", 0.0), given.get("b", 0.0), other_tools.FLOOR
-    v = np.array([given[f"v{i}"] for i in range(3)]) - [point.separation, 0, 0]
+    _, settings = point.theirs()
+    g, b, floor = settings.get("g", 0.0), settings.get("b", 0.0), other_tools.FLOOR
+    v = np.array([settings[f"v{i}"] for i in range(3)]) - [point.separation, 0, 0]
     x = np.full((3, 3), floor)
     for k in range(200):
         x = x + v - (g - b) * x - b * x.sum(axis=1, keepdims=True) + added[:, k]
         assert x - floor == pytest.approx(out[:, k + 1], abs=1e-8)
-    assert given["a"] * given["z0"] == pytest.approx(floor)
-    assert given["a"] - floor == pytest.approx(-threshold)
+    assert settings["a"] * settings["z0"] == pytest.approx(floor)
+    assert settings["a"] - floor == pytest.approx(-threshold)
 
 
 @pytest.mark.parametrize("point", [Accumulators(2, 0.3, 6.0), POINT], ids=["race", "LCA"])
@@ -97,14 +97,14 @@ def test_ssm_simulators_decides_as_we_do(point):
     trials = 3000
     integrator, threshold = point.ours()
     evidence = point.evidence(trials, stream(3, "accumulators"))
-    found = first_crossing(integrator.run(evidence), threshold)
-    right = found.choice == 0
+    crossing = first_crossing(integrator.run(evidence), threshold)
+    right = crossing.choice == 0
     theirs = other_tools.by_ssm_simulators(*point.theirs(), trials, 5)
     error = np.hypot(right.std(), theirs.correct.std()) / np.sqrt(trials)
     assert abs(right.mean() - theirs.correct.mean()) < 3.5 * error
-    assert ks_2samp(found.steps, theirs.readings).pvalue > 1e-3
+    assert ks_2samp(crossing.steps, theirs.readings).pvalue > 1e-3
     at_floor = other_tools.by_ssm_simulators(*point.theirs(floor=0.0), trials, 5)
-    assert ks_2samp(found.steps, at_floor.readings).pvalue < 1e-6
+    assert ks_2samp(crossing.steps, at_floor.readings).pvalue < 1e-6
 
 
 def test_without_the_other_tools_there_is_nothing_to_score(monkeypatch):

@@ -86,8 +86,8 @@ def test_a_warning_of_noise_names_the_filter():
         bg.BasalGanglia(reads(1.0, cv=1.0), "population").decide(evidence, posterior=0.6)
 
 
-def cured(circuit, said):
-    for field, value in re.findall(r"(SNr\.\w+) ([-\d.e+]+)", said):
+def cured(circuit, message):
+    for field, value in re.findall(r"(SNr\.\w+) ([-\d.e+]+)", message):
         circuit = circuit.set(field, float(value))
     return circuit
 

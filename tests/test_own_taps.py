@@ -39,7 +39,7 @@ def gratings(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("command", "given"),
+    ("command", "extra"),
     [
         (("decide",), FEW),
         (("circuit", "run"), (*FEW, *ALGEBRA)),
@@ -49,12 +49,12 @@ def gratings(tmp_path):
     ],
 )
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_own_taps_are_decided_on_and_named_in_provenance(command, given, edges, gratings, tmp_path):
+def test_own_taps_are_decided_on_and_named_in_provenance(command, extra, edges, gratings, tmp_path):
     """A copy of the shipped table decides as the shipped table does, byte by byte."""
     outs = [tmp_path / f"{name}.csv" for name in ("turned", "own", "shipped")]
-    assert run(*command, "--save", outs[0], *given, *EDGES, "--task", f"taps={edges}") == 0
-    assert run(*command, "--save", outs[1], *given, *GRATINGS, "--task", f"taps={gratings}") == 0
-    assert run(*command, "--save", outs[2], *given, *GRATINGS) == 0
+    assert run(*command, "--save", outs[0], *extra, *EDGES, "--task", f"taps={edges}") == 0
+    assert run(*command, "--save", outs[1], *extra, *GRATINGS, "--task", f"taps={gratings}") == 0
+    assert run(*command, "--save", outs[2], *extra, *GRATINGS) == 0
     assert outs[1].read_bytes() == outs[2].read_bytes()
     made = json.dumps(read_provenance(outs[0])["parameters"])
     assert checksum(edges) in made

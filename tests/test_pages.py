@@ -120,19 +120,19 @@ def own_files():
 
 
 @pytest.fixture(params=["few trials", pytest.param("all", marks=pytest.mark.validate)])
-def whole(request):
+def in_full(request):
     """Return whether blocks run as they stand, or on fewer trials."""
     return request.param == "all"
 
 
 @pytest.fixture
-def fewer(whole):
+def fewer(in_full):
     """Return a function that lowers a number of trials, to no fewer than an interval needs."""
 
-    def lowered(given, interval):
-        if whole:
-            return str(given)
-        return str(min(int(given), max(FEWEST_TRIALS if interval else 20, int(given) // 10)))
+    def lowered(count, interval):
+        if in_full:
+            return str(count)
+        return str(min(int(count), max(FEWEST_TRIALS if interval else 20, int(count) // 10)))
 
     return lowered
 
@@ -149,17 +149,17 @@ def folder(tmp_path, monkeypatch, fewer):
 
 
 @pytest.mark.parametrize("example", blocks("python"))
-def test_a_python_block_runs(example, folder, whole, fewer, capsys):
+def test_a_python_block_runs(example, folder, in_full, fewer, capsys):
     text, first = str(example.parsed), example.path.endswith("README.md")
     interval = "compare(" in text
     if not first:
         text = re.sub(r"(?<=separated_evidence\()\d+", lambda n: fewer(n[0], interval), text)
-    if not whole:
+    if not in_full:
         # Learners are judged by their last 500 trials.
         learner = r"(?<=WeightLearner\(trials=)\d+"
         text = re.sub(learner, lambda n: str(min(int(n[0]), 500)), text)
     names = {"__name__": "__main__"}
-    if not whole and any(part in text for part in LONG):
+    if not in_full and any(part in text for part in LONG):
         imports = [
             one for one in ast.parse(text).body if isinstance(one, ast.Import | ast.ImportFrom)
         ]
@@ -174,7 +174,7 @@ def test_a_python_block_runs(example, folder, whole, fewer, capsys):
 
 
 @pytest.mark.parametrize("example", blocks("console"))
-def test_a_command_runs_or_at_least_parses(example, folder, whole, fewer):
+def test_a_command_runs_or_at_least_parses(example, folder, in_full, fewer):
     for arguments, line in commands(example):
         command = parsed(arguments)
         if not line.startswith(tuple(PARSED)):
@@ -189,7 +189,7 @@ def test_a_command_runs_or_at_least_parses(example, folder, whole, fewer):
             if "--trials" in arguments:
                 at = arguments.index("--trials") + 1
                 arguments[at] = fewer(arguments[at], interval)
-            if "runs" in options and not whole:
+            if "runs" in options and not in_full:
                 arguments = [*without(arguments, "--runs"), "--runs", "1"]
             assert main(arguments) == 0
 

@@ -68,7 +68,7 @@ def typed(folder, monkeypatch, capsys):
     """Return what runs a command in the folder: its status, and what it said."""
     monkeypatch.chdir(folder)
     monkeypatch.setenv("BGMODEL_RECORDINGS", "")
-    monkeypatch.setattr("bgmodel.commands.figures.run_snakemake", lambda *given: 0)
+    monkeypatch.setattr("bgmodel.commands.figures.run_snakemake", lambda *targets: 0)
     return lambda arguments: (main(arguments), capsys.readouterr().err)
 
 

@@ -124,9 +124,9 @@ def test_tables_lists_what_a_page_read_and_what_it_names_by_their_origin(tmp_pat
 
 def test_a_table_says_fewest_and_most_trials_and_whether_it_is_coarse():
     parameters = {"circuits": CIRCUITS, "trials": [100, 500], "fast": True}
-    said = pages.said({"parameters": parameters, "seed": None, "versions": {"bgmodel": "0"}})
-    assert "100 to 500 trials, seeds in their files" in said
-    assert "coarse (`make score FAST=1`)" in said
+    note = pages.said({"parameters": parameters, "seed": None, "versions": {"bgmodel": "0"}})
+    assert "100 to 500 trials, seeds in their files" in note
+    assert "coarse (`make score FAST=1`)" in note
 
 
 def test_a_table_that_is_missing_or_stale_is_named_in_a_sentence(tmp_path, place):
@@ -188,10 +188,10 @@ def score(tmp_path, monkeypatch):
 
     monkeypatch.setattr(pieces, "OUT", tmp_path / "out")
     monkeypatch.setattr(sys, "argv", ["scores"])
-    found = Score(
+    small = Score(
         "test", 1, (2,), those, lambda made: {"all": ("kind", made["kind"])}, room=tmp_path
     )
-    return found, computed, tmp_path
+    return small, computed, tmp_path
 
 
 def test_a_score_goes_on_where_it_was_stopped(score, capsys):

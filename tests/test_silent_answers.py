@@ -27,8 +27,8 @@ from circuits.errors import DataWarning, EditWarning, NoiseWarning
 from tests.helpers import refused, told, unwarned
 
 
-def evidence(trials=120, **given):
-    return bg.gaussian_evidence(trials, d_prime=0.8, t_max=40, seed=1, **given)
+def evidence(trials=120, **options):
+    return bg.gaussian_evidence(trials, d_prime=0.8, t_max=40, seed=1, **options)
 
 
 def test_biases_are_compensated_once():
@@ -42,13 +42,13 @@ def test_biases_are_compensated_once():
         assert again[name].bias_nats == pytest.approx(at_once[name].bias_nats, abs=1e-6)
 
 
-@pytest.mark.parametrize(("test", "given"), [
+@pytest.mark.parametrize(("test", "arguments"), [
     (bg.Msprt(), {"threshold": 0.95}), (bg.Sprt(), {"threshold": 0.95}),
     (bg.Msprt(), {"posterior": 0.8, "prior": [0.1, 0.9]}),
 ])  # fmt: skip
-def test_a_session_of_a_test_does_not_decide_before_evidence(test, given):
+def test_a_session_of_a_test_does_not_decide_before_evidence(test, arguments):
     with refused("threshold before its first reading"):
-        test.session(2, **given)
+        test.session(2, **arguments)
 
 
 def test_a_session_of_a_circuit_says_so_once():
@@ -249,7 +249,7 @@ def test_a_course_after_the_trials_is_doubted():
     soon = bg.load_circuit("macaque").add("dopamine amount=0.2 from_ms=1900")
     readings = evidence(100)[:4]  # 40 readings, 50 ms each
     model = bg.BasalGanglia(late, "rate")
-    for call in (model.run, lambda given: model.decide(given, posterior=0.8)):
+    for call in (model.run, lambda heard: model.decide(heard, posterior=0.8)):
         with pytest.warns(EditWarning, match="no effect, since the longest trial ends 2050 ms"):
             call(readings)
     drive = model.drive(readings)

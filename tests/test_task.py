@@ -74,7 +74,7 @@ def test_a_task_comes_back_from_its_settings_as_a_file_has_them(name):
 
 
 @pytest.mark.parametrize(
-    ("given", "says"),
+    ("settings", "says"),
     [
         ({"name": "taste"}, "task must be one of gaussian"),
         ({"d_prime": 1.0, "name": "orientation"}, "task.d_prime"),
@@ -84,9 +84,9 @@ def test_a_task_comes_back_from_its_settings_as_a_file_has_them(name):
         ({"name": "same-different", "channels": 4}, "task.channels"),
     ],
 )
-def test_a_setting_of_another_task_is_refused(given, says):
+def test_a_setting_of_another_task_is_refused(settings, says):
     with refused(says):
-        Task.from_settings(given)
+        Task.from_settings(settings)
 
 
 def test_a_setting_that_a_task_does_not_have_cannot_be_changed():
@@ -124,7 +124,7 @@ def test_what_is_expected_comes_before_the_same_evidence():
 
 
 @pytest.mark.parametrize(
-    ("given", "says"),
+    ("arguments", "says"),
     [
         ({"expectancy_nats": 3.0}, "foreperiod_ms whole steps"),
         ({"expectancy_nats": 3.0, "expectancy_ms": 70.0}, "foreperiod_ms whole steps"),
@@ -136,9 +136,9 @@ def test_what_is_expected_comes_before_the_same_evidence():
         ({"d_prime": True}, "d_prime"),
     ],
 )
-def test_numbers_out_of_range_are_refused(given, says):
+def test_numbers_out_of_range_are_refused(arguments, says):
     with refused(says):
-        Gaussian(**given)
+        Gaussian(**arguments)
 
 
 def test_every_setting_of_a_task_is_described_once():

@@ -29,35 +29,35 @@ def at_the_fixed_point(monkeypatch):
 
 def test_resting_rates_are_met_within_the_family(at_the_fixed_point):
     """SNr rests at ``baseline + gain ln 2``, and STN at ``gain Sigma0 / 2``."""
-    found = tune(
+    tuned = tune(
         "macaque", ["rest.snr", "rest.stn"], FREE, held_out=["rest.stn.task"], evaluations=60
     )
-    assert found.values["SNr.baseline_hz"] == pytest.approx(69.3 - 36 * np.log(2), abs=0.3)
-    assert found.values["STN.gain_hz_per_nat"] == pytest.approx(2 * 19 / 2.2, abs=0.2)
+    assert tuned.values["SNr.baseline_hz"] == pytest.approx(69.3 - 36 * np.log(2), abs=0.3)
+    assert tuned.values["STN.gain_hz_per_nat"] == pytest.approx(2 * 19 / 2.2, abs=0.2)
     for channels in (2, 4):
-        assert failures(found.model.circuit(channels)) == []
-    summary = found.summary().set_index(["part", "use"])
+        assert failures(tuned.model.circuit(channels)) == []
+    summary = tuned.summary().set_index(["part", "use"])
     assert summary.loc[("tuned", "scoring"), "before"] == 1  # that of STN
     assert summary.loc[("tuned", "scoring"), "after"] == 2
     assert summary.loc[("tuned", "tuning"), "after"] == 2
-    assert set(found.table["seed"]) == {tuning.TUNING_SEED, *tuning.SCORING_SEEDS}
-    assert found.evaluations <= 61
+    assert set(tuned.table["seed"]) == {tuning.TUNING_SEED, *tuning.SCORING_SEEDS}
+    assert tuned.evaluations <= 61
 
 
 def test_weights_follow_where_a_direction_changes_the_loop(at_the_fixed_point):
     free = {"Sigma0": (1.5, 2.5), "GPe->STN.weight": (-0.6, -0.2)}
-    found = tune("macaque", ["rest.stn"], free, held_out=["rest.gpe"], evaluations=30)
-    circuit = found.model.circuit(2)
+    tuned = tune("macaque", ["rest.stn"], free, held_out=["rest.gpe"], evaluations=30)
+    circuit = tuned.model.circuit(2)
     assert failures(circuit) == []
-    assert resting_hz(circuit)["STN"] == pytest.approx(20 * found.values["Sigma0"] / 2)
+    assert resting_hz(circuit)["STN"] == pytest.approx(20 * tuned.values["Sigma0"] / 2)
     assert resting_hz(circuit)["STN"] == pytest.approx(19, abs=0.5)
 
 
 def test_fields_of_a_circuit_outside_the_family_are_set_as_they_are(at_the_fixed_point):
     circuit = load_circuit("macaque").scale("GPe", "STN", 1.1)
     free = {"SNr.baseline_hz": (0.0, 60.0)}
-    found = tune(circuit, ["rest.snr"], free, held_out=["rest.gpe"], evaluations=40)
-    assert resting_hz(found.model.circuit(2))["SNr"] == pytest.approx(69.3, abs=0.5)
+    tuned = tune(circuit, ["rest.snr"], free, held_out=["rest.gpe"], evaluations=40)
+    assert resting_hz(tuned.model.circuit(2))["SNr"] == pytest.approx(69.3, abs=0.5)
 
 
 @pytest.mark.parametrize(

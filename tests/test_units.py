@@ -42,5 +42,5 @@ def test_a_page_draws_one_unit_on_an_axis(path):
 
 def test_a_label_of_another_unit_is_found_wherever_the_unit_of_a_line_is_known():
     texts = [path.read_text(encoding="utf-8") for path in DRAWING]
-    found = [mixed(SECONDS.sub("(mm)", text), {"FROM_ONSET": "Time (mm)"}) for text in texts]
-    assert sum(map(len, found)) > 15
+    labels = [mixed(SECONDS.sub("(mm)", text), {"FROM_ONSET": "Time (mm)"}) for text in texts]
+    assert sum(map(len, labels)) > 15

@@ -54,14 +54,14 @@ def test_overlapping_runs_of_two_threads_leave_the_filters_as_they_were(monkeypa
     run = BasalGanglia.run_drive
     begun, both, ended = threading.Event(), threading.Event(), threading.Event()
 
-    def overlapping(self, *given, **named):
+    def overlapping(self, *arguments, **named):
         if begun.is_set():
             both.set()
             assert ended.wait(WAIT_S)
         else:
             begun.set()
             assert both.wait(WAIT_S)
-        return run(self, *given, **named)
+        return run(self, *arguments, **named)
 
     monkeypatch.setattr(BasalGanglia, "run_drive", overlapping)
     monkeypatch.setattr(BasalGanglia, "warn_of_noise", lambda *_: None)

@@ -43,9 +43,9 @@ def table(trials=400, seed=1, people=("a",), spread=0.0, **values):
         strength = np.repeat([*-STRENGTHS, *STRENGTHS], trials // 8)
         drift = truth["sensitivity"] * np.exp(spread * rng.standard_normal()) * strength
         p = (1 - truth["lapse"]) * expit(2 * drift * BOUND) + truth["lapse"] / 2
-        given = (rng.random(len(p)) < p).astype(int)
+        responses = (rng.random(len(p)) < p).astype(int)
         parts.append(
-            pd.DataFrame({"participant_id": who, "response": given, "coherence": strength})
+            pd.DataFrame({"participant_id": who, "response": responses, "coherence": strength})
         )
     return pd.concat(parts, ignore_index=True)
 
@@ -107,22 +107,22 @@ def test_a_biased_start_gives_choices_their_closed_form():
     drift = 5.0 * trials.strength
     up = np.expm1(-2 * drift * (BOUND + z)) / np.expm1(-4 * drift * BOUND)
     p = 0.99 * np.where(trials.response == 1, up, 1 - up) + 0.005
-    found = np.exp(each.each(fixed_at(each, sensitivity=5.0, start=0.4)))
-    assert np.allclose(found, p, atol=5e-4)
+    likelihoods = np.exp(each.each(fixed_at(each, sensitivity=5.0, start=0.4)))
+    assert np.allclose(likelihoods, p, atol=5e-4)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_choices_alone_give_back_sensitivity_and_lapses(seed):
-    found = bg.fit(table(4000, seed), "constant_gap", strength="coherence")
-    rows = found.summary()
+    fit = bg.fit(table(4000, seed), "constant_gap", strength="coherence")
+    rows = fit.summary()
     assert rows.index.tolist() == list(TRUE)
     for name, value in TRUE.items():
         assert abs(rows.value[name] - value) < 3.5 * rows.standard_error[name]
-    assert min(found.misfit.p.values()) > 1e-3
-    assert found.cells().mean_s.isna().all()
-    assert found.cells().model_mean_s.isna().all()
-    assert np.allclose(found.cells().accuracy, found.cells().model_accuracy, atol=0.06)
-    assert found.residuals().empty
+    assert min(fit.misfit.p.values()) > 1e-3
+    assert fit.cells().mean_s.isna().all()
+    assert fit.cells().model_mean_s.isna().all()
+    assert np.allclose(fit.cells().accuracy, fit.cells().model_accuracy, atol=0.06)
+    assert fit.residuals().empty
 
 
 def test_choices_of_another_model_do_not_fit():
@@ -130,17 +130,17 @@ def test_choices_of_another_model_do_not_fit():
     wrong = table(4000)
     wrong.loc[wrong.coherence.abs() > 0.3, "response"] = np.arange(1000) % 2
     with pytest.warns(FitWarning):
-        found = bg.fit(wrong, "constant_gap", strength="coherence", fix={"lapse": 0.01})
-    assert found.misfit.p["accuracy"] < 1e-6
+        fit = bg.fit(wrong, "constant_gap", strength="coherence", fix={"lapse": 0.01})
+    assert fit.misfit.p["accuracy"] < 1e-6
 
 
 def test_what_choices_alone_leave_open_is_said():
     options = {"strength": "coherence"}
     with pytest.warns(FitWarning) as caught:
-        found = bg.fit(table(), "constant_gap", free=["sensitivity", "bound"], **options)
+        fit = bg.fit(table(), "constant_gap", free=["sensitivity", "bound"], **options)
     assert [each.category for each in caught].count(FitWarning) == 1
-    assert found.directions.cosines[0, 1] == pytest.approx(1, abs=1e-4)
-    assert (found.summary().standard_error > found.summary().value).all()
+    assert fit.directions.cosines[0, 1] == pytest.approx(1, abs=1e-4)
+    assert (fit.summary().standard_error > fit.summary().value).all()
     for more in ({"free": "+t0_s"}, {"vary": {"t0_sd_s": "cue"}}, {"formula": "t0_s ~ cue"}):
         named = "t0_sd_s" if "vary" in more else "t0_s"
         cue = table().assign(cue=list("ab") * 200)
@@ -154,11 +154,11 @@ def test_a_condition_may_change_what_is_not_open():
     """Bounds of two instructions, one of them at the default: both are identified."""
     slow = table(2000, 4).assign(cue="slow")
     quick = table(2000, 5, sensitivity=5.0).assign(cue="quick")
-    found = bg.fit(
+    fit = bg.fit(
         pd.concat([slow, quick], ignore_index=True), "constant_gap", strength="coherence",
         vary={"bound": "cue/slow"},
     )  # fmt: skip
-    row = found.summary().loc["bound[cue=quick]"]
+    row = fit.summary().loc["bound[cue=quick]"]
     assert abs(row.value - BOUND * 5 / 9) < 3.5 * row.standard_error
 
 
@@ -179,15 +179,15 @@ def test_every_model_of_decisions_answers_for_choices_alone(model):
 def test_more_than_two_alternatives_share_what_is_not_correct():
     rng = np.random.default_rng(1)
     shown = rng.integers(4, size=200)
-    given = np.where(rng.random(200) < 0.6, shown, rng.integers(4, size=200))
-    data = pd.DataFrame({"response": [f"r{k}" for k in given], "shown": [f"r{k}" for k in shown]})
+    chosen = np.where(rng.random(200) < 0.6, shown, rng.integers(4, size=200))
+    data = pd.DataFrame({"response": [f"r{k}" for k in chosen], "shown": [f"r{k}" for k in shown]})
     columns = bg.Columns(stimulus="shown")
-    found = bg.fit(data, "race", columns=columns, fix={"lapse": 0.01})
-    (row,) = found.cells().itertuples()
+    fit = bg.fit(data, "race", columns=columns, fix={"lapse": 0.01})
+    (row,) = fit.cells().itertuples()
     assert row.model_accuracy == pytest.approx(row.accuracy, abs=1e-3)
     answers = [row.accuracy, *3 * [(1 - row.accuracy) / 3]]
     most = 200 * (np.array(answers) @ np.log(answers))
-    assert found.log_likelihood == pytest.approx(most, abs=0.01)
+    assert fit.log_likelihood == pytest.approx(most, abs=0.01)
 
 
 def test_what_is_simulated_without_times_has_none_and_fits():
@@ -195,8 +195,8 @@ def test_what_is_simulated_without_times_has_none_and_fits():
     made = bg.simulate("constant_gap", {"sensitivity": 6.0}, trials, seed=1)
     assert not made.timed
     assert (made.response >= 0).all()
-    found = bg.fit(made, "constant_gap").summary()
-    assert abs(found.value.sensitivity - 6) < 3.5 * found.standard_error.sensitivity
+    estimates = bg.fit(made, "constant_gap").summary()
+    assert abs(estimates.value.sensitivity - 6) < 3.5 * estimates.standard_error.sensitivity
     kept = predicted(
         question(settings_of(), made, ["constant_gap"]).likelihoods("constant_gap")["a"]
     )
@@ -205,11 +205,11 @@ def test_what_is_simulated_without_times_has_none_and_fits():
 
 def test_people_without_times_are_fitted_in_a_hierarchy():
     people = table(160, people="abcdef", spread=0.3, seed=2)
-    found = bg.fit(people, "constant_gap", strength="coherence", hierarchical=True, most_draws=400)
-    row = found.summary().loc["sensitivity"]
+    group = bg.fit(people, "constant_gap", strength="coherence", hierarchical=True, most_draws=400)
+    row = group.summary().loc["sensitivity"]
     assert row.low < 9 < row.high
-    assert found.cells().mean_s.isna().all()
-    new = found.to_datatree()["posterior_predictive"]
+    assert group.cells().mean_s.isna().all()
+    new = group.to_datatree()["posterior_predictive"]
     assert np.isnan(new["rt"]).all()
     assert (new["response"] >= 0).all()
 
@@ -227,9 +227,9 @@ def test_a_learner_needs_no_times():
     drift, bound, *_ = each.model.diffusion(trials, each.values(vector))
     p = (1 - LAPSES) * expit(2 * drift * bound * (2 * trials.response - 1)) + LAPSES / 2
     assert np.allclose(each.each(vector), np.log(p))
-    found = bg.fit(trials, "q")
-    assert np.isfinite(found.log_likelihood)
-    assert min(found.misfit.p.values()) > 1e-3
+    fit = bg.fit(trials, "q")
+    assert np.isfinite(fit.log_likelihood)
+    assert min(fit.misfit.p.values()) > 1e-3
     assert not MODELS["q"].simulate(trials, each.values(vector), rng).timed
 
 
@@ -242,10 +242,10 @@ def readings(trials=300, drift=0.4, steps=8, seed=2, noise=0.0):
     side = rng.choice([-1, 1], trials)
     value = 0.1 * drift * side[:, None] + np.sqrt(0.1) * rng.standard_normal((trials, steps))
     total = value.sum(axis=1)
-    given = total + noise * rng.logistic(size=trials) > 0
+    upper = total + noise * rng.logistic(size=trials) > 0
     number, place = np.divmod(np.arange(trials * steps), steps)
     evidence = pd.DataFrame({"trial": number, "time": 0.1 * (place + 1), "value": value.ravel()})
-    return pd.DataFrame({"trial": range(trials), "response": given * 1}), evidence, total, side
+    return pd.DataFrame({"trial": range(trials), "response": upper * 1}), evidence, total, side
 
 
 UPPER = bg.Columns(upper="1")
@@ -284,11 +284,11 @@ def test_noise_of_choices_at_the_end_is_recovered_checked_and_simulated():
     data, evidence, *_ = readings(1500, noise=0.4)
     options = {"evidence": evidence, "forced": True, "columns": UPPER}
     held = {"threshold": 100.0, "leak_hz": 0.0, "lapse": 0.001}
-    found = bg.fit(data, "leaky_sum", fix=held, **options)
-    row = found.summary().loc["noise"]
+    fit = bg.fit(data, "leaky_sum", fix=held, **options)
+    row = fit.summary().loc["noise"]
     assert abs(row.value - 0.4) < 3.5 * row.standard_error
-    assert min(found.misfit.p.values()) > 1e-3
-    found.plot()
+    assert min(fit.misfit.p.values()) > 1e-3
+    fit.plot()
     made = bg.simulate("leaky_sum", {**held, "noise": 0.4}, data, seed=1, **options)
     assert not made.timed
     assert (made.response >= 0).all()
@@ -299,8 +299,8 @@ def test_noise_of_choices_at_the_end_is_recovered_checked_and_simulated():
 def test_a_threshold_that_is_never_reached_is_said_to_be_open():
     data, evidence, *_ = readings(400, noise=0.4)
     options = {"evidence": evidence, "forced": True, "columns": UPPER}
-    said = told(lambda: bg.fit(data, "leaky_sum", **options))
-    assert any("threshold" in each for each in said)
+    texts = told(lambda: bg.fit(data, "leaky_sum", **options))
+    assert any("threshold" in each for each in texts)
 
 
 # Responses that are withheld.
@@ -320,27 +320,27 @@ def test_waiting_has_the_probability_of_its_bound_and_of_no_decision():
     )  # fmt: skip
     went = np.where(design.side > 0, every[:, 1].sum(axis=1), every[:, 0].sum(axis=1)) * 0.01
     waited = trials.response == 0
-    found = np.exp(each.each(vector))
-    assert np.allclose(found[waited], (1 - went)[design.observed.cell[waited]])
+    likelihoods = np.exp(each.each(vector))
+    assert np.allclose(likelihoods[waited], (1 - went)[design.observed.cell[waited]])
     # Others have the density that they would have if both responses had times.
     both = likelihood_of(GapModel(), design_of(replace(
         trials, withheld=None, rt_s=np.where(waited, 0.5, trials.rt_s))))  # fmt: skip
-    assert np.allclose(found[~waited], np.exp(both.each(vector))[~waited])
+    assert np.allclose(likelihoods[~waited], np.exp(both.each(vector))[~waited])
 
 
 @pytest.mark.parametrize("seed", [3, 4])
 def test_a_go_no_go_task_gives_back_its_parameters(seed):
     data = go_table(timed(seed, 1000))
     with unwarned():
-        found = bg.fit(data, "constant_gap", strength="coherence", columns=GO)
-    rows = found.summary()
+        fit = bg.fit(data, "constant_gap", strength="coherence", columns=GO)
+    rows = fit.summary()
     for name, value in GIVEN.items():
         assert abs(rows.value[name] - value) < 3.5 * rows.standard_error[name]
-    assert min(found.misfit.p.values()) > 1e-3
-    cells = found.cells()
+    assert min(fit.misfit.p.values()) > 1e-3
+    cells = fit.cells()
     assert (cells.answered == cells.trials).all()
     assert cells.correct_s.isna().tolist() == (cells[FAVOURS] == "0").tolist()
-    made = bg.simulate("constant_gap", GIVEN, found.optimum.likelihood.design.choices, seed=1)
+    made = bg.simulate("constant_gap", GIVEN, fit.optimum.likelihood.design.choices, seed=1)
     assert made.withheld == 0
     assert np.array_equal(np.isnan(made.rt_s), made.response == 0)
 
@@ -359,13 +359,13 @@ def test_a_window_leaves_those_who_wait():
 
 def test_people_who_wait_are_fitted_in_a_hierarchy():
     parts = [go_table(timed(k, 40)).assign(participant_id=f"p{k}") for k in range(4)]
-    found = bg.fit(
+    group = bg.fit(
         pd.concat(parts, ignore_index=True), "constant_gap", strength="coherence", columns=GO,
         hierarchical=True, most_draws=300, fix={"lapse": 0.02, "t0_sd_s": 0.05},
     )  # fmt: skip
-    row = found.summary().loc["sensitivity"]
+    row = group.summary().loc["sensitivity"]
     assert row.low < 7 < row.high
-    assert set(found.cells()[FAVOURS]) == {"0", "1"}
+    assert set(group.cells()[FAVOURS]) == {"0", "1"}
 
 
 def test_which_response_waits_is_read_from_names_and_codes():

@@ -7,18 +7,18 @@ import pytest
 
 from tests.helpers import ROOT, prose
 
-PHRASES = {
-    "beside": r"\bbeside\b",
-    "held to": r"\b(?:held|hold|holds) to (?:the|its|a|it|those|what)\b",
-    "stands, lies": r"\b(?:stands?|lies?) (?:beside|behind|for itself)\b",
-    "came of": r"\b(?:came|comes|come|becomes?) of\b",
-    "taken off": r"\btaken off\b",
-    "as it is": r"\bas (?:it|they) (?:is|are)\b(?= *[,.;:)])",
-    "of its own": r"\bof (?:your|its|their|our|one's) own\b",
-    "so many": r"\bso (?:many|much)\b(?! that)",
-    "is told": r"\b(?:is|are) (?:told|said)\b",
-    "no leading zero": r"(?<![\w.\d/)\]:+])\.\d+\b",
-}
+PHRASES = (
+    r"\bbeside\b",
+    r"\b(?:held|hold|holds) to (?:the|its|a|it|those|what)\b",
+    r"\b(?:stands?|lies?) (?:behind|for itself)\b",
+    r"\b(?:came|comes|come|becomes?) of\b",
+    r"\btaken off\b",
+    r"\bas (?:it|they) (?:is|are)\b(?= *[,.;:)])",
+    r"\bof (?:your|its|their|our|one's) own\b",
+    r"\bso (?:many|much)\b(?! that)",
+    r"\b(?:is|are) (?:told|said)\b",
+    r"(?<![\w.\d/)\]:+])\.\d+\b",
+)
 PAGES = [
     ROOT / "README.md",
     ROOT / "CHANGELOG.md",
@@ -41,10 +41,10 @@ IN_CODE = 8
 def hits(lines):
     """Return the phrases in lines of prose: number of the line, phrase, text."""
     return [
-        (number, name, line.strip())
+        (number, hit[0], line.strip())
         for number, line in lines
-        for name, pattern in PHRASES.items()
-        if re.search(pattern, line, re.IGNORECASE)
+        for pattern in PHRASES
+        if (hit := re.search(pattern, line, re.IGNORECASE))
     ]
 
 
@@ -83,7 +83,5 @@ def test_code_has_few_of_the_phrases():
 
 
 def test_the_phrases_are_found_where_they_are():
-    lines = ["It stands beside the test.", "A scale of .5 is held to its table, as it is."]
-    assert [name for _, name, _ in hits(enumerate(lines))] == [
-        "beside", "stands, lies", "held to", "as it is", "no leading zero",
-    ]  # fmt: skip
+    lines = ["It stands behind the test.", "A scale of .5 is held to its table, as it is."]
+    assert [number for number, _, _ in hits(enumerate(lines))] == [0, 1, 1, 1]

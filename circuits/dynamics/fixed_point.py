@@ -124,15 +124,16 @@ def _newton(wiring: Wiring, drive: Array, outside: Array, x: Array, blocks: Inde
     within = (wiring.weight[blocks] != 0).any(axis=0) & (wiring.deliver[:, blocks] != 0).any(axis=1)
     weight, deliver = wiring.weight[blocks][:, within], wiring.deliver[within][:, blocks]
     slow = np.array([wiring.row(b).transfer == "exp" for b in blocks])
+    eye = np.eye(len(blocks))
     for step in range(MOST_STEPS):
         here = x[:, blocks]
         units = wiring.rates(x) @ wiring.deliver.T + wiring.constant
         error = (outside + wiring.inputs(units))[:, blocks] - here
         size = np.abs(error).max(axis=1)
         gain = weight * wiring.units_slope(units)[:, None, within]
-        jacobian = gain @ (deliver * wiring.rates_slope(x)[:, None, blocks]) - np.eye(len(blocks))
+        jacobian = gain @ (deliver * wiring.rates_slope(x)[:, None, blocks]) - eye
         damping = (1.0 if step < PATIENCE else CAUTION) * np.minimum(size, MOST_DAMPING)
-        jacobian -= damping[:, None, None] * np.eye(len(blocks))
+        jacobian -= damping[:, None, None] * eye
         try:
             move = np.linalg.solve(jacobian, -error[..., None])[..., 0]
         except np.linalg.LinAlgError:

@@ -24,9 +24,9 @@ MEMBERS = {
 }
 
 
-def call(part, *given):
+def call(part, *arguments):
     """Call a part of compiled code, which only compiled code can."""
-    return numba.njit(lambda given: part(*given))(given)
+    return numba.njit(lambda arguments: part(*arguments))(arguments)
 
 
 def evidence(channels, trials=40, seed=0):

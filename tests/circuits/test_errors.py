@@ -23,7 +23,7 @@ from circuits.errors import (
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("value", "start"),
     [
         (1, "1"),
         (0.1 + 0.2, "0.3"),
@@ -36,10 +36,10 @@ from circuits.errors import (
         ("a\nb " * 50, "'a\\nb a\\nb"),
     ],
 )
-def test_a_value_is_shown_in_one_short_line(given, said):
-    assert shown(given).startswith(said)
-    assert len(shown(given)) <= errors.LONGEST
-    assert len(shown(given).splitlines()) == 1
+def test_a_value_is_shown_in_one_short_line(value, start):
+    assert shown(value).startswith(start)
+    assert len(shown(value)) <= errors.LONGEST
+    assert len(shown(value).splitlines()) == 1
 
 
 def test_an_error_is_a_sentence_with_a_field_and_what_was_given():
@@ -50,12 +50,12 @@ def test_an_error_is_a_sentence_with_a_field_and_what_was_given():
     assert isinstance(error, ValueError)
 
 
-@pytest.mark.parametrize("given", [2, "x", None, lambda: 3])
-def test_an_error_comes_back_from_another_process(given):
-    error = InputError("a sentence", "channels", given)
+@pytest.mark.parametrize("value", [2, "x", None, lambda: 3])
+def test_an_error_comes_back_from_another_process(value):
+    error = InputError("a sentence", "channels", value)
     again = pickle.loads(pickle.dumps(error))
     assert (type(again), str(again), again.field) == (InputError, "a sentence", "channels")
-    assert again.given == (shown(given) if callable(given) else given)
+    assert again.given == (shown(value) if callable(value) else value)
 
 
 def test_what_an_error_is_about_is_named_first():

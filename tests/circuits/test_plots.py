@@ -19,9 +19,9 @@ MACAQUE = anatomy.macaque()
 NAMES = ("macaque", "spiking_msprt", "appendix_b", "humphries", "stewart")
 
 
-def drawn(circuit, **given):
+def drawn(circuit, **options):
     """Return the texts and the pathways of a drawing, by name."""
-    figure = circuit.plot(**given)
+    figure = circuit.plot(**options)
     (ax,) = figure.axes
     texts = {text.get_text() for text in ax.texts}
     arrows = {p.get_gid(): p for p in ax.patches if isinstance(p, FancyArrowPatch)}

@@ -194,7 +194,7 @@ def test_an_exported_trial_is_that_of_the_same_condition_in_python(tmp_path):
 def test_a_file_of_chosen_trials_has_their_decisions_and_their_spikes(tmp_path, refusal):
     pynwb = pytest.importorskip("pynwb")
     table, spikes, recording = (tmp_path / name for name in ("d.csv", "s.csv", "r.nwb"))
-    options = words("--task trials=4 t_max=2 --engine plain --circuit spiking_msprt")
+    options = words("--task trials=4 t_max=2 --engine ensemble --circuit spiking_msprt")
     options += ["--edits", "neurons 4", "--save-spikes", spikes, "--task", "step_ms=20"]
     chosen = ["--save-nwb", recording, "--nwb-trials", 3, 1]
     assert run("circuit", "run", "--save", table, *options, *chosen) == 0

@@ -32,7 +32,7 @@ def test_compare_writes_the_same_bytes_for_any_number_of_workers(tmp_path, capsy
     assert out.read_bytes() == again.read_bytes()
     assert run("compare", "--save", out, *FIXED_POINT, "--task", "trials=100", "--force") == 0
     # Each has its thresholds near this accuracy, and one trial may fall between the two.
-    assert re.search(r"at 0\.9: same choice (1\.000|0\.99)", capsys.readouterr().out)
+    assert re.search(r"at 0[.]9: same choice (1[.]000|0[.]99)", capsys.readouterr().out)
 
 
 def test_compare_draws_a_figure_and_warns_next_to_the_verdict(tmp_path, capsys):
@@ -49,7 +49,7 @@ def test_compare_draws_a_figure_and_warns_next_to_the_verdict(tmp_path, capsys):
 
 
 def test_a_comparison_says_before_it_starts_what_runs(tmp_path, refusal, capsys, monkeypatch):
-    def stop(*given, **named):
+    def stop(*arguments, **named):
         raise ValueError("started")
 
     monkeypatch.setattr("bgmodel.commands.compare.comparing.compare", stop)

@@ -26,8 +26,8 @@ def test_it_lists_numbers_and_tasks(capsys):
 def test_a_circuit_takes_the_exam_and_its_marks_are_written(tmp_path, capsys, monkeypatch):
     taken, take = [], Exam.take
 
-    def once(*given, **named):
-        taken.append(take(*given, **named) if not taken else taken[0])
+    def once(*arguments, **named):
+        taken.append(take(*arguments, **named) if not taken else taken[0])
         return taken[0]
 
     monkeypatch.setattr("bgmodel.commands.exam.Exam.take", once)

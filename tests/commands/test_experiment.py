@@ -84,7 +84,7 @@ def test_a_delay_of_a_pathway_is_a_hypothesis_in_a_file(experiment_file, tmp_pat
     assert page.endswith(f"-> {out.with_stem('out_trials')}\n")
     row = "add D1->GPe weight=-0.05 delay_ms=4 tau_ms=6"
     assert f"control: {row}\nmanipulation: {row}; set STN->GPe.delay_ms 4\n" in page
-    assert re.search(r"accuracy none, within 0\.05 .*the model agrees", page)
+    assert re.search(r"accuracy none, within 0[.]05 .*the model agrees", page)
     made = read_provenance(out)["parameters"]["experiment"]["manipulation"]
     assert made["edits"] == ["set STN->GPe.delay_ms 4", row]
     experiment_file.write_text(DELAY.replace("GPe.delay_ms 4", "GPe.delay_ms 2"))

@@ -50,19 +50,19 @@ def test_what_is_asked_for_is_drawn_and_nothing_else_and_all_without_a_word(
     for name in ("Snakefile", "room/draw_2.py", "room/draw_3.py", "room/draw_4.py"):
         (tmp_path / "figures" / name).touch()
     ran = []
-    monkeypatch.setattr(figures, "run_snakemake", lambda given: ran.append(given) or 0)
+    monkeypatch.setattr(figures, "run_snakemake", lambda targets: ran.append(targets) or 0)
     assert main(["figures", *arguments]) == 0
     (command,) = ran
     assert command[command.index("--") + 1 :] == asked
     assert command[command.index("--config") + 1] == f"fast={int('--fast' in arguments)}"
-    said = capsys.readouterr().out
-    assert f": {count}, already there: 0" in said
+    printed = capsys.readouterr().out
+    assert f": {count}, already there: 0" in printed
     folder = tmp_path / "figures" / ("fast" if "--fast" in arguments else "out")
     folder.mkdir()
     (folder / "fig2.png").touch()
     assert main(["figures", *arguments]) == 0
-    said = capsys.readouterr().out
-    assert f": {count}, already there: 1" in said
+    printed = capsys.readouterr().out
+    assert f": {count}, already there: 1" in printed
 
 
 @pytest.mark.parametrize("folder", ["010", "1e3", "true", "a' b"])
@@ -133,7 +133,7 @@ class Checkout:
         self.started.append(process)
         return process
 
-    def said(self):
+    def printed(self):
         """Return the text of the last call on stderr."""
         return (self.folder / f"said{len(self.started) - 1}").read_text()
 
@@ -143,7 +143,7 @@ class Checkout:
         command = self.start()
         half = self.folder / "half"
         until(lambda: half.exists() or command.poll() is not None)
-        assert half.exists(), self.said()
+        assert half.exists(), self.printed()
         return command, *command.children(recursive=True)
 
     def release(self):
@@ -155,7 +155,7 @@ class Checkout:
 
     def assert_goes_on(self):
         self.release()
-        assert self.start().wait(HANG_S) == 0, self.said()
+        assert self.start().wait(HANG_S) == 0, self.printed()
         assert self.files() == WHOLE
 
 
@@ -179,13 +179,13 @@ def until(holds):
 def test_a_live_run_refuses_a_second_and_one_that_is_stopped_goes_on(checkout):
     command, *others = checkout.held()
     assert checkout.start().wait(HANG_S) == 2
-    assert checkout.said().startswith("bgmodel: another run is drawing figures in this checkout")
-    assert checkout.said().endswith("`bgmodel figures --unlock`\n")
+    assert checkout.printed().startswith("bgmodel: another run is drawing figures in this checkout")
+    assert checkout.printed().endswith("`bgmodel figures --unlock`\n")
     os.killpg(command.pid, signal.SIGINT)
     assert command.wait(HANG_S) == 130
-    said = (checkout.folder / "said0").read_text()
-    assert said.endswith("bgmodel: stopped. The same command resumes where it stopped.\n")
-    assert "Traceback" not in said
+    message = (checkout.folder / "said0").read_text()
+    assert message.endswith("bgmodel: stopped. The same command resumes where it stopped.\n")
+    assert "Traceback" not in message
     assert not psutil.wait_procs(others, timeout=HANG_S)[1]
     checkout.assert_goes_on()
 
@@ -198,7 +198,7 @@ def test_nothing_of_a_killed_run_lives_on_or_is_taken_for_finished(checkout):
     assert len(left) == 1, left
     assert left.pop().endswith(".partial.fig3.png")
     assert checkout.start().wait(HANG_S) == 2
-    assert checkout.start("--unlock").wait(HANG_S) == 0, checkout.said()
+    assert checkout.start("--unlock").wait(HANG_S) == 0, checkout.printed()
     checkout.assert_goes_on()
 
 
@@ -208,7 +208,7 @@ def test_a_figure_that_fails_says_so_in_the_last_line_and_leaves_no_lock(checkou
         "raise SystemExit('no such luck')"
     )
     assert checkout.start().wait(HANG_S) == 1
-    assert checkout.said().splitlines()[-1] == (
+    assert checkout.printed().splitlines()[-1] == (
         "bgmodel: not all figures were drawn: Snakemake ended with status 1"
     )
     (checkout.folder / "figures" / "touch" / "draw_3.py").write_text(SLOW)

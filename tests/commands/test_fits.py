@@ -54,14 +54,14 @@ def mine(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def whole():
+def thorough():
     """Search and draw as for users."""
 
 
 @pytest.fixture(autouse=True)
 def brief(request, monkeypatch):
     """Search coarsely and draw nothing: tests of optima and figures are elsewhere."""
-    if "whole" not in request.fixturenames:
+    if "thorough" not in request.fixturenames:
         monkeypatch.setattr(optimum, "TOLERANCE_NATS", 0.5)
         monkeypatch.setattr(optimum, "POPULATION", 8)
         monkeypatch.setattr(fitted, "save_figure", lambda figure, path: path.touch())
@@ -87,13 +87,10 @@ def changed(**columns):
     ("arguments", "says"),
     [
         (["--strength", "contrast"], "mine.csv: there is no column contrast; there are"),
-        (["--vary", "bound=day"], "mine.csv: there is no column day; there are"),
         (["--participant", "z"], "mine.csv: participant must be one of a, b/c, got 'z'"),
         (["--columns", "deadline_s=0.3"], "mine.csv: rt must be no later than deadline_s, 0.3 s"),
-        (["--columns", "deadline_s=-1"], "deadline_s must be > 0 and finite"),
         (["--models", "abacus"], "models must be of constant_gap, falling_gap, "),
         (["--mechanism", "mood"], "mechanism must be one of threshold, dopamine, stn_loss"),
-        (["--simulation", "engine=abacus"], "engine must be one of "),
         (["--free", "mood"], "free must name a parameter, one of threshold, sensitivity, bound"),
         (["--free", "dopamine"], "free must name a parameter, one of threshold, sensitivity"),
         (["--fix", "mood=1"], "fix must name a parameter, one of "),
@@ -105,18 +102,11 @@ def changed(**columns):
             "vary is a name, =, and a value, such as threshold=instruction, got",
         ),
         (["--fix", "lapse=much"], "fix must give a number, such as lapse=0.02, got 'much'"),
-        (["--fix", "lapse=0.5"], "lapse must lie between 0.001 and 0.2, got 0.5"),
-        (["--fix", "lapse=nan"], "lapse must lie between 0.001 and 0.2, got nan"),
-        (["--vary", "bound=drug/none"], "drug has no level 'none': off, on"),
-        (["--fix", "bound=1", "--vary", "bound=drug"], "bound can't be both free and fixed"),
         (["--simulation", "trials=0"], "trials must be at least 1, got 0"),
-        (["--simulation", "noise_nats=0"], "noise_nats must be > 0 and finite, got 0"),
-        (["--columns", "rt_window=2,0.3"], "rt_window must be an earliest and a later latest time"),
         (
             ["--columns", "rt_window=5,9"],
             "rt_window must leave at least 10 responses, got 0 of 80 of a",
         ),
-        (["--simulation", "noise_nats=nan"], "noise_nats must be > 0 and finite, got nan"),
     ],
 )
 def test_an_option_that_is_wrong_is_one_sentence(capsys, arguments, says):
@@ -185,7 +175,7 @@ def test_a_table_of_somebody_else_is_not_written_over(tmp_path, capsys):
     )
 
 
-def test_each_participant_gets_a_row_per_number_and_a_figure(whole, tmp_path, capsys):
+def test_each_participant_gets_a_row_per_number_and_a_figure(thorough, tmp_path, capsys):
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK) == 0
     shown = capsys.readouterr().out
     assert "mine.csv: 160 trials of 2 participants" in shown
@@ -406,12 +396,12 @@ def test_an_interrupted_fit_goes_on_where_it_was(capsys, monkeypatch):
     asked += ["--simulation", "engine=rate", "trials=16"]
     real, done = module.optimum, []
 
-    def searched(likelihood, **given):
+    def searched(likelihood, **options):
         if len(done) == 3:
             likelihood(likelihood.freedom.start)
             raise KeyboardInterrupt
         done.append(likelihood)
-        return real(likelihood, **given)
+        return real(likelihood, **options)
 
     monkeypatch.setattr(module, "optimum", searched)
     assert run("fit", *asked) == 130
@@ -476,7 +466,7 @@ def known():
         table.to_csv(f"{name}.csv", index=False)
 
 
-def test_fits_on_known_evidence_write_the_same_tables_and_their_own_figure(known, whole, capsys):
+def test_fits_on_known_evidence_write_the_same_tables_and_their_own_figure(known, thorough, capsys):
     asked = [*KNOWN, "forced=true", "--compare"]
     assert run("fit", *asked, "--json") == 0
     printed = json.loads(capsys.readouterr().out)
@@ -491,7 +481,7 @@ def test_fits_on_known_evidence_write_the_same_tables_and_their_own_figure(known
     assert run("fit", *KNOWN) == 2  # the last reading forces nothing here
 
 
-def test_learners_are_fitted_to_rewarded_choices(whole, capsys):
+def test_learners_are_fitted_to_rewarded_choices(thorough, capsys):
     asked = ["pedersen_frank_2020", "--participant", "3", "--models", "q", "no learning"]
     assert run("fit", *asked, "--compare", "--json") == 0
     records = json.loads(capsys.readouterr().out)["records"]

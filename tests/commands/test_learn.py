@@ -59,9 +59,9 @@ def test_what_a_level_costs_is_measured_on_trials_that_were_not_learned_from(tmp
 
     seen, real = [], level.level_outcomes
 
-    def watched(model, evidence, *given, **more):
+    def watched(model, evidence, *arguments, **more):
         seen.append((model.seed, evidence))
-        return real(model, evidence, *given, **more)
+        return real(model, evidence, *arguments, **more)
 
     monkeypatch.setattr("bgmodel.learning.dopamine_learner.level_outcomes", watched)
     rng = stream(1, "table")

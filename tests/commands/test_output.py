@@ -31,7 +31,7 @@ def test_no_result_goes_over_another_file_of_the_command(tmp_path, monkeypatch, 
 
 
 def test_places_that_cannot_take_a_result_are_known_before_the_run(tmp_path, refusal, monkeypatch):
-    monkeypatch.setattr("bgmodel.commands.decide.trials_of", lambda *given, **more: 1 / 0)
+    monkeypatch.setattr("bgmodel.commands.decide.trials_of", lambda *arguments, **more: 1 / 0)
     dangling, foreign = tmp_path / "dangling.csv", tmp_path / "foreign.csv"
     dangling.symlink_to(tmp_path / "nowhere.csv")
     (tmp_path / "foreign.csv.json").write_text("[]")
@@ -42,7 +42,7 @@ def test_places_that_cannot_take_a_result_are_known_before_the_run(tmp_path, ref
         (tmp_path / ("y" * 230 + ".csv"), "has at most 200 bytes"),
     ):
         assert says in refusal("decide", "--save", path)
-    monkeypatch.setattr("bgmodel.commands.touch_steps.load_decoder", lambda *given: 1 / 0)
+    monkeypatch.setattr("bgmodel.commands.touch_steps.load_decoder", lambda *arguments: 1 / 0)
     options = (
         "d.safetensors",
         tmp_path / "taps",
@@ -95,7 +95,7 @@ def test_a_folder_that_cannot_be_written_is_called_by_its_name(tmp_path, monkeyp
     assert f"folder '{tmp_path}' can't be written" in refusal("decide", "--save", "out.csv")
 
 
-def cannot(**given):
+def cannot(**options):
     raise OSError(30, "Read-only file system")
 
 
@@ -122,7 +122,7 @@ def test_what_runs_and_its_memory_are_said_but_no_time_that_it_takes(
     announced = f"bgmodel: trying {name} on rate, {{}}1000 trials of up to 2 s{{}}\n"
     say_before("trying", model, evidence)
     say_before("trying", model, evidence, runs=3)
-    monkeypatch.setattr(BasalGanglia, "memory_gb", lambda *given: 2.5)
+    monkeypatch.setattr(BasalGanglia, "memory_gb", lambda *arguments: 2.5)
     say_before("trying", model, evidence)
     expected = [("", ""), ("3 circuits, ", ""), ("", ", 2.5 GB of memory")]
     assert capsys.readouterr().err == "".join(announced.format(*each) for each in expected)
@@ -155,7 +155,7 @@ def test_compiling_is_announced_by_engines_that_compile_and_once_they_do(capsys,
 
 
 @pytest.mark.parametrize(
-    ("line", "starts", "said"),
+    ("line", "starts", "announced"),
     [
         ("learn --what dopamine --save a.csv", "learning.dopamine_learner.level_outcomes",
          "macaque on rate learns dopamine, same-different, 2 alternatives, period_mm 2, in 10 "),
@@ -166,9 +166,9 @@ def test_compiling_is_announced_by_engines_that_compile_and_once_they_do(capsys,
     ],
 )  # fmt: skip
 def test_a_command_says_before_it_starts_what_runs(
-    tmp_path, monkeypatch, capsys, line, starts, said
+    tmp_path, monkeypatch, capsys, line, starts, announced
 ):
-    def stop(*given, **named):
+    def stop(*arguments, **named):
         raise ValueError("started")
 
     monkeypatch.setenv("BGMODEL_CACHE", str(tmp_path))
@@ -177,7 +177,7 @@ def test_a_command_says_before_it_starts_what_runs(
     assert main(line.split()) == 2
     out, told = capsys.readouterr()
     assert "read " not in out
-    assert told.index(said) < told.index("started")
+    assert told.index(announced) < told.index("started")
 
 
 def test_stages_are_told_in_a_log_soon_and_then_not_more_than_once_a_minute(monkeypatch, capsys):

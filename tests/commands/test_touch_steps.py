@@ -17,11 +17,11 @@ from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
 def test_taps_take_yaws_in_turn_or_from_all_of_a_half_turn(tmp_path, monkeypatch, refusal):
     taken = []
 
-    def stop(periods, yaw, **given):
+    def stop(periods, yaw, **arguments):
         taken.append((periods, yaw))
         raise ValueError("taken")
 
-    monkeypatch.setattr("bgmodel.tactile.library.contact_library", lambda *given, **named: None)
+    monkeypatch.setattr("bgmodel.tactile.library.contact_library", lambda *arguments, **named: None)
     monkeypatch.setattr("bgmodel.tactile.sensor.simulate", stop)
     two = ("touch", "simulate", "--save", tmp_path / "t.npz", "--periods-mm", 0, 2)
     assert run(*two, "--taps", 3, "--yaw-deg", 0, 45) == 2
@@ -136,7 +136,7 @@ def taken(monkeypatch):
         raise Taken(training)
 
     monkeypatch.setattr("bgmodel.tactile.decoder.train", take)
-    monkeypatch.setattr("bgmodel.commands.touch_steps._taps", lambda *given: ([], {}))
+    monkeypatch.setattr("bgmodel.commands.touch_steps._taps", lambda *arguments: ([], {}))
 
     def asked(*options):
         with pytest.raises(Taken) as captured:
@@ -190,7 +190,7 @@ RECORDED = ("touch", "mine", "--recordings", ".", "--held-out", ".", "--mm-per-p
 )
 def test_an_option_without_effect_is_refused(tmp_path, monkeypatch, command, field):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("bgmodel.commands.touch_steps.load_decoder", lambda *given: Unread)
+    monkeypatch.setattr("bgmodel.commands.touch_steps.load_decoder", lambda *arguments: Unread)
     with refused(field):
         cli.run([str(word) for word in command])
 

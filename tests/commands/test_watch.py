@@ -137,7 +137,7 @@ def test_images_that_are_there_already_are_listed_twice_and_not_once_for_each(
 
 
 @pytest.mark.parametrize(
-    ("given", "says"),
+    ("changes", "says"),
     [
         ({"task": "orientation"}, "needs a decoder of taps of a grating"),
         ({"decoder": "nothing"}, "there is no decoder"),
@@ -146,11 +146,11 @@ def test_images_that_are_there_already_are_listed_twice_and_not_once_for_each(
         ({"posterior": 0.99}, "resolves no OUT below"),
     ],
 )
-def test_bad_input_gets_one_clear_sentence(given, says, sensor, tmp_path, capsys):
+def test_bad_input_gets_one_clear_sentence(changes, says, sensor, tmp_path, capsys):
     _, decoder, decoded, _ = sensor
     asked = {"decoder": decoder, "taps": decoded, "mm_per_px": MM_PER_PX, "idle_s": 0.1}
     (tmp_path / "camera").mkdir()
-    asked |= {"folder": str(tmp_path / "camera")} | given
+    asked |= {"folder": str(tmp_path / "camera")} | changes
     folder = asked.pop("folder")
     options = [part for k, v in asked.items() for part in (f"--{k.replace('_', '-')}", v)]
     assert run("touch", "watch", folder, "--save", tmp_path / "out.csv", *options) == 2

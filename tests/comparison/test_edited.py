@@ -183,14 +183,14 @@ def test_a_warning_is_below_the_verdict_at_the_accuracy_that_it_names(table):
 
 
 @pytest.mark.parametrize(
-    ("late_ms", "said"),
+    ("late_ms", "remark"),
     [(58.2, "; 58 ms later;"), (-3.4, "; 3 ms earlier;"), (np.nan, "chance); ")],
 )
-def test_a_verdict_of_equal_accuracy_says_that_a_delay_was_subtracted(table, late_ms, said):
+def test_a_verdict_of_equal_accuracy_says_that_a_delay_was_subtracted(table, late_ms, remark):
     """Time is equal only then: a circuit can be as accurate as the test and later."""
     timed = table.assign(value=table["value"].where(table["measure"] != "extra_ms", late_ms))
     line = verdicts(timed).splitlines()[1]
-    assert said in line.replace(", ", "; ")
+    assert remark in line.replace(", ", "; ")
     assert line.index("mean delay is subtracted") > line.index("chance)")
 
 

@@ -14,6 +14,7 @@ from bgmodel.experiments.models import model_of
 from bgmodel.integrators.steady import out_shift
 from circuits.declaration.table_files import text
 from circuits.errors import EditWarning, InputError
+from tests.helpers import refused
 
 FOUR = Space(
     channels=(4,), d_prime=(1.0,), accuracy=(0.95,), conflict=(0.0, 0.9), deadline_ms=(1000.0,)
@@ -131,13 +132,12 @@ def test_the_experiment_of_the_best_task_reads_back_and_runs(lesioned):
 
 
 def test_a_plan_of_two_circuits_or_of_a_test_is_refused(tests):
-    with pytest.raises(bg.InputError) as caught:
+    with refused("second"):
         tests.experiment()
-    assert caught.value.field == "second"
 
 
 @pytest.mark.parametrize(
-    ("given", "field"),
+    ("arguments", "field"),
     [
         ({"first": "macaque"}, "second"),
         ({"first": "msprt", "second": "msprt"}, "second"),
@@ -151,10 +151,9 @@ def test_a_plan_of_two_circuits_or_of_a_test_is_refused(tests):
         ({"first": "macaque", "second": "msprt", "seed": 99_201}, "check_seed"),
     ],
 )
-def test_what_cannot_be_searched_is_refused_in_one_sentence(given, field):
-    with pytest.raises(bg.InputError) as caught:
-        bg.discriminate(**given)
-    assert caught.value.field == field
+def test_what_cannot_be_searched_is_refused_in_one_sentence(arguments, field):
+    with refused(field) as caught:
+        bg.discriminate(**arguments)
     assert "\n" not in str(caught.value)
 
 
@@ -169,9 +168,8 @@ def test_a_manipulation_that_a_circuit_does_not_have_is_left_out_with_a_warning(
 
 def test_an_accuracy_that_no_model_reaches_is_refused():
     hard = Space(channels=(4,), d_prime=(0.05,), accuracy=(0.95,), deadline_ms=(1000.0,))
-    with pytest.raises(bg.InputError) as caught:
+    with refused("space"):
         bg.discriminate("msprt", "max vs average", space=hard, **FEW)
-    assert caught.value.field == "space"
 
 
 def test_both_models_have_the_accuracy_of_the_task_in_plain_trials():

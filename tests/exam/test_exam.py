@@ -128,10 +128,10 @@ def deaf(channels):
     ],
 )
 def test_a_circuit_without_evidence_fails_what_is_about_decisions_and_rests_as_before(control):
-    found = outcomes(EXAM.only(["resting rates", "conflict"]).take(control, seed=3, share=0.05))
-    assert found["rest.gpe"] == "agrees"
-    assert found["conflict.cost"] == "fails"
-    assert found["conflict.stn"] == "fails"
+    verdicts = outcomes(EXAM.only(["resting rates", "conflict"]).take(control, seed=3, share=0.05))
+    assert verdicts["rest.gpe"] == "agrees"
+    assert verdicts["conflict.cost"] == "fails"
+    assert verdicts["conflict.stn"] == "fails"
 
 
 def test_a_circuit_without_nats_does_not_answer_what_needs_them():
@@ -150,7 +150,7 @@ def test_a_circuit_of_four_alternatives_answers_for_four():
 
 
 @pytest.mark.parametrize(
-    ("given", "field"),
+    ("changes", "field"),
     [
         ({"circuit": "nobody"}, "circuit"),
         ({"edits": ["lesion nobody"]}, "nucleus"),
@@ -160,9 +160,9 @@ def test_a_circuit_of_four_alternatives_answers_for_four():
         ({"engine": "steam"}, "engine"),
     ],
 )
-def test_bad_input_is_refused_before_anything_runs(given, field):
+def test_bad_input_is_refused_before_anything_runs(changes, field):
     with refused(field):
-        EXAM.take(**{"circuit": "macaque"} | given)
+        EXAM.take(**{"circuit": "macaque"} | changes)
 
 
 def test_tables_that_answer_nothing_and_unknown_domains_are_refused():
@@ -203,13 +203,13 @@ def test_totals_weigh_numbers_and_leave_out_those_that_are_open():
 def test_a_record_is_a_table_a_picture_and_json(record, tmp_path):
     path = tmp_path / "exam.json"
     text = record.to_json(path)
-    whole = json.loads(path.read_text())
-    assert whole == json.loads(text)
-    assert whole["parameters"]["list"]["version"] == EXAM.questions.version
-    assert len(whole["parameters"]["circuits"]["2"]["sha256"]) == 64
-    assert (whole["seed"], whole["parameters"]["share"]) == (5, 0.1)
-    assert "bgmodel" in whole["versions"]
-    assert [one["domain"] for one in whole["domains"]] == list(DOMAINS)
+    document = json.loads(path.read_text())
+    assert document == json.loads(text)
+    assert document["parameters"]["list"]["version"] == EXAM.questions.version
+    assert len(document["parameters"]["circuits"]["2"]["sha256"]) == 64
+    assert (document["seed"], document["parameters"]["share"]) == (5, 0.1)
+    assert "bgmodel" in document["versions"]
+    assert [one["domain"] for one in document["domains"]] == list(DOMAINS)
     assert len(record.plot().axes) == 2
     assert set(record.facts()) >= set(DOMAINS)
     assert "not answered" in record.text()

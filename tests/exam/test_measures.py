@@ -24,9 +24,9 @@ def asked(trials=None, rates=None, **more):
 def decided(task, posterior, d_prime=0.2, seed=3, trials=2000, t_max=600):
     """Return trials of the optimal test with readings every ms."""
     evidence = gaussian_evidence(trials, d_prime=d_prime, t_max=t_max, step_ms=1.0, seed=seed)
-    found = first_crossing(Msprt().run(evidence), threshold_from_posterior(posterior, 2))
-    right = (found.choice == evidence.truth).astype(int)
-    return pd.DataFrame({"task": task, "rt_ms": found.time_ms, "correct": right})
+    crossing = first_crossing(Msprt().run(evidence), threshold_from_posterior(posterior, 2))
+    right = (crossing.choice == evidence.truth).astype(int)
+    return pd.DataFrame({"task": task, "rt_ms": crossing.time_ms, "correct": right})
 
 
 def test_the_optimal_test_trades_speed_for_accuracy_as_wald_says():
@@ -42,11 +42,11 @@ def test_the_optimal_test_trades_speed_for_accuracy_as_wald_says():
         return 1 / (1 + np.exp(-(bound(accuracy) - 0.5826 * 0.2)))
 
     table = pd.concat([decided("speed", criterion(0.78)), decided("accuracy", criterion(0.874))])
-    found = MEASURES["time_change"](asked(table), "accuracy", "speed", unit="percent")
+    change = MEASURES["time_change"](asked(table), "accuracy", "speed", unit="percent")
     expected = 100 * (time(0.874) / time(0.78) - 1)
     assert expected == pytest.approx(104.4, abs=0.1)
-    assert abs(found.value - expected) < 3 * found.se
-    assert found.se < 5
+    assert abs(change.value - expected) < 3 * change.se
+    assert change.se < 5
 
 
 def test_the_skewness_of_times_without_drift_is_that_of_the_closed_form():
@@ -61,14 +61,14 @@ def test_the_skewness_of_times_without_drift_is_that_of_the_closed_form():
     walk = np.cumsum(0.07 * stream(5, "walk").standard_normal((2500, 1400)), axis=1)
     times = (np.abs(walk) >= 1).argmax(axis=1) + 1.0
     table = pd.DataFrame({"task": "no evidence", "rt_ms": times})
-    found = MEASURES["skewness"](asked(table), "no evidence")
+    skewness = MEASURES["skewness"](asked(table), "no evidence")
     assert expected == pytest.approx(2.63, abs=0.02)
-    assert abs(found.value - expected) < 3 * found.se
+    assert abs(skewness.value - expected) < 3 * skewness.se
 
 
 def test_errors_of_the_optimal_test_are_as_slow_as_correct_responses():
-    found = MEASURES["error_delay"](asked(decided("reference", 0.8)), "reference")
-    assert abs(found.value) < 3 * found.se < 0.3
+    delay = MEASURES["error_delay"](asked(decided("reference", 0.8)), "reference")
+    assert abs(delay.value) < 3 * delay.se < 0.3
 
 
 def test_a_change_has_the_standard_error_of_paired_trials():
@@ -91,8 +91,8 @@ def test_missed_trials_count_at_the_deadline_and_most_of_them_fail():
         {"task": "reference", "rt_ms": [500.0] * 300 + [None] * 100, "deadline_ms": 900.0}
     )
     both = pd.concat([table, table.assign(task="stimulation", rt_ms=500.0)])
-    found = MEASURES["time_change"](asked(both), "stimulation", "reference")
-    assert found.value == pytest.approx(-100)
+    change = MEASURES["time_change"](asked(both), "stimulation", "reference")
+    assert change.value == pytest.approx(-100)
     silent = table.assign(task="stimulation", rt_ms=[500.0] * 100 + [None] * 300)
     with pytest.raises(Failed):
         MEASURES["time_change"](asked(pd.concat([table, silent])), "stimulation", "reference")
@@ -170,9 +170,9 @@ def test_a_race_with_a_fixed_stop_time_has_that_ssrt():
         parts.append(pd.DataFrame({"task": task, "rt_ms": rt, "ssd_ms": ssd, "deadline_ms": 2000}))
     table = pd.concat(parts)
     names = ("stop, STN lesion", "stop")
-    found = MEASURES["ssrt_change"](asked(table), *names)
-    assert found.value == pytest.approx(30, abs=3 * found.se)
-    assert found.se < 8
+    change = MEASURES["ssrt_change"](asked(table), *names)
+    assert change.value == pytest.approx(30, abs=3 * change.se)
+    assert change.se < 8
     more = MEASURES["respond_change"](asked(table), *names)
     assert 0.05 < more.value < 0.3
     assert MEASURES["failed_minus_go"](asked(table), "stop").value < -20
@@ -188,8 +188,8 @@ def test_times_on_a_line_over_ln_n_have_its_slope():
         )
         for name, n in tasks.items()
     ]
-    found = MEASURES["hick_slope"](asked(pd.concat(parts)), "two, four, eight")
-    assert found.value == pytest.approx(300, abs=4 * found.se)
+    slope = MEASURES["hick_slope"](asked(pd.concat(parts)), "two, four, eight")
+    assert slope.value == pytest.approx(300, abs=4 * slope.se)
 
 
 def test_too_few_known_resamples_are_no_answer():
@@ -204,5 +204,5 @@ def test_times_are_those_of_go_trials_whatever_happened_on_stop_trials():
     stop = pd.DataFrame({"task": "reference", "rt_ms": [300.0] * 100, "ssd_ms": 150.0})
     base = pd.concat([go, stop.assign(rt_ms=None)])
     other = pd.concat([go.assign(rt_ms=540.0), stop]).assign(task="stimulation")
-    found = MEASURES["time_change"](asked(pd.concat([base, other])), "stimulation", "reference")
-    assert found.value == pytest.approx(40)
+    change = MEASURES["time_change"](asked(pd.concat([base, other])), "stimulation", "reference")
+    assert change.value == pytest.approx(40)

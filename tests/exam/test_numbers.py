@@ -44,7 +44,7 @@ def test_the_hash_follows_every_number():
 
 
 @pytest.mark.parametrize(
-    ("given", "field"),
+    ("changes", "field"),
     [
         ({}, "value"),
         ({"value": 3.0}, "value"),
@@ -59,9 +59,9 @@ def test_the_hash_follows_every_number():
         ({"direction": "up", "weight": 0.0}, "weight"),
     ],
 )
-def test_a_number_is_a_value_with_its_error_or_a_direction(given, field):
+def test_a_number_is_a_value_with_its_error_or_a_direction(changes, field):
     with refused(field):
-        Number(**GIVEN | given)
+        Number(**GIVEN | changes)
 
 
 def test_an_interval_counts_as_one_of_95_percent():

@@ -39,21 +39,21 @@ def test_trials_are_divided_among_the_runs():
     features = QUICK.features(replace(GRATINGS, trials=6), seed=1)
     weights = np.random.default_rng(2).normal(size=(2, 2, features.units))
     learned = LearnedWeights(weights, features.names)
-    found = heard(learned, features).log_likelihood
+    log_likelihood = heard(learned, features).log_likelihood
     for run in range(2):
         same = learned.log_likelihoods(features, run)
-        assert found[run::2] == pytest.approx(same[run::2])
+        assert log_likelihood[run::2] == pytest.approx(same[run::2])
 
 
 def test_both_conditions_decide_on_what_was_learned():
     taught = replace(PLAIN, learning=QUICK)
-    given = taught.given()
+    drawn = taught.given()
     models = [condition.model(2) for condition in taught.conditions]
-    control, manipulation = taught.heard(models, given)
+    control, manipulation = taught.heard(models, drawn)
     # Learned at the fixed point: the edit changes the decisions, not the weights.
     assert np.array_equal(control.log_likelihood, manipulation.log_likelihood)
-    assert not np.allclose(control.log_likelihood, given.evidence.log_likelihood)
-    assert np.array_equal(control.truth, given.evidence.truth)
+    assert not np.allclose(control.log_likelihood, drawn.evidence.log_likelihood)
+    assert np.array_equal(control.truth, drawn.evidence.truth)
     done = taught.run()
     times = done.measures.set_index(["condition", "measure"])["value"]
     assert times["change", "mean_ms"] > 0
@@ -63,17 +63,17 @@ def test_both_conditions_decide_on_what_was_learned():
 def test_a_condition_without_learning_decides_on_the_exact_likelihoods():
     one = replace(PLAIN, manipulation=Changes(learning=QUICK))
     one.check_differs()
-    given = one.given()
-    control, manipulation = one.heard([c.model(2) for c in one.conditions], given)
-    assert control is given.evidence
+    drawn = one.given()
+    control, manipulation = one.heard([c.model(2) for c in one.conditions], drawn)
+    assert control is drawn.evidence
     assert not np.allclose(control.log_likelihood, manipulation.log_likelihood)
 
 
 def test_a_truth_selects_the_same_trials_for_both():
     one = replace(PLAIN, manipulation=Changes(learning=QUICK), truth=1)
-    given = one.given()
-    _, learned = one.heard([c.model(2) for c in one.conditions], given)
-    assert learned.trials == given.evidence.trials == 60
+    drawn = one.given()
+    _, learned = one.heard([c.model(2) for c in one.conditions], drawn)
+    assert learned.trials == drawn.evidence.trials == 60
     assert (learned.truth == 1).all()
 
 
@@ -84,39 +84,34 @@ def test_a_circuit_learns_with_its_own_edits():
     assert not np.array_equal(control.log_likelihood, manipulation.log_likelihood)
 
 
+EXPECTED = Gaussian(expectancy_nats=1.0, expectancy_ms=100.0)
+ALIKE = replace(PLAIN, learning=QUICK, manipulation=Changes(learning=QUICK))
+
+
 @pytest.mark.parametrize(
-    ("task", "says"),
+    ("call", "says"),
     [
-        (Gaussian(conflict=0.3), "conflict must be 0"),
-        (Gaussian(expectancy_nats=1.0, expectancy_ms=100.0), "expectancy_nats must be 0"),
+        (lambda: replace(PLAIN, task=Gaussian(conflict=0.3), learning=QUICK), "conflict must be 0"),
+        (lambda: replace(PLAIN, task=EXPECTED, learning=QUICK), "expectancy_nats must be 0"),
+        (lambda: QUICK.check(EvidenceTable("mine.csv")), "learning .*no sensory units"),
+        (lambda: replace(QUICK, posterior=0.0).check(GRATINGS), "posterior"),
+        (lambda: replace(QUICK, posterior=0.5).check(GRATINGS), "posterior"),
+        (lambda: replace(QUICK, posterior=1.0).check(GRATINGS), "posterior"),
+        (lambda: Learning(rule=["q"]), "rule"),
+        (lambda: Learning(critic=["q"]), "critic"),
+        (lambda: Learning(in_circuit="yes"), "in_circuit"),
+        (ALIKE.check_differs, "manipulation .*changes nothing"),
     ],
 )
-def test_tasks_without_sensory_units_are_refused(task, says):
+def test_learning_that_makes_no_sense_is_refused(call, says):
     with refused(says):
-        replace(PLAIN, task=task, learning=QUICK)
-
-
-def test_an_evidence_table_has_no_sensory_units():
-    with refused("learning .*no sensory units"):
-        QUICK.check(EvidenceTable("mine.csv"))
-
-
-@pytest.mark.parametrize("posterior", [0.0, 0.5, 1.0])
-def test_learning_stops_above_chance_and_below_certainty(posterior):
-    with refused("posterior"):
-        replace(QUICK, posterior=posterior).check(GRATINGS)
+        call()
 
 
 def test_learning_too_large_for_memory_is_refused_before_the_run():
     for huge in ({"trials": 10**12}, {"units": 10**9}):
         with pytest.raises(ValueError, match="memory"):
             replace(QUICK, **huge).check(GRATINGS)
-
-
-@pytest.mark.parametrize("wrong", [{"rule": ["q"]}, {"critic": ["q"]}, {"in_circuit": "yes"}])
-def test_types_of_learning_are_checked(wrong):
-    with refused(next(iter(wrong))):
-        Learning(**wrong)
 
 
 def test_every_setting_reaches_the_learner(monkeypatch):
@@ -129,11 +124,6 @@ def test_every_setting_reaches_the_learner(monkeypatch):
     assert (seen["rule"], seen["critic"], seen["runs"], seen["seed"]) == ("q", "mean", 3, 4)
     assert (seen["decider"].criterion, seen["feedback"].valid) == (0.7, 0.8)
     assert seen["source"].units == 5
-
-
-def test_learning_that_is_alike_changes_nothing():
-    with refused("manipulation .*changes nothing"):
-        replace(PLAIN, learning=QUICK, manipulation=Changes(learning=QUICK)).check_differs()
 
 
 def test_the_guide_has_every_key_with_its_default():

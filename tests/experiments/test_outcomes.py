@@ -46,16 +46,16 @@ def by_threshold():
 def test_the_threshold_alone_moves_what_it_must(by_threshold):
     """At the fixed point: times, criterion and bound follow the threshold, the drift does not."""
     experiment, table = by_threshold
-    said = outcomes(experiment, table).set_index("measure")["outcome"]
-    assert dict(said) == {
+    verdicts = outcomes(experiment, table).set_index("measure")["outcome"]
+    assert dict(verdicts) == {
         "boundary_separation": AGREES,
         "mean_posterior": AGREES,
-        "drift": said["drift"],
+        "drift": verdicts["drift"],
     }
-    assert said["drift"] != DISAGREES
+    assert verdicts["drift"] != DISAGREES
     assert changes(table).loc["mean_ms", "low"] > 0
     shown = page(experiment, table)
-    assert re.search(r"boundary_separation up, by 0\.005 .*the model agrees", shown)
+    assert re.search(r"boundary_separation up, by 0[.]005 .*the model agrees", shown)
     # No trial is missed: measures of all trials are those of decided ones.
     assert {name for name in MEASURES if name not in shown} == {*OF_ALL}
     for measure, form in (("mean_ms", r"\d+"), ("decided", r"\d+"), ("accuracy", r"0\.\d{3}")):
@@ -147,10 +147,10 @@ def arms(monkeypatch, control, manipulation, predictions, effects=()):
     experiment = replace(shipped()["stn_no_conflict"], effects=effects)
     task = replace(experiment.task, trials=1000, t_max=2)
     experiment = replace(experiment, predictions=predictions, task=task)
-    found = iter([control, manipulation])
+    conditions = iter([control, manipulation])
 
     def behaviour(model, evidence, *_):
-        right, missed, time_ms = next(found)
+        right, missed, time_ms = next(conditions)
         decided, order = 1000 - round(1000 * missed), stream(4, "arms").permutation(1000)
         choice = np.where(order < right * 1000, evidence.truth, 1 - evidence.truth)
         times = np.where(np.arange(1000) < decided, time_ms + order % 90, 2000.0)
@@ -165,10 +165,11 @@ def arms(monkeypatch, control, manipulation, predictions, effects=()):
 
 UP = Prediction("accuracy", "up", 0.005)
 SLOWER = Prediction("mean_ms", "up", 30.0)
+MOST, LATER = (0.95, 0.0, 600.0), (0.95, 0.0, 601.0)
 
 
 @pytest.mark.parametrize(
-    ("missed", "prediction", "effect", "said"),
+    ("missed", "prediction", "effect", "verdict"),
     [
         # A loss of GPe: more of those that decide are right, far fewer decide.
         ((0.08, 0.36), UP, (0.75, 0.85), OPEN),
@@ -196,37 +197,47 @@ SLOWER = Prediction("mean_ms", "up", 30.0)
     ],
 )
 def test_a_verdict_holds_whatever_the_missed_trials_would_have_been(
-    monkeypatch, missed, prediction, effect, said
+    monkeypatch, missed, prediction, effect, verdict
 ):
     both = [(right, lost, 600.0) for right, lost in zip(effect, missed, strict=True)]
     experiment, table = arms(monkeypatch, *both, (prediction,))
     row = outcomes(experiment, table).iloc[0]
-    assert row["outcome"] == said
-    assert bool(row["reason"]) == (said == OPEN)
+    assert row["outcome"] == verdict
+    assert bool(row["reason"]) == (verdict == OPEN)
     assert (row["control_trials"], row["manipulation_trials"]) == tuple(
         1000 - round(1000 * lost) if prediction.measure in OF_DECIDED else 1000 for lost in missed
     )
 
 
 @pytest.mark.parametrize(
-    ("missed", "times", "said"),
+    ("control", "manipulation", "prediction", "verdict"),
     [
-        ((0.0, 0.3), (600.0, 700.0), AGREES),  # the missed ones would be later still
-        ((0.3, 0.0), (600.0, 700.0), OPEN),
-        ((0.0, 0.3), (600.0, 500.0), OPEN),
+        ((0.8, 0.0, 600.0), (0.8, 0.3, 700.0), SLOWER, AGREES),  # the missed would be later still
+        ((0.8, 0.3, 600.0), (0.8, 0.0, 700.0), SLOWER, OPEN),
+        ((0.8, 0.0, 600.0), (0.8, 0.3, 500.0), SLOWER, OPEN),
         # Both miss many: those of either might take longer than the deadline by any time.
-        ((0.1, 0.1), (600.0, 500.0), OPEN),
-        ((0.4, 0.45), (600.0, 700.0), OPEN),
-        ((0.04, 0.04), (600.0, 500.0), DISAGREES),
-        ((0.3, 0.0), (600.0, 500.0), DISAGREES),
+        ((0.8, 0.1, 600.0), (0.8, 0.1, 500.0), SLOWER, OPEN),
+        ((0.8, 0.4, 600.0), (0.8, 0.45, 700.0), SLOWER, OPEN),
+        ((0.8, 0.04, 600.0), (0.8, 0.04, 500.0), SLOWER, DISAGREES),
+        ((0.8, 0.3, 600.0), (0.8, 0.0, 500.0), SLOWER, DISAGREES),
+        # The control leaves no room for the change.
+        (MOST, LATER, Prediction("accuracy", "up", 0.1), OPEN),
+        ((0.8, 0.0, 600.0), (0.8, 0.0, 601.0), Prediction("accuracy", "up", 0.1), DISAGREES),
+        (MOST, LATER, Prediction("accuracy", "down", 0.1), DISAGREES),
+        (MOST, LATER, Prediction("mean_ms", "down", 700.0), OPEN),
+        (MOST, LATER, Prediction("mean_ms", "down", 300.0), DISAGREES),
+        (MOST, LATER, Prediction("mean_ms", "up", 700.0), DISAGREES),
+        (MOST, LATER, Prediction("missed", "down", 0.1), OPEN),
     ],
 )
-def test_times_count_missed_trials_at_the_deadline(monkeypatch, missed, times, said):
-    both = [(0.8, lost, time_ms) for lost, time_ms in zip(missed, times, strict=True)]
-    experiment, table = arms(monkeypatch, *both, (SLOWER,))
+def test_times_count_missed_trials_and_a_control_without_room_leaves_a_change_open(
+    monkeypatch, control, manipulation, prediction, verdict
+):
+    experiment, table = arms(monkeypatch, control, manipulation, (prediction,))
     row = outcomes(experiment, table).iloc[0]
-    assert row["outcome"] == said
-    assert bool(row["reason"]) == (said == OPEN)
+    assert row["outcome"] == verdict
+    assert bool(row["reason"]) == (verdict == OPEN)
+    assert ("leaves no room" in row["reason"]) == (verdict == OPEN and control == MOST)
 
 
 def test_an_effect_is_left_open_where_missed_trials_could_undo_it(monkeypatch):
@@ -235,37 +246,15 @@ def test_an_effect_is_left_open_where_missed_trials_could_undo_it(monkeypatch):
         Effect("accuracy_all", 0.1, "nobody", 0.05, 0.15),
         Effect("accuracy", 12.0, "nobody", 5.0, 20.0, "percent"),
     )
-    for missed, said in (
+    for missed, verdicts in (
         ((0.08, 0.36), [OPEN, DIFFERS, OPEN]),
         ((0.08, 0.08), [COMPATIBLE, COMPATIBLE, COMPATIBLE]),
     ):
         both = [(right, lost, 600.0) for right, lost in zip((0.75, 0.85), missed, strict=True)]
         experiment, table = arms(monkeypatch, *both, (), effects)
         held = beside_published(experiment, table)
-        assert list(held["comparison"]) == said
-        assert list(held["comparison_reason"] != "") == [word == OPEN for word in said]
-
-
-@pytest.mark.parametrize(
-    ("control", "prediction", "said"),
-    [
-        (0.95, Prediction("accuracy", "up", 0.1), OPEN),
-        (0.80, Prediction("accuracy", "up", 0.1), DISAGREES),
-        (0.95, Prediction("accuracy", "down", 0.1), DISAGREES),
-        (0.95, Prediction("mean_ms", "down", 700.0), OPEN),
-        (0.95, Prediction("mean_ms", "down", 300.0), DISAGREES),
-        (0.95, Prediction("mean_ms", "up", 700.0), DISAGREES),
-        (0.95, Prediction("missed", "down", 0.1), OPEN),
-    ],
-)
-def test_a_change_for_which_the_control_leaves_no_room_is_left_open(
-    monkeypatch, control, prediction, said
-):
-    both = ((control, 0.0, time_ms) for time_ms in (600.0, 601.0))
-    experiment, table = arms(monkeypatch, *both, (prediction,))
-    row = outcomes(experiment, table).iloc[0]
-    assert row["outcome"] == said
-    assert ("leaves no room" in row["reason"]) == (said == OPEN)
+        assert list(held["comparison"]) == verdicts
+        assert list(held["comparison_reason"] != "") == [word == OPEN for word in verdicts]
 
 
 def test_a_page_says_what_ran_and_how_many_trials_a_verdict_rests_on(monkeypatch):
@@ -304,8 +293,8 @@ def test_posteriors_that_are_not_accuracies_are_said(conflict, truth, warned):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         table = experiment.run().measures
-    said = [str(w.message) for w in caught if "posteriors are not calibrated" in str(w.message)]
-    assert len(said) == warned
+    texts = [str(w.message) for w in caught if "posteriors are not calibrated" in str(w.message)]
+    assert len(texts) == warned
     assert ("posteriors are not calibrated" in page(experiment, table)) == bool(warned)
 
 
@@ -325,8 +314,8 @@ def test_the_edit_alone_makes_the_outcome(name):
     without = replace(experiment, manipulation=experiment.control)
     none = without.run().measures
     assert (changes(none)[["value", "low", "high"]].fillna(0) == 0).all(axis=None)
-    said = outcomes(without, none)
-    assert (said["outcome"] == OPEN).all()
+    verdicts = outcomes(without, none)
+    assert (verdicts["outcome"] == OPEN).all()
     assert (changes(experiment.run().measures)["value"].fillna(0) != 0).any()
     held = beside_published(without, none)
     assert (held["value"] == 0).all()
@@ -346,9 +335,9 @@ def held_to(effect, low, high, value=0.0, **shares):
 
 def test_an_effect_is_compatible_where_the_difference_of_both_holds_0():
     """Half-widths of 3 and 4 make one of 5, as of independent samples."""
-    for value, said in ((4.9, COMPATIBLE), (5.1, DIFFERS), (-4.9, COMPATIBLE), (-5.1, DIFFERS)):
+    for value, verdict in ((4.9, COMPATIBLE), (5.1, DIFFERS), (-4.9, COMPATIBLE), (-5.1, DIFFERS)):
         effect = Effect("mean_ms", value, "nobody", value - 4, value + 4, "percent")
-        assert held_to(effect, -3, 3) == ("percent", said)
+        assert held_to(effect, -3, 3) == ("percent", verdict)
     assert held_to(Effect("mean_ms", 5.0, "nobody"), -3, 3) == ("change", NO_INTERVAL)
 
 
@@ -356,7 +345,7 @@ def test_an_effect_is_compatible_where_the_difference_of_both_holds_0():
 def test_of_an_asymmetric_interval_the_end_that_points_to_the_other_counts(sign):
     """The end between both values, and no other, joins the model's half-width on that side."""
 
-    def said(value, near, far, model_near, model_far=90.0):
+    def verdict(value, near, far, model_near, model_far=90.0):
         """Return the verdict on an effect and a change of 0, by half-widths of their intervals."""
         ends = sorted((sign * (value - near), sign * (value + far)))
         model = sorted((sign * model_near, -sign * model_far))
@@ -365,10 +354,10 @@ def test_of_an_asymmetric_interval_the_end_that_points_to_the_other_counts(sign)
     # Half-widths of 4 and 3 towards each other reach 5; those that point away, of any size, do not.
     for far in (0.1, 30.0):
         for model_far in (0.1, 30.0):
-            assert said(4.9, 4.0, far, 3.0, model_far) == COMPATIBLE
-            assert said(5.1, 4.0, far, 3.0, model_far) == DIFFERS
-    assert said(5.9, 5.0, 0.1, 3.3) == COMPATIBLE
-    assert said(6.1, 5.0, 0.1, 3.3) == DIFFERS
+            assert verdict(4.9, 4.0, far, 3.0, model_far) == COMPATIBLE
+            assert verdict(5.1, 4.0, far, 3.0, model_far) == DIFFERS
+    assert verdict(5.9, 5.0, 0.1, 3.3) == COMPATIBLE
+    assert verdict(6.1, 5.0, 0.1, 3.3) == DIFFERS
 
 
 WIDTH = st.floats(0, 30)
@@ -383,8 +372,8 @@ def test_both_ends_of_the_difference_are_those_of_two_independent_samples(
     reach = np.hypot(low, above) if apart > 0 else np.hypot(high, below)
     assume(abs(abs(apart) - reach) > 1e-6)
     effect = Effect("mean_ms", published, "nobody", published - below, published + above)
-    said = held_to(effect, model - low, model + high, model)
-    assert said == ("change", COMPATIBLE if abs(apart) < reach else DIFFERS)
+    comparison = held_to(effect, model - low, model + high, model)
+    assert comparison == ("change", COMPATIBLE if abs(apart) < reach else DIFFERS)
 
 
 def test_an_effect_is_left_open_where_the_model_has_no_number_or_hardly_decides():
@@ -426,9 +415,9 @@ def test_a_manipulation_that_changes_no_decision_has_no_verdict(edit, direction)
     )  # fmt: skip
     with pytest.warns(EditWarning, match="no decision differs"):
         table = asked.run().measures
-    found = outcomes(asked, table)
-    assert found["outcome"].tolist() == [OPEN, OPEN]
-    assert found["reason"].str.len().gt(0).all()
+    verdicts = outcomes(asked, table)
+    assert verdicts["outcome"].tolist() == [OPEN, OPEN]
+    assert verdicts["reason"].str.len().gt(0).all()
 
 
 WITHOUT_DOPAMINE = Changes(Edits(["dopamine 0"]))
@@ -449,9 +438,9 @@ def test_a_circuit_that_chooses_against_the_evidence_gets_no_verdict():
     ):
         table = experiment.run().measures
     assert table.set_index(["condition", "measure"]).loc[("manipulation", "accuracy"), "high"] < 0.5
-    said = outcomes(experiment, table)
-    assert (said["outcome"] == OPEN).all()
-    assert said["reason"].str.contains("against the evidence").all()
+    verdicts = outcomes(experiment, table)
+    assert (verdicts["outcome"] == OPEN).all()
+    assert verdicts["reason"].str.contains("against the evidence").all()
     control = replace(experiment, control=WITHOUT_DOPAMINE, manipulation=Changes())
     with pytest.raises(ValueError, match="the control's choices go against the evidence"):
         control.run()

@@ -43,10 +43,7 @@ def test_a_share_that_changes_by_one_or_more_is_refused(measure, size):
     ],
 )
 def test_a_size_that_seems_to_be_in_another_unit_is_warned_of(measure, size):
-    for make in (
-        lambda: Prediction(measure, "up", size),
-        lambda: Effect(measure, -size, "nobody"),
-    ):
+    for make in (lambda: Prediction(measure, "up", size), lambda: Effect(measure, -size, "nobody")):
         with pytest.warns(DataWarning):
             make()
 

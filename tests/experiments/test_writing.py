@@ -27,9 +27,9 @@ def test_python_code_makes_the_same_experiment(name):
 
 
 def test_settings_at_their_defaults_are_left_out():
-    found = tomllib.loads(Experiment.from_text(GOOD).to_toml())
-    assert "foreperiod_ms" not in found
-    assert found["task"] == {"trials": 120}
+    written = tomllib.loads(Experiment.from_text(GOOD).to_toml())
+    assert "foreperiod_ms" not in written
+    assert written["task"] == {"trials": 120}
 
 
 def test_a_prediction_to_fill_in_is_a_comment_that_becomes_one():

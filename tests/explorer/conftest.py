@@ -10,8 +10,8 @@ def _ended_runs(monkeypatch):
     """End the threads of a test: one that still runs would change how later tests see warnings."""
     started, begin = [], runs.Runs.__init__
 
-    def recorded(self, *given, **named):
-        begin(self, *given, **named)
+    def recorded(self, *arguments, **named):
+        begin(self, *arguments, **named)
         started.append(self)
 
     monkeypatch.setattr(runs.Runs, "__init__", recorded)

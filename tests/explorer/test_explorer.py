@@ -81,8 +81,8 @@ def follow(steps, tmp_path, capsys, monkeypatch, *, drawn):
         assert "\n" not in sentence
         comparable = len(step) > 1 and step[-1] is not None
         if comparable and not any(part in sentence for part in HERE_ALONE):
-            said = said_by_the_command(before, step, tmp_path, capsys)
-            assert sentence in said
+            output = said_by_the_command(before, step, tmp_path, capsys)
+            assert sentence in output
     state = history.state
     if not drawn:
         for name in ("times", "tradeoff", "trial", "circuit"):

@@ -29,9 +29,9 @@ ROWS = {"cut": "STN->GPe", "scale": "STN->GPe"}
 @pytest.fixture(scope="module")
 def explorer():
     """Return an explorer of a small state; its runs end with the tests."""
-    found = Explorer(small("bogacz_gurney"), "http://127.0.0.1:1/")
-    yield found
-    found.runs.stop(wait=True)
+    running = Explorer(small("bogacz_gurney"), "http://127.0.0.1:1/")
+    yield running
+    running.runs.stop(wait=True)
 
 
 @pytest.fixture(autouse=True)

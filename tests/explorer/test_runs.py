@@ -17,14 +17,14 @@ pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.fixture
 def started():
     """Return a function that starts runs, which are stopped at the end."""
-    found = []
+    opened = []
 
     def start(deliver, ended):
-        found.append(Runs(deliver, ended, workers=1))
-        return found[-1]
+        opened.append(Runs(deliver, ended, workers=1))
+        return opened[-1]
 
     yield start
-    for one in found:
+    for one in opened:
         one.stop(wait=True)
 
 

@@ -7,6 +7,7 @@ from bgmodel.explorer.state import MOST_TRIALS, History, State, opened
 from bgmodel.task import Gaussian
 from circuits.errors import InputError
 from tests.explorer.helpers import small
+from tests.helpers import refused
 
 
 def test_an_edit_replaces_the_one_of_the_same_target_and_removes_predictions():
@@ -28,9 +29,8 @@ def test_a_link_has_the_whole_state(name):
 
 @pytest.mark.parametrize("link", ["?state=", "?state=abc", "?state=eNpNUcFqwzAM", "?other=1", ""])
 def test_a_link_that_is_cut_off_is_refused(link):
-    with pytest.raises(InputError) as refused:
+    with refused("link"):
         State.from_link(link)
-    assert refused.value.field == "link"
 
 
 def test_a_link_that_unpacks_to_much_more_than_an_experiment_is_refused():
@@ -92,9 +92,8 @@ def test_the_hash_is_that_of_the_edited_circuit_and_the_key_of_everything():
 
 def test_learning_is_not_for_the_explorer():
     text = small().experiment.to_toml() + "\n[learning]\ntrials = 100\n"
-    with pytest.raises(InputError) as refused:
+    with refused("learning"):
         State(Experiment.from_text(text))
-    assert refused.value.field == "learning"
 
 
 def test_a_circuit_of_a_file_opens_with_its_alternatives(tmp_path):
@@ -111,9 +110,8 @@ def test_a_circuit_of_a_file_opens_with_its_alternatives(tmp_path):
 
 @pytest.mark.parametrize("trials", [7, 99, MOST_TRIALS + 1])
 def test_a_number_of_trials_that_cannot_be_shown_is_refused_at_its_field(trials):
-    with pytest.raises(InputError) as refused:
+    with refused("trials"):
         small().with_setting("trials", trials)
-    assert refused.value.field == "trials"
 
 
 def test_no_trials_at_all_are_refused_in_the_words_of_the_task():

@@ -28,8 +28,8 @@ def shown(*edits, name="bogacz_gurney"):
 
 def boxes(ax):
     """Return left, right, top and bottom of what is shaded, in the units of the axes."""
-    found = [one.get_paths()[0].get_extents() for one in ax.collections]
-    return [(box.x0, box.x1, box.y0, box.y1) for box in found]
+    extents = [one.get_paths()[0].get_extents() for one in ax.collections]
+    return [(box.x0, box.x1, box.y0, box.y1) for box in extents]
 
 
 def drawn(*courses):
@@ -70,22 +70,22 @@ def panel(memory, *edits):
 def test_the_control_is_below_the_manipulation_and_is_run_once(monkeypatch):
     runs, memory = [], Memory()
 
-    def counted(condition, *given):
+    def counted(condition, *arguments):
         runs.append(condition)
-        return one_trial(condition, *given)
+        return one_trial(condition, *arguments)
 
     monkeypatch.setattr("bgmodel.explorer.panels.one_trial", counted)
-    said, svg = panel(memory)
-    assert f"{NAMES[0]}:" not in svg + said
+    text, svg = panel(memory)
+    assert f"{NAMES[0]}:" not in svg + text
     for edit in ("lesion STN 10%", "lesion STN"):
-        said, svg = panel(memory, edit)
+        text, svg = panel(memory, edit)
         assert svg.index(f"{NAMES[1]}: spikes") < svg.index(f"{NAMES[0]}: spikes")
-        assert f"{NAMES[0]}: Chose" in said
+        assert f"{NAMES[0]}: Chose" in text
     assert len(runs) == 3
 
 
 def test_a_course_is_named_in_words():
-    said, svg = panel(Memory(), "add STN amount=0.1 from_ms=50 to_ms=80", "add dopamine amount=0.1")
-    assert "STN +0.1 from 50 to 80 ms" in said
-    assert "dopamine +0.1 from 0 ms on" in said
+    text, svg = panel(Memory(), "add STN amount=0.1 from_ms=50 to_ms=80", "add dopamine amount=0.1")
+    assert "STN +0.1 from 50 to 80 ms" in text
+    assert "dopamine +0.1 from 0 ms on" in text
     assert ">Course<" in svg

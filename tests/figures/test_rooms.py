@@ -34,7 +34,7 @@ def test_every_file_that_a_step_makes_is_read_and_every_one_read_is_made():
 
 @pytest.fixture
 def new(tmp_path, monkeypatch):
-    """Return a new room, made from the template, in a folder of its own."""
+    """Return a new room, made from the template in a temporary folder."""
     folder = tmp_path / "figures" / "new_room"
     shutil.copytree(TEMPLATE, folder)
     (folder.parent / "index.md.j2").write_text("# Index\n")

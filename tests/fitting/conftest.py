@@ -8,7 +8,7 @@ import pytest
 
 from bgmodel.fits import fit
 from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.hierarchy import chains
+from bgmodel.fitting.hierarchy import chains, guide
 from circuits.errors import FitWarning
 from tests.drawn import drawn
 
@@ -48,6 +48,12 @@ def short_chains():
         patch.setattr(chains, "BLOCK", MOST)
         patch.setattr(chains, "WARM_UP", WARM_UP)
         yield
+
+
+@pytest.fixture
+def few_moves(monkeypatch):
+    """Propose the end of a hundred moves: after any number of them the posterior is the same."""
+    monkeypatch.setattr(guide, "MOVES_OF_ALL", 100)
 
 
 @pytest.fixture(scope="session")

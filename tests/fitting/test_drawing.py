@@ -73,9 +73,9 @@ def test_strengths_are_on_the_axis_and_conditions_in_the_key(drawn):
     labels = [text.get_text() for text in drawn.axes[0].get_xticklabels()]
     assert labels == ["0.1", "0.4"]
     (legend,) = drawn.legends
-    said = {text.get_text() for text in legend.get_texts()}
+    entries = {text.get_text() for text in legend.get_texts()}
     models = {f"{name}, {dbs}" for name in ("one", "other") for dbs in ("off", "on")}
-    assert said == {*models, "Data, off", "Data, on"}
+    assert entries == {*models, "Data, off", "Data, on"}
     assert (
         drawn.get_suptitle() == "somebody: 27 trials, 9 per point; bars: 95 % intervals of the data"
     )

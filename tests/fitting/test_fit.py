@@ -32,18 +32,18 @@ def likelihood():
 
 
 @pytest.fixture(scope="module")
-def found(likelihood):
+def fit(likelihood):
     return fit_likelihood(likelihood)
 
 
-def test_there_is_one_row_per_number_with_its_error(found):
-    table = found.parameters()
+def test_there_is_one_row_per_number_with_its_error(fit):
+    table = fit.parameters()
     assert table["parameter"].tolist() == FREE
-    assert table["value"].tolist() == found.optimum.vector.tolist()
-    assert table["standard_error"].tolist() == found.directions.standard_errors.tolist()
+    assert table["value"].tolist() == fit.optimum.vector.tolist()
+    assert table["standard_error"].tolist() == fit.directions.standard_errors.tolist()
     assert table[["low", "high"]].isna().all(axis=None)
     assert not table["at_bound"].any()
-    assert np.array_equal(found.directions.vector, found.optimum.vector)
+    assert np.array_equal(fit.directions.vector, fit.optimum.vector)
 
 
 def test_an_interval_holds_the_value_and_is_as_wide_as_its_error_says(likelihood, monkeypatch):
@@ -64,8 +64,8 @@ def test_an_interval_holds_the_value_and_is_as_wide_as_its_error_says(likelihood
     assert told[-1] == "posterior 120"
 
 
-def test_cells_hold_data_beside_the_model(found, likelihood):
-    table, design = found.cells(), likelihood.design
+def test_cells_hold_data_beside_the_model(fit, likelihood):
+    table, design = fit.cells(), likelihood.design
     assert {f"q{percent}_s" for percent in (10, 30, 50, 70, 90)} < set(table)
     seen = design.observed
     for cell, row in table.iterrows():
@@ -80,21 +80,21 @@ def test_cells_hold_data_beside_the_model(found, likelihood):
         for q in QUANTILES:
             assert row[f"q{round(100 * q)}_s"] == np.quantile(rt, q)
             assert row[f"model_q{round(100 * q)}_s"] == pytest.approx(np.quantile(rt, q), abs=0.06)
-    said = found.optimum.moments
-    assert table["model_accuracy"].to_numpy() == pytest.approx(said["accuracy"], rel=1e-12)
+    moments = fit.optimum.moments
+    assert table["model_accuracy"].to_numpy() == pytest.approx(moments["accuracy"], rel=1e-12)
     assert table["model_accuracy"].to_numpy() == pytest.approx(table["accuracy"], abs=0.05)
     assert table["model_mean_s"].to_numpy() == pytest.approx(table["mean_s"], abs=0.04)
     # In the test times of both responses are alike, where those that are wrong are no lapses.
     assert table["model_correct_s"][0] == pytest.approx(table["model_wrong_s"][0], abs=0.02)
 
 
-def test_a_fit_prints_its_largest_residuals_and_cells_without_errors(found):
-    said, rows = found.facts(), found.residuals()
-    assert said["residual 1"] == phrase(rows.iloc[0].to_dict())
-    assert [name for name in said if name.startswith("residual")] == [
+def test_a_fit_prints_its_largest_residuals_and_cells_without_errors(fit):
+    facts, rows = fit.facts(), fit.residuals()
+    assert facts["residual 1"] == phrase(rows.iloc[0].to_dict())
+    assert [name for name in facts if name.startswith("residual")] == [
         "residual 1", "residual 2", "residual 3",
     ]  # fmt: skip
-    assert said["errors"] == too_few(found.cells()) != ""
+    assert facts["errors"] == too_few(fit.cells()) != ""
 
 
 def test_quantiles_of_a_model_are_those_of_its_draws():
@@ -136,9 +136,9 @@ class Twice:
 def test_what_can_not_be_told_apart_is_fitted_with_a_warning(likelihood):
     asked = likelihood_of(Twice(), likelihood.design, free=["bound", "times"])
     with pytest.warns(FitWarning, match="hardly distinguish bound from times"):
-        found = fit_likelihood(asked)
-    assert abs(found.directions.cosines[0, 1]) > 0.999
-    product = found.optimum.values["bound"] * found.optimum.values["times"]
+        fit = fit_likelihood(asked)
+    assert abs(fit.directions.cosines[0, 1]) > 0.999
+    product = fit.optimum.values["bound"] * fit.optimum.values["times"]
     assert product == pytest.approx(0.6, abs=0.05)
 
 
@@ -163,33 +163,33 @@ def test_what_differs_at_the_optimum_is_fitted_without_a_warning(likelihood):
     )
     assert directions(asked, asked.freedom.start).cautions()
     with unwarned():
-        found = fit_likelihood(asked)
-    assert found.optimum.values["base"] == pytest.approx(0.6, abs=0.05)
+        fit = fit_likelihood(asked)
+    assert fit.optimum.values["base"] == pytest.approx(0.6, abs=0.05)
 
 
-def test_an_exact_model_has_no_simulation_error(found):
-    assert found.simulation.log_likelihood == 0
-    assert (found.parameters()["simulation_error"] == 0).all()
+def test_an_exact_model_has_no_simulation_error(fit):
+    assert fit.simulation.log_likelihood == 0
+    assert (fit.parameters()["simulation_error"] == 0).all()
 
 
-def test_the_error_of_the_simulation_is_part_of_standard_errors_and_intervals(found):
-    own = 2 * found.directions.standard_errors
-    draws = found.optimum.vector + np.random.default_rng(1).normal(0, own, (1000, len(own)))
+def test_the_error_of_the_simulation_is_part_of_standard_errors_and_intervals(fit):
+    se = 2 * fit.directions.standard_errors
+    draws = fit.optimum.vector + np.random.default_rng(1).normal(0, se, (1000, len(se)))
     drawn_ = Posterior(FREE, draws, np.zeros(len(draws)), 1.0, 100.0)
-    simulated = replace(found, simulation=Simulation(0.5, own), posterior=drawn_)
+    simulated = replace(fit, simulation=Simulation(0.5, se), posterior=drawn_)
     table = simulated.parameters()
-    expected = np.sqrt(5) * found.directions.standard_errors
+    expected = np.sqrt(5) * fit.directions.standard_errors
     assert table["standard_error"].to_numpy() == pytest.approx(expected)
-    assert table["simulation_error"].tolist() == own.tolist()
-    assert pytest.approx(widened(drawn_, own)) == table[["low", "high"]].to_numpy().T
+    assert table["simulation_error"].tolist() == se.tolist()
+    assert pytest.approx(widened(drawn_, se)) == table[["low", "high"]].to_numpy().T
     assert (table["low"] < drawn_.interval(0.9)[0]).all()
 
 
-def test_where_the_error_of_the_simulation_is_unknown_that_of_the_data_remains(found):
-    own = np.array([np.nan, 0.1, 0.1])
-    table = replace(found, simulation=Simulation(0.5, own)).parameters()
+def test_where_the_error_of_the_simulation_is_unknown_that_of_the_data_remains(fit):
+    se = np.array([np.nan, 0.1, 0.1])
+    table = replace(fit, simulation=Simulation(0.5, se)).parameters()
     assert np.isnan(table["simulation_error"]).tolist() == [True, False, False]
-    assert table["standard_error"][0] == found.directions.standard_errors[0]
+    assert table["standard_error"][0] == fit.directions.standard_errors[0]
     draws = np.random.default_rng(0).normal(1.0, 0.3, (1000, 1))
     drawn_ = Posterior(["a"], draws, np.zeros(len(draws)), 1.0, 100.0)
     assert np.array_equal(widened(drawn_, np.array([np.nan])), drawn_.interval(0.9))

@@ -19,10 +19,10 @@ FREE = ["sensitivity", "bound", "t0_s", "t0_sd_s"]
 TRUE = np.array([8.0, 0.6, TRUTH["t0_s"], TRUTH["t0_sd_s"]])
 
 
-def likelihood_at(trials, seed=21, strengths=(0.05, 0.3), **given):
+def likelihood_at(trials, seed=21, strengths=(0.05, 0.3), **options):
     some = drawn(MODEL, strengths, trials, seed, **VALUES)
-    given.setdefault("free", FREE)
-    return likelihood_of(MODEL, design_of(some), **given)
+    options.setdefault("free", FREE)
+    return likelihood_of(MODEL, design_of(some), **options)
 
 
 def test_information_is_the_covariance_of_the_score():
@@ -48,13 +48,13 @@ def test_errors_fall_with_the_root_of_the_number_of_trials():
 
 
 def test_errors_are_those_of_the_inverse_of_the_information():
-    found = directions(likelihood_at(100), TRUE)
-    assert found.standard_errors == pytest.approx(
-        np.sqrt(np.diag(np.linalg.inv(found.information)))
+    errors = directions(likelihood_at(100), TRUE)
+    assert errors.standard_errors == pytest.approx(
+        np.sqrt(np.diag(np.linalg.inv(errors.information)))
     )
-    assert found.alone == pytest.approx(1 / np.sqrt(np.diag(found.information)))
-    assert found.cosines == pytest.approx(found.cosines.T)
-    assert np.diag(found.cosines) == pytest.approx(1)
+    assert errors.alone == pytest.approx(1 / np.sqrt(np.diag(errors.information)))
+    assert errors.cosines == pytest.approx(errors.cosines.T)
+    assert np.diag(errors.cosines) == pytest.approx(1)
 
 
 class Doubled:
@@ -69,8 +69,8 @@ class Doubled:
 
     def decided(self, values, strength, grid):
         bound = values["bound"] * values["times"]
-        found = MODEL.decided({**values, "bound": bound}, strength, grid)
-        return found * (1 + 1e-13 * values["idle"][:, None, None])
+        mass = MODEL.decided({**values, "bound": bound}, strength, grid)
+        return mass * (1 + 1e-13 * values["idle"][:, None, None])
 
     def halves(self):
         return self, self
@@ -85,21 +85,21 @@ def of_doubled(free):
 
 
 def test_two_names_of_one_parameter_have_a_cosine_of_1_and_one_makes_up_for_the_other():
-    found = directions(of_doubled(["bound", "times"]), np.array([0.6, 1.0]))
-    assert found.cosines == pytest.approx(1, abs=1e-6)
-    (caution,) = found.cautions()
+    errors = directions(of_doubled(["bound", "times"]), np.array([0.6, 1.0]))
+    assert errors.cosines == pytest.approx(1, abs=1e-6)
+    (caution,) = errors.cautions()
     # The bound is their product: 0.6 times 1.
     assert "bound by +0.012 is compensated by one of times by -0.02" in caution
     assert not directions(of_doubled(["sensitivity", "times"]), np.array([8.0, 1.0])).cautions()
 
 
 def test_a_parameter_that_moves_nothing_is_named_and_leaves_the_errors_of_others():
-    found = directions(of_doubled(["sensitivity", "bound", "idle"]), np.array([8.0, 0.6, 0.5]))
-    assert [each.split(":")[0] for each in found.cautions()] == [
+    errors = directions(of_doubled(["sensitivity", "bound", "idle"]), np.array([8.0, 0.6, 0.5]))
+    assert [each.split(":")[0] for each in errors.cautions()] == [
         "nothing in this design depends on idle"
     ]
     without = directions(of_doubled(["sensitivity", "bound"]), np.array([8.0, 0.6]))
-    assert found.standard_errors == pytest.approx([*without.standard_errors, np.inf])
+    assert errors.standard_errors == pytest.approx([*without.standard_errors, np.inf])
 
 
 def test_opposite_directions_are_named_too_and_a_right_angle_is_not():
@@ -151,11 +151,11 @@ class Noisy(Doubled):
     seeds: tuple[int, ...]
 
     def decided(self, values, strength, grid):
-        found = MODEL.decided(values, strength, grid)
-        signs = [np.random.default_rng(seed).choice([-1, 1], found.shape) for seed in self.seeds]
+        mass = MODEL.decided(values, strength, grid)
+        signs = [np.random.default_rng(seed).choice([-1, 1], mass.shape) for seed in self.seeds]
         off = np.mean(signs, axis=0)
-        off -= (found * off).sum(axis=(1, 2), keepdims=True) / found.sum(axis=(1, 2), keepdims=True)
-        return found * (1 + 0.1 * off * values["idle"][:, None, None])
+        off -= (mass * off).sum(axis=(1, 2), keepdims=True) / mass.sum(axis=(1, 2), keepdims=True)
+        return mass * (1 + 0.1 * off * values["idle"][:, None, None])
 
     def halves(self):
         return tuple(Noisy((seed,)) for seed in self.seeds)
@@ -175,15 +175,15 @@ def test_the_error_of_stored_trials_is_no_information():
     """Its square would be."""
     design = likelihood_at(100).design
     vector = np.array([8.0, 0.6, 0.5])
-    found = {}
+    information = {}
     for kind in (Noisy, Squared):
         each = []
         for seed in range(20):
             model = kind((2 * seed, 2 * seed + 1))
             likelihood = likelihood_of(model, design, free=["sensitivity", "bound", "idle"])
             each.append(directions(likelihood, vector).information[2, 2])
-        found[kind] = np.median(each)
-    assert found[Noisy] < 0.1 * found[Squared]
+        information[kind] = np.median(each)
+    assert information[Noisy] < 0.1 * information[Squared]
 
 
 def test_what_nothing_fixes_has_an_infinite_error():

@@ -33,8 +33,7 @@ def known(likelihood, values):
 
 
 @pytest.mark.parametrize(
-    ("case", "seed"),
-    [("constant", 1), ("constant", 2), ("constant", 3), ("falling", 4)],
+    ("case", "seed"), [("constant", 1), ("constant", 2), ("constant", 3), ("falling", 4)]
 )
 def test_parameters_that_made_the_data_are_found_within_their_errors(case, seed):
     model, values, trials = CASES[case]
@@ -42,14 +41,14 @@ def test_parameters_that_made_the_data_are_found_within_their_errors(case, seed)
     held = {name: TRUTH[name] for name in ("t0_sd_s", "lapse")}
     likelihood = likelihood_of(model, design, fixed=held)
     truth = known(likelihood, values)
-    found = optimum(likelihood)
+    peak = optimum(likelihood)
     errors = directions(likelihood, truth).standard_errors
-    assert (np.abs(found.vector - truth) < 3 * errors).all()
-    assert found.log_likelihood >= likelihood(truth) - 0.01
+    assert (np.abs(peak.vector - truth) < 3 * errors).all()
+    assert peak.log_likelihood >= likelihood(truth) - 0.01
     # Twice the gain is chi squared of as many degrees as there are parameters.
-    assert found.log_likelihood - likelihood(truth) < 12
-    assert not found.at_bound.any()
-    assert likelihood(found.vector) == pytest.approx(found.log_likelihood, abs=1e-9)
+    assert peak.log_likelihood - likelihood(truth) < 12
+    assert not peak.at_bound.any()
+    assert likelihood(peak.vector) == pytest.approx(peak.log_likelihood, abs=1e-9)
     # They distinguish these from others: the errors are small relative to the values.
     assert (errors < 0.4 * truth).all()
 
@@ -70,8 +69,8 @@ def small():
     return drawn(CONSTANT, [0.0, 0.1, 0.4], 150, 11, sensitivity=10.0, bound=0.6)
 
 
-def fitted(choices, **given):
-    return optimum(likelihood_of(CONSTANT, design_of(choices), **given))
+def fitted(choices, **options):
+    return optimum(likelihood_of(CONSTANT, design_of(choices), **options))
 
 
 def test_in_per_cent_sensitivity_is_a_hundredth_and_all_else_the_same(small):
@@ -114,8 +113,8 @@ def test_an_optimum_at_a_bound_says_so(small):
             for each in model.freedom.parameters
         ]
         freed = freedom(parameters, {}, model.design.cells, free=model.freedom.names)
-        found = optimum(BinnedLikelihood(CONSTANT, model.design, freed))
-        return dict(zip(freed.names, found.at_bound.tolist(), strict=True))
+        peak = optimum(BinnedLikelihood(CONSTANT, model.design, freed))
+        return dict(zip(freed.names, peak.at_bound.tolist(), strict=True))
 
     assert near("bound", 0.8, 2.0) == {"sensitivity": False, "bound": True, "t0_s": False}
     assert near("t0_s", 0.1, 0.2)["t0_s"]
@@ -162,8 +161,8 @@ class Hills:
 def test_a_number_counts_as_at_its_bound_within_a_thousandth_of_its_range():
     """The range here is 16: 0.016 from either end."""
     for vector, at in (([-7.985, 0], True), ([-7.983, 0], False), ([7.983, 0], False)):
-        found = Optimum(Hills(), np.array(vector), 0.0, 1)
-        assert found.at_bound.tolist() == [at, False]
+        peak = Optimum(Hills(), np.array(vector), 0.0, 1)
+        assert peak.at_bound.tolist() == [at, False]
     assert Optimum(Hills(), np.array([0, 7.985]), 0.0, 1).at_bound.tolist() == [False, True]
 
 
@@ -181,10 +180,10 @@ def test_a_search_first_looks_as_far_away_as_about_a_sixth_of_its_start():
 def test_of_several_searches_the_best_one_counts(order):
     told = []
     starts = [np.full(2, at) for at in (3.2, -3.2)][::order]
-    found = optimum(Hills(), starts=starts, tell=lambda *each: told.append(each))
-    assert found.vector == pytest.approx([3, 3], abs=0.1)
-    assert found.log_likelihood == pytest.approx(0, abs=0.01)
-    assert told[-1][0] == found.evaluations
+    peak = optimum(Hills(), starts=starts, tell=lambda *each: told.append(each))
+    assert peak.vector == pytest.approx([3, 3], abs=0.1)
+    assert peak.log_likelihood == pytest.approx(0, abs=0.01)
+    assert told[-1][0] == peak.evaluations
     # Sixteen points per generation.
     assert set(np.diff([0, *(done for done, _ in told)])) == {16}
     assert np.all(np.diff([best for _, best in told]) >= 0)

@@ -20,8 +20,8 @@ ALL = (A, B, C)
 CONDITIONS = {"speed": ["fast", "slow", "fast"], "site": ["x", "y", "z"]}
 
 
-def freed(**given):
-    return freedom(ALL, CONDITIONS, 3, **given)
+def freed(**options):
+    return freedom(ALL, CONDITIONS, 3, **options)
 
 
 def test_what_is_free_is_what_says_so_unless_named():
@@ -50,7 +50,7 @@ def test_bounds_and_start_go_with_their_numbers():
 
 
 @pytest.mark.parametrize(
-    ("given", "says"),
+    ("options", "says"),
     [
         ({"free": ["d"]}, "no parameter is called 'd'; there are a, b, c"),
         ({"fixed": {"d": 1}}, "no parameter is called 'd'"),
@@ -64,15 +64,15 @@ def test_bounds_and_start_go_with_their_numbers():
         ({"free": []}, "no parameter is free: name some of a, b, c"),
     ],
 )
-def test_what_makes_no_sense_is_refused(given, says):
+def test_what_makes_no_sense_is_refused(options, says):
     with pytest.raises(ValueError, match=says.replace("'", ".")):
-        freed(**given)
+        freed(**options)
 
 
-@pytest.mark.parametrize("given", [(2, 1, 1), (0, 1, 2), (0, 1, -1), (0, np.inf, 1)])
-def test_a_parameter_starts_within_its_bounds(given):
+@pytest.mark.parametrize("limits", [(2, 1, 1), (0, 1, 2), (0, 1, -1), (0, np.inf, 1)])
+def test_a_parameter_starts_within_its_bounds(limits):
     with pytest.raises(ValueError, match="low <= start <= high must hold"):
-        Parameter("a", *given)
+        Parameter("a", *limits)
 
 
 def test_held_is_what_stands_in_all_cells_or_in_those_of_one_level():
@@ -97,8 +97,8 @@ EVERY = {each.name: each for model in MODELS for each in model.parameters}
 def test_the_page_of_fits_states_the_range_and_the_start_of_each_parameter(name):
     """A reader who sees a value at a bound in a table must find the bound."""
     page = (ROOT / "docs/guides/fit.md").read_text()
-    said = re.search(rf"[^\n]*`{name}`[^\n]*? (-?[\d.]+) to ([\d.]+), start ([\d.]+)", page)
+    stated = re.search(rf"[^\n]*`{name}`[^\n]*? (-?[\d.]+) to ([\d.]+), start ([\d.]+)", page)
     each = EVERY[name]
-    assert [float(x) for x in said.groups()] == pytest.approx(
+    assert [float(x) for x in stated.groups()] == pytest.approx(
         [each.low, each.high, each.start], rel=0.01
     )

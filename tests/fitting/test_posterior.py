@@ -28,9 +28,9 @@ class Known:
     def heights(self, vectors):
         return np.array([self(vector) for vector in vectors])
 
-    def draw(self, **given):
+    def draw(self, **options):
         return posterior(
-            self, Directions(["a", "b"], self.freedom.start, self.information), **given
+            self, Directions(["a", "b"], self.freedom.start, self.information), **options
         )
 
 
@@ -38,32 +38,32 @@ GAUSSIAN = Known(np.linalg.inv([[1.0, 1.2], [1.2, 4.0]]))
 
 
 def test_draws_from_a_gaussian_have_its_covariance():
-    found = GAUSSIAN.draw()
-    assert found.long_enough
-    assert found.lasts > ENOUGH
+    chain = GAUSSIAN.draw()
+    assert chain.long_enough
+    assert chain.lasts > ENOUGH
     # It looks at the chain every 500 steps, and stops once the chain is long enough.
-    assert len(found.draws) in {32 * 250 * looks for looks in range(1, 5)}
-    error = 4 / np.sqrt(found.effective)
-    assert np.cov(found.draws.T) == pytest.approx(np.array([[1.0, 1.2], [1.2, 4.0]]), abs=4 * error)
-    assert found.draws.std(axis=0) == pytest.approx([1, 2], rel=error)
-    assert np.abs(found.mean / [1, 2]).max() < error
-    assert found.interval(0.9)[1] == pytest.approx(1.645 * np.array([1, 2]), rel=2 * error)
-    assert found.log_density[:5] == pytest.approx([GAUSSIAN(x) for x in found.draws[:5]])
+    assert len(chain.draws) in {32 * 250 * looks for looks in range(1, 5)}
+    error = 4 / np.sqrt(chain.effective)
+    assert np.cov(chain.draws.T) == pytest.approx(np.array([[1.0, 1.2], [1.2, 4.0]]), abs=4 * error)
+    assert chain.draws.std(axis=0) == pytest.approx([1, 2], rel=error)
+    assert np.abs(chain.mean / [1, 2]).max() < error
+    assert chain.interval(0.9)[1] == pytest.approx(1.645 * np.array([1, 2]), rel=2 * error)
+    assert chain.log_density[:5] == pytest.approx([GAUSSIAN(x) for x in chain.draws[:5]])
 
 
 def test_without_information_draws_fill_the_bounds_evenly():
-    found = Known(np.zeros((2, 2)), low=2.0).draw()
-    assert found.draws.min() >= 2
-    assert found.draws.max() <= 10
-    error = 4 * 8 / np.sqrt(12 * found.effective)
-    assert found.mean == pytest.approx(6, abs=error)
-    assert found.interval(0.9) == pytest.approx(np.array([[2.4, 2.4], [9.6, 9.6]]), abs=2 * error)
+    chain = Known(np.zeros((2, 2)), low=2.0).draw()
+    assert chain.draws.min() >= 2
+    assert chain.draws.max() <= 10
+    error = 4 * 8 / np.sqrt(12 * chain.effective)
+    assert chain.mean == pytest.approx(6, abs=error)
+    assert chain.interval(0.9) == pytest.approx(np.array([[2.4, 2.4], [9.6, 9.6]]), abs=2 * error)
 
 
 def test_a_bound_cuts_the_posterior_and_nothing_else():
-    found = Known(np.eye(2), low=0.0).draw()
-    assert found.draws.min() >= 0
-    assert found.mean == pytest.approx(np.sqrt(2 / np.pi), abs=4 * 0.6 / np.sqrt(found.effective))
+    chain = Known(np.eye(2), low=0.0).draw()
+    assert chain.draws.min() >= 0
+    assert chain.mean == pytest.approx(np.sqrt(2 / np.pi), abs=4 * 0.6 / np.sqrt(chain.effective))
 
 
 def test_the_same_seed_draws_the_same_and_another_one_others():
@@ -73,19 +73,19 @@ def test_the_same_seed_draws_the_same_and_another_one_others():
 
 
 def test_a_short_chain_says_so_and_what_it_is_worth(caplog, capfd):
-    found = GAUSSIAN.draw(most_steps=60)
-    assert not found.long_enough
-    assert 0 < found.lasts < ENOUGH
-    assert found.effective < len(found.draws) == 60 // 2 * 32
+    chain = GAUSSIAN.draw(most_steps=60)
+    assert not chain.long_enough
+    assert 0 < chain.lasts < ENOUGH
+    assert chain.effective < len(chain.draws) == 60 // 2 * 32
     # Nothing of the sampler's own warnings.
     assert caplog.text == ""
     assert capfd.readouterr() == ("", "")
 
 
 def test_what_the_draws_are_worth_is_how_their_mean_scatters():
-    found = [GAUSSIAN.draw(most_steps=300, steps=300, seed=seed) for seed in range(12)]
-    scatter = np.var([each.mean[1] / 2 for each in found])
-    expected = np.mean([1 / each.effective for each in found])
+    chains = [GAUSSIAN.draw(most_steps=300, steps=300, seed=seed) for seed in range(12)]
+    scatter = np.var([each.mean[1] / 2 for each in chains])
+    expected = np.mean([1 / each.effective for each in chains])
     assert 0.25 < scatter / expected < 4
 
 
@@ -102,16 +102,16 @@ def test_with_many_trials_the_posterior_is_as_wide_as_the_errors_say():
     likelihood = likelihood_of(model, design_of(some), fixed=held)
     best = optimum(likelihood).vector
     there = directions(likelihood, best)
-    found = posterior(likelihood, there, most_steps=200, steps=200)
-    assert found.draws.std(axis=0) == pytest.approx(there.standard_errors, rel=0.15)
-    assert np.abs((found.mean - best) / there.standard_errors).max() < 0.5
+    chain = posterior(likelihood, there, most_steps=200, steps=200)
+    assert chain.draws.std(axis=0) == pytest.approx(there.standard_errors, rel=0.15)
+    assert np.abs((chain.mean - best) / there.standard_errors).max() < 0.5
 
 
 def test_an_interval_holds_nine_tenths_unless_another_share_is_asked_for():
     draws = np.linspace(0, 1, 1001)[:, None] * [1.0, 10.0]
-    found = Posterior(["a", "b"], draws, draws[:, 0], 1.0, 1.0)
-    assert found.interval() == pytest.approx(np.array([[0.05, 0.5], [0.95, 9.5]]))
-    assert found.interval(0.5) == pytest.approx(np.array([[0.25, 2.5], [0.75, 7.5]]))
+    chain = Posterior(["a", "b"], draws, draws[:, 0], 1.0, 1.0)
+    assert chain.interval() == pytest.approx(np.array([[0.05, 0.5], [0.95, 9.5]]))
+    assert chain.interval(0.5) == pytest.approx(np.array([[0.25, 2.5], [0.75, 7.5]]))
 
 
 def test_no_chain_is_worth_more_than_its_draws():

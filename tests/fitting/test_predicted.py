@@ -41,28 +41,28 @@ def some():
     return drawn(MODEL, [0.05, 0.4], 200, 51, seconds=2.0, **VALUES)
 
 
-def likelihood(choices, **given):
-    return likelihood_of(MODEL, design_of(choices), fixed={**HELD, **given})
+def likelihood(choices, **held):
+    return likelihood_of(MODEL, design_of(choices), fixed={**HELD, **held})
 
 
 @pytest.fixture(scope="module")
 def predictions(some):
-    """Return predictions of the right model and of one that hears nothing, and what was told."""
+    """Return predictions of the right and of an insensitive model, and the reported progress."""
     told = []
-    own = predicted(likelihood(some), folds=3, tell=told.append)
-    return own, predicted(likelihood(some, sensitivity=0.06), folds=3), told
+    hearing = predicted(likelihood(some), folds=3, tell=told.append)
+    return hearing, predicted(likelihood(some, sensitivity=0.06), folds=3), told
 
 
 def test_the_model_that_made_the_data_predicts_better_than_one_that_hears_nothing(
     some, predictions
 ):
-    own, deaf, told = predictions
+    hearing, deaf, told = predictions
     assert told == [1, 2, 3]
-    assert len(own.each) == some.trials
-    found = better_by(own, deaf)
-    assert found.nats > 5 * found.error
-    assert found.simulation_error == 0
-    assert better_by(deaf, own) == Better(-found.nats, found.error, 0.0)
+    assert len(hearing.each) == some.trials
+    better = better_by(hearing, deaf)
+    assert better.nats > 5 * better.error
+    assert better.simulation_error == 0
+    assert better_by(deaf, hearing) == Better(-better.nats, better.error, 0.0)
 
 
 def test_what_is_predicted_is_no_more_likely_than_what_is_fitted(some, predictions):
@@ -85,9 +85,9 @@ NONE_LEFT = np.empty((0, 400))
 def test_the_error_of_a_sum_is_that_of_independent_trials():
     rng = np.random.default_rng(0)
     first, second = rng.normal(1, 1, 400), rng.normal(0, 1, 400)
-    found = better_by(Predicted(first, NONE_LEFT), Predicted(second, NONE_LEFT))
-    assert found.nats == pytest.approx((first - second).sum())
-    assert found.error == pytest.approx(np.sqrt(2 * 400), rel=0.1)
+    better = better_by(Predicted(first, NONE_LEFT), Predicted(second, NONE_LEFT))
+    assert better.nats == pytest.approx((first - second).sum())
+    assert better.error == pytest.approx(np.sqrt(2 * 400), rel=0.1)
 
 
 def test_simulation_error_adds_as_a_square_and_cancels_where_it_is_shared():

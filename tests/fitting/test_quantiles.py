@@ -50,23 +50,23 @@ def test_errors_of_the_data_are_not_those_of_correct_responses():
     rng = np.random.default_rng(65)
     rt_s, response = rng.uniform(0, 1, 400), np.repeat([0, 1], 200)
     rt_s[:200] += 3
-    found = observed_quantiles(rt_s, response)
+    row = observed_quantiles(rt_s, response)
     for q in QUANTILES:
         name = f"q{round(100 * q)}"
-        assert found[f"correct_{name}_s"] == pytest.approx(q, abs=0.12)
-        assert found[f"wrong_{name}_s"] == pytest.approx(3 + q, abs=0.12)
+        assert row[f"correct_{name}_s"] == pytest.approx(q, abs=0.12)
+        assert row[f"wrong_{name}_s"] == pytest.approx(3 + q, abs=0.12)
         # Of uniform times: sqrt(q (1 - q) / n).
-        assert found[f"wrong_{name}_se"] == pytest.approx(np.sqrt(q * (1 - q) / 200), rel=0.4)
+        assert row[f"wrong_{name}_se"] == pytest.approx(np.sqrt(q * (1 - q) / 200), rel=0.4)
 
 
 def test_predicted_quantiles_of_an_exponential_time_are_its_own():
     edges = np.arange(1001) * BIN_S
     mass = np.stack([np.diff(-np.exp(-edges / 0.5)), 0.2 * np.diff(-np.exp(-edges / 1.0))])
-    found = predicted_quantiles(mass, BIN_S)
+    row = predicted_quantiles(mass, BIN_S)
     for q in QUANTILES:
         percent = round(100 * q)
-        assert found[f"model_wrong_q{percent}_s"] == pytest.approx(-0.5 * np.log(1 - q), abs=2e-3)
-        assert found[f"model_correct_q{percent}_s"] == pytest.approx(-np.log(1 - q), abs=2e-3)
+        assert row[f"model_wrong_q{percent}_s"] == pytest.approx(-0.5 * np.log(1 - q), abs=2e-3)
+        assert row[f"model_correct_q{percent}_s"] == pytest.approx(-np.log(1 - q), abs=2e-3)
 
 
 def test_a_response_that_is_rare_has_no_quantiles_and_the_cell_is_counted(cells):
@@ -85,9 +85,9 @@ def test_a_response_that_is_rare_has_no_quantiles_and_the_cell_is_counted(cells)
 @pytest.mark.parametrize("short", [0, 1])
 def test_the_fewest_responses_with_quantiles(short):
     rt_s = np.linspace(0.3, 0.9, FEWEST - short)
-    found = observed_quantiles(rt_s, np.ones(len(rt_s), int))
-    assert np.isfinite(found["correct_q10_se"]) == (not short)
-    assert np.isnan(found["wrong_q50_s"])
+    row = observed_quantiles(rt_s, np.ones(len(rt_s), int))
+    assert np.isfinite(row["correct_q10_se"]) == (not short)
+    assert np.isnan(row["wrong_q50_s"])
 
 
 def test_residuals_are_sorted_by_their_size_in_standard_errors(cells):
@@ -109,8 +109,8 @@ def test_errors_that_are_slower_than_the_model_are_the_largest_residual():
     assert (worst["strength"], worst["response"]) == (0.1, "wrong")
     shift = rows[(rows["strength"] == 0.1) & (rows["response"] == "wrong")]["residual_ms"]
     assert shift.to_numpy() == pytest.approx(200, abs=50)
-    said = phrase(worst.to_dict())
-    assert all(part in said for part in ("wrong", "strength 0.1", f"{worst['residual_ms']:+.0f}"))
+    text = phrase(worst.to_dict())
+    assert all(part in text for part in ("wrong", "strength 0.1", f"{worst['residual_ms']:+.0f}"))
 
 
 def test_predictions_are_for_the_window_of_response_times():

@@ -32,8 +32,8 @@ def made():
 
 def test_a_fit_of_a_table_is_that_of_its_likelihood(made):
     choices = read_trials(DATA, **WHOSE)
-    whole = likelihood_of(GapModel(), design_of(choices), fixed={"lapse": 0.01})
-    expected = fit_likelihood(whole)
+    likelihood = likelihood_of(GapModel(), design_of(choices), fixed={"lapse": 0.01})
+    expected = fit_likelihood(likelihood)
     assert np.array_equal(made.optimum.vector, expected.optimum.vector)
     assert made.optimum.log_likelihood == expected.optimum.log_likelihood
 
@@ -66,9 +66,9 @@ def test_what_a_reader_is_shown_is_what_was_fitted(made):
 
 def test_python_and_the_command_have_the_same_defaults():
     """All but what Python says as mappings."""
-    said = inspect.signature(fit).parameters
+    parameters = inspect.signature(fit).parameters
     for field in fields(FitSettings):
-        default = said[field.name].default
+        default = parameters[field.name].default
         if field.name not in ("fix", "vary"):
             assert default == field.default, field.name
     assert {f.name for f in fields(FitSettings)} <= {f.name for f in fields(FitRun)}
@@ -118,9 +118,9 @@ def test_a_circuit_is_taken_as_it_is(tmp_path):
 @pytest.mark.parametrize("effect", [{"vary": ("bound=side",)}, {"formula": ("bound ~ side",)}])
 def test_a_parameter_without_its_effect_stays_free(asked, free, effect):
     others = {"vary": ("lapse=side",), "formula": ("t0_s ~ side",)}
-    given = {name: (*others[name], *effect.get(name, ())) for name in others}
-    found = FitSettings(**asked, **given).constant("bound")
-    assert found == FitSettings(free=free, **others)
+    combined = {name: (*others[name], *effect.get(name, ())) for name in others}
+    settings = FitSettings(**asked, **combined).constant("bound")
+    assert settings == FitSettings(free=free, **others)
 
 
 @pytest.mark.parametrize("name", ["bound", "threshold"])

@@ -83,9 +83,7 @@ def test_a_batch_without_rates_holds_as_many_trials_as_its_out_has_room_for(samp
 
 
 @given(
-    arrays(np.float64, (3, 4, 5), elements=st.floats(-60, 60)),
-    st.floats(2, 20),
-    st.floats(0.3, 1),
+    arrays(np.float64, (3, 4, 5), elements=st.floats(-60, 60)), st.floats(2, 20), st.floats(0.3, 1)
 )
 def test_a_reach_changes_out_by_no_more_than_it_says(readings, reach, gain):
     """OUT is -ln P within ln(1 + (N - 1) exp(-reach)), however strong the evidence."""

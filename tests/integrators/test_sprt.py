@@ -133,15 +133,15 @@ def test_tests_and_criteria_without_sense_are_refused(call, says):
 
 @given(
     seed=st.integers(0, 2**32),
-    whole=st.booleans(),
+    rounded=st.booleans(),
     prior=st.floats(0.1, 0.9),
     gaps=st.lists(st.sampled_from([0.0, 0.5, 1.0, 2.5, 4.0]), min_size=1, max_size=5),
 )
 @settings(max_examples=60)
-def test_a_tally_without_the_trace_counts_the_same(seed, whole, prior, gaps):
+def test_a_tally_without_the_trace_counts_the_same(seed, rounded, prior, gaps):
     rng = np.random.default_rng(seed)
     values = rng.normal(0, 1, (30, 8, 2))
-    values = np.round(values) / 2 if whole else values  # whole ones meet bars, and tie
+    values = np.round(values) / 2 if rounded else values  # whole ones meet bars, and tie
     lengths = rng.integers(1, 9, 30)
     values[np.arange(8) >= lengths[:, None]] = 0
     evidence = Evidence(

@@ -23,9 +23,9 @@ def test_losing_stn_shifts_out_by_ln_of_what_is_left(name, lost):
 
 def test_lesions_of_the_spiking_circuit_follow_its_fixed_point():
     edited = {"STN": TABLE.lesion("STN", 0.1), "D1": TABLE.lesion("D1", 0.1)}
-    found = shifts(TABLE, edited, [2.0, 2.5], seed=SEED, trials=10)
-    assert (np.abs(found["value"] - found["exact"]) < 0.02).all()
-    stn, d1 = (found[found["variant"] == name] for name in edited)
+    shifted = shifts(TABLE, edited, [2.0, 2.5], seed=SEED, trials=10)
+    assert (np.abs(shifted["value"] - shifted["exact"]) < 0.02).all()
+    stn, d1 = (shifted[shifted["variant"] == name] for name in edited)
     assert (stn["value"] + 2.3 * stn["se"] < -0.05).all()
     assert (d1["value"] - 2.3 * d1["se"] > 0.02).all()
 
@@ -54,5 +54,5 @@ def test_a_leader_is_ahead_of_each_other_channel_by_its_log_odds(channels):
         drive[:, :1] - drive[:, 1:], np.repeat(odds.reshape(-1, 1), channels - 1, 1)
     )
     assert np.abs(drive.sum(axis=1)).max() < 1e-12
-    found = leader_out(load_circuit("bogacz_gurney", channels), odds)
-    np.testing.assert_allclose(found, np.log1p((channels - 1) * np.exp(-odds)), atol=1e-9)
+    out_nats = leader_out(load_circuit("bogacz_gurney", channels), odds)
+    np.testing.assert_allclose(out_nats, np.log1p((channels - 1) * np.exp(-odds)), atol=1e-9)

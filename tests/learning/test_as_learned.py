@@ -6,12 +6,7 @@ import pytest
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.as_learned import POPULATIONS, SPIKES, TEST, decide_as_learned
-from bgmodel.learning.dopamine_learner import (
-    CRITERION,
-    LEVEL,
-    CircuitLearned,
-    criterion_outcomes,
-)
+from bgmodel.learning.dopamine_learner import CRITERION, LEVEL, CircuitLearned, criterion_outcomes
 from bgmodel.learning.reinforce import Learned
 from bgmodel.simulated_evidence import gaussian_evidence
 from tests.helpers import refused

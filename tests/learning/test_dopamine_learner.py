@@ -86,8 +86,8 @@ def test_level_outcomes_return_the_mean_reward_between_its_levels():
     rngs = [stream(SEED, "mean")] * runs
     world = made.environment(XI, rngs)
     for played in (0.76, 1.2, 1.713):
-        found = world(0, np.full(runs, played))
-        assert abs(found.mean() - made.expected(played, XI)) < 5 * found.std() / np.sqrt(runs)
+        rewards = world(0, np.full(runs, played))
+        assert abs(rewards.mean() - made.expected(played, XI)) < 5 * rewards.std() / np.sqrt(runs)
     assert made.best(XI)[0] == pytest.approx(1.2, abs=0.03)
     wrong = LevelOutcomes(made.levels, ~made.correct, made.steps, made.forced)
     assert wrong.rewards(XI) == pytest.approx(made.rewards(XI) - XI)
@@ -212,14 +212,7 @@ def tactile_default():
 )
 def test_dopamine_learns_the_level_of_a_circuit_that_touches(request, outcomes, start):
     tactile = request.getfixturevalue(outcomes)
-    learned = learn_level(
-        tactile,
-        xi=XI,
-        start_level=start,
-        runs=3,
-        seed=SEED,
-        name="tactile",
-    )
+    learned = learn_level(tactile, xi=XI, start_level=start, runs=3, seed=SEED, name="tactile")
     assert regret(start, tactile, XI) > 0.1
     assert regret(learned.learned, tactile, XI).max() < 0.05
     # Tonic and phasic are two quantities: one has settled, the other has not.
@@ -230,7 +223,7 @@ def test_dopamine_learns_the_level_of_a_circuit_that_touches(request, outcomes, 
 
 def test_what_the_last_error_carries_over_lowers_the_next_level(tactile):
     """An error makes dopamine dip; a dip that lasts takes the next trial's level down."""
-    found = {}
+    rises = {}
     for carried in (0.0, 0.5):
         learned = learn_level(
             tactile,
@@ -243,12 +236,12 @@ def test_what_the_last_error_carries_over_lowers_the_next_level(tactile):
         )
         wrong, level = learned.reward[:, 4000:-1] <= -XI, learned.played[:, 4001:]
         runs = zip(level, wrong, strict=True)
-        found[carried] = np.array(
+        rises[carried] = np.array(
             [each[after].mean() - each[~after].mean() for each, after in runs]
         )
-    error = found[0.0].std() / np.sqrt(8)
-    assert abs(found[0.0].mean()) < 4 * error
-    assert found[0.5].max() < found[0.0].min()
+    error = rises[0.0].std() / np.sqrt(8)
+    assert abs(rises[0.0].mean()) < 4 * error
+    assert rises[0.5].max() < rises[0.0].min()
 
 
 def test_reward_needs_the_truth(swept, level_evidence):
@@ -318,12 +311,12 @@ def test_what_trials_leave_open_is_the_regret_of_a_choice_between_two_levels(tri
 
 def test_regret_has_the_value_of_the_mean_over_runs_and_an_interval_about_it():
     outcomes, fresh = synthetic(11), synthetic(12)
-    found = found_on(outcomes, fresh, float(outcomes.levels[3]))
-    value, low, high = found.regrets.loc["learned"]
-    assert value == pytest.approx(100 * regret(found.learned.learned, fresh, 50.0).mean())
+    learned = found_on(outcomes, fresh, float(outcomes.levels[3]))
+    value, low, high = learned.regrets.loc["learned"]
+    assert value == pytest.approx(100 * regret(learned.learned.learned, fresh, 50.0).mean())
     assert low <= value <= high
     start = 100 * regret(outcomes.levels[3], fresh, 50.0)
-    assert found.regrets.loc["start", "value"] == pytest.approx(start)
+    assert learned.regrets.loc["start", "value"] == pytest.approx(start)
 
 
 def test_few_trials_with_rare_errors_are_the_cause_of_learning_what_is_worse():
@@ -333,11 +326,11 @@ def test_few_trials_with_rare_errors_are_the_cause_of_learning_what_is_worse():
     long = Learner(episodes=10_000)
     assert not found_on(pool(errors, steps, 5000, 3), fresh, 2.0, long).cautions
     few = pool(errors, steps, 60, seed_of_lucky(errors, steps))
-    found = found_on(few, fresh, 2.0, long)
-    assert few.expected(found.value, 50.0) > few.expected(2.0, 50.0)  # it learned what it saw
-    (said,) = found.cautions
-    assert "worse than it began" in said
-    assert "60 trials tell the best level only to" in said
+    learned = found_on(few, fresh, 2.0, long)
+    assert few.expected(learned.value, 50.0) > few.expected(2.0, 50.0)  # it learned what it saw
+    (caution,) = learned.cautions
+    assert "worse than it began" in caution
+    assert "60 trials tell the best level only to" in caution
 
 
 def seed_of_lucky(errors, steps):
@@ -353,8 +346,8 @@ def test_runs_that_miss_the_best_of_their_own_trials_are_the_cause_if_they_end_w
     errors, steps = (0.02, 0.02, 0.02, 0.02), (2.0, 3.0, 4.0, 5.0)
     outcomes = pool(errors, steps, 5000, 1)
     away = Learned(*np.full((4, 1, 9), 4.0), np.array([4.0]))
-    found = CircuitLearned(MODEL, away, outcomes, outcomes, 50.0, 1.0, LEVEL)
-    worse, edge = found.cautions
+    learned = CircuitLearned(MODEL, away, outcomes, outcomes, 50.0, 1.0, LEVEL)
+    worse, edge = learned.cautions
     assert "give more episodes" in worse
     assert "lower end" in edge
 
@@ -366,11 +359,11 @@ def test_runs_that_miss_the_best_of_their_own_trials_are_the_cause_if_they_end_w
 def test_a_best_level_at_an_end_of_the_range_is_said_with_what_moves_the_range(steps, edge):
     outcomes = pool((0.02, 0.02, 0.02), steps, 2000, 1)
     assert outcomes.at_edge(50.0) == edge
-    said = found_on(outcomes, outcomes, 2.0).cautions
-    assert len(said) == bool(edge)
+    cautions = found_on(outcomes, outcomes, 2.0).cautions
+    assert len(cautions) == bool(edge)
     if edge:
-        assert f"{edge} end" in said[0]
-        assert ("higher posterior" if edge == "lower" else "lower posterior") in said[0]
+        assert f"{edge} end" in cautions[0]
+        assert ("higher posterior" if edge == "lower" else "lower posterior") in cautions[0]
 
 
 def test_an_exact_circuit_learns_the_threshold_of_the_test():
@@ -378,25 +371,25 @@ def test_an_exact_circuit_learns_the_threshold_of_the_test():
     evidence = gaussian_evidence(200, d_prime=1, t_max=30, seed=1)
     model = BasalGanglia("bogacz_gurney", "algebra", 1.0)
     levels = np.linspace(0.4, 4, 25)
-    own = criterion_outcomes(model, evidence, levels)
+    outcomes = criterion_outcomes(model, evidence, levels)
     swept = tradeoff(Msprt().run(evidence), evidence, threshold_of(levels))
-    np.testing.assert_array_equal(own.correct, swept.choice == evidence.truth)
-    np.testing.assert_array_equal(own.steps, swept.time_ms / evidence.step_ms)
+    np.testing.assert_array_equal(outcomes.correct, swept.choice == evidence.truth)
+    np.testing.assert_array_equal(outcomes.steps, swept.time_ms / evidence.step_ms)
     with quiet(LearningWarning):  # the trials are few
-        found = learn_in_circuit(
+        learned = learn_in_circuit(
             model, evidence, evidence, what=CRITERION, levels=levels, runs=3, learner=SHORT
         )
-    assert found.start == levels[0]
-    assert found.regrets.loc["learned", "value"] < 5 < found.regrets.loc["start", "value"]
-    assert found.threshold_nats == pytest.approx(np.log1p(np.exp(-found.value)))
+    assert learned.start == levels[0]
+    assert learned.regrets.loc["learned", "value"] < 5 < learned.regrets.loc["start", "value"]
+    assert learned.threshold_nats == pytest.approx(np.log1p(np.exp(-learned.value)))
 
 
 def test_a_cause_is_warned_of_once_however_many_levels_are_run():
     evidence, fresh = (gaussian_evidence(60, d_prime=2, t_max=15, seed=seed) for seed in (1, 2))
     for gain, strong in ((None, 0), (0.55, 1)):
         model = BasalGanglia(DEFAULT, Rate().coarse(), gain)
-        said = told(
+        texts = told(
             learn_in_circuit, model, evidence, fresh, levels=[0.9, 1.0, 1.1], runs=1, learner=SHORT
         )
-        assert sum("too strong" in text for text in said) == strong
-        assert len(said) == len(set(said))
+        assert sum("too strong" in text for text in texts) == strong
+        assert len(texts) == len(set(texts))

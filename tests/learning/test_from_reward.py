@@ -113,7 +113,7 @@ def test_that_nothing_was_learned_is_said():
 
 
 @pytest.mark.parametrize(
-    ("given", "says"),
+    ("changes", "says"),
     [
         ({"task": "gaussian"}, "task"),
         ({"model": "macaque"}, "model"),
@@ -133,6 +133,6 @@ def test_that_nothing_was_learned_is_said():
         ({"model": RATE, "start": 9.0, "trials": 40}, "start"),
     ],
 )
-def test_what_cannot_be_learned_is_one_sentence(given, says):
+def test_what_cannot_be_learned_is_one_sentence(changes, says):
     with refused(says):
-        learn(**({"task": SameDifferent()} | given))
+        learn(**({"task": SameDifferent()} | changes))

@@ -112,16 +112,16 @@ def test_a_signal_that_rings_is_warned_of():
 
 
 @pytest.mark.parametrize(
-    ("given", "says"),
+    ("changes", "says"),
     [
         ({"ssd_ms": np.full(TRIALS, 5000.0)}, "ssd_ms before the end"),
         ({"ssd_ms": [100.0]}, "ssd_ms must be"),
         ({"every_ms": 3.0}, "every_ms fraction"),
     ],
 )
-def test_a_signal_that_does_not_fit_is_refused(evidence, given, says):
+def test_a_signal_that_does_not_fit_is_refused(evidence, changes, says):
     with refused(says):
-        with_stop(evidence, **{"ssd_ms": delays(200), "signal": StopSignal()} | given)
+        with_stop(evidence, **{"ssd_ms": delays(200), "signal": StopSignal()} | changes)
 
 
 def test_with_the_observers_signal_in_stn_the_circuit_does_what_the_observer_does(evidence):

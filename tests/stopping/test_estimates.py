@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from bgmodel.stopping.estimates import (
-    estimate_ssrt,
-    inhibition_function,
-    nth_time,
-)
+from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, nth_time
 from bgmodel.stopping.staircases import walk
 from bgmodel.stopping.trials import StopTrials, drawn_delays
 from circuits.errors import DataWarning

@@ -180,19 +180,21 @@ def test_inputs_add_up_column_by_column(evidence):
         with_input(one, 100.0, every_ms=5.0)
 
 
+def behaved(time_ms, missed, ssd, end_ms=200.0):
+    """Return the behaviour of trials that end at ``end_ms``, where those missed are forced."""
+    none, ends = np.zeros(len(ssd), bool), np.full(len(ssd), end_ms)
+    times = np.where(missed, end_ms, time_ms)
+    decision = Decision(missed.astype(int), times, missed, none, 1.0, ends, none.astype(int))
+    return Behaviour(decision, np.full(len(ssd), 0.9), none, 2, ssd)
+
+
 def test_measures_of_known_trials():
     """Go times of 1..100 ms; at 20 ms, half of the stop trials have a response: 50 - 20 ms."""
     go = np.arange(1.0, 101.0)
     time_ms = np.concatenate([go, [10.0, 20.0, np.nan, np.nan], [5.0] * 4])
     ssd = np.concatenate([np.full(100, np.nan), np.full(4, 20.0), np.full(4, 90.0)])
-    missed = np.isnan(time_ms)
-    trials = len(ssd)
-    decision = Decision(
-        np.where(missed, 1, 0), np.where(missed, 200.0, time_ms), missed, np.zeros(trials, bool),
-        1.0, np.full(trials, 200.0), np.zeros(trials, int),
-    )  # fmt: skip
-    behaviour = Behaviour(decision, np.full(trials, 0.9), np.zeros(trials, bool), 2, ssd)
-    values = behaviour.measures(np.ones((1, trials)))
+    behaviour = behaved(time_ms, np.isnan(time_ms), ssd)
+    values = behaviour.measures(np.ones((1, len(ssd))))
     assert {name: values[name][0] for name in OF_STOP} == {
         "p_respond": 0.75, "ssrt_ms": 30.0, "failed_minus_go_ms": 50 / 6 - 50.5,
     }  # fmt: skip
@@ -210,12 +212,7 @@ def test_missed_go_trials_count_as_the_slowest():
     time_ms = np.concatenate([np.arange(1.0, 101.0), np.full(10, 30.0)])
     ssd = np.where(np.arange(110) < 100, np.nan, 20.0)
     missed = (np.isnan(ssd) & (time_ms > 60)) | (np.arange(110) >= 107)
-    decision = Decision(
-        np.zeros(110, int), np.where(missed, 200.0, time_ms), missed, np.zeros(110, bool),
-        1.0, np.full(110, 200.0), np.zeros(110, int),
-    )  # fmt: skip
-    behaviour = Behaviour(decision, np.full(110, 0.9), np.zeros(110, bool), 2, ssd)
-    values = behaviour.measures(np.ones((1, 110)))
+    values = behaved(time_ms, missed, ssd).measures(np.ones((1, 110)))
     assert values["ssrt_ms"][0] == 60 - 20
     assert values["failed_minus_go_ms"][0] == 30 - 30.5
 
@@ -231,12 +228,7 @@ def test_pooling_wide_delays_is_biased_where_each_delay_is_not():
     trials = StopTrials(np.where(escaped, go_ms, np.nan), ssd_ms)
     assert ssrt_by_delay(inhibition_function(trials)) == pytest.approx(70, abs=4)
     assert estimate_ssrt(trials).ssrt_ms < 60
-    decision = Decision(
-        np.where(escaped, 0, 1), np.where(escaped, go_ms, 3000.0), ~escaped,
-        np.zeros(60_000, bool), 1.0, np.full(60_000, 3000.0), np.zeros(60_000, int),
-    )  # fmt: skip
-    both = Behaviour(decision, np.full(60_000, 0.9), np.zeros(60_000, bool), 2, ssd_ms)
-    measured = both.measures(np.ones((1, 60_000)))["ssrt_ms"][0]
+    measured = behaved(go_ms, ~escaped, ssd_ms, 3000.0).measures(np.ones((1, 60_000)))["ssrt_ms"][0]
     assert measured == pytest.approx(ssrt_by_delay(inhibition_function(trials)))
 
 

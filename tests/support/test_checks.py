@@ -10,10 +10,7 @@ from bgmodel.deciding.measures import reward
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.integrators.baselines import BASELINES, Lca, LinearGpe
 from bgmodel.integrators.deciding import decide_at_thresholds
-from bgmodel.integrators.sprt import (
-    Stream,
-    tally_sprt,
-)
+from bgmodel.integrators.sprt import Stream, tally_sprt
 from bgmodel.learning.dopamine import stopping_posterior, working_range
 from bgmodel.simulated_evidence import expecting, separated_evidence
 from bgmodel.support.checks import is_number, is_whole, one_per_trial, reals, whole
@@ -94,12 +91,7 @@ def test_what_is_of_the_wrong_kind_is_refused_by_name(field):
 
 @pytest.mark.parametrize(
     "integrator",
-    [
-        Sprt(),
-        Msprt(),
-        BasalGanglia(TABLE, "algebra"),
-        *(kind() for kind in BASELINES.values()),
-    ],
+    [Sprt(), Msprt(), BasalGanglia(TABLE, "algebra"), *(kind() for kind in BASELINES.values())],
     ids=lambda one: type(one).__name__,
 )
 def test_an_integrator_is_given_evidence_and_no_bare_array(integrator):

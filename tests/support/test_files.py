@@ -80,7 +80,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, decided_trials, monkeypatc
         write_table(decided_trials.head(1), path)
     assert path.read_bytes() == before
 
-    def half(table, partial, **given):
+    def half(table, partial, **options):
         partial.write_text("half")
         raise OSError("no space")
 

@@ -52,12 +52,12 @@ def test_memory_that_is_just_enough_is_allowed(free, check, shape, needed):
 
 
 @pytest.mark.parametrize(
-    ("count", "said"),
+    ("count", "size"),
     [(999, "999 bytes"), (1000, "1 kB"), (2.5e9, "2.5 GB"), (1e12, "1 TB"), (3e16, "30 PB")],
 )
-def test_sizes_are_said_in_the_largest_unit_that_they_reach(free, count, said):
+def test_sizes_are_said_in_the_largest_unit_that_they_reach(free, count, size):
     free(count)
-    with pytest.raises(NoMemoryError, match=f", {said} are free$"):
+    with pytest.raises(NoMemoryError, match=f", {size} are free$"):
         check_memory(1e18, "trials")
 
 
@@ -76,7 +76,7 @@ def test_a_table_that_does_not_fit_is_refused_before_it_is_read(
         needed = CELL_BYTES * rows * len(columns)
         pq.write_table(pa.table({name: pa.nulls(rows) for name in columns}), path)
 
-    def taken(*given, **more):
+    def taken(*arguments, **more):
         raise KeyboardInterrupt
 
     for reader in ("pandas.read_parquet", "pandas.read_csv"):

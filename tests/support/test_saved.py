@@ -59,7 +59,7 @@ RESULTS = {
     ),
     "experiment": lambda: bg.Experiment.from_text(EXPERIMENT).run(),
     "exam": lambda: bg.Exam.shipped().only(["resting rates"]).take("macaque", share=0.05),
-    "touch": lambda: bg.touch(TASK, trials=100, learner=QUICK),
+    "touch": lambda: bg.touch(TASK, values=(2, 4), folds=3, trials=100, learner=QUICK),
 }
 
 

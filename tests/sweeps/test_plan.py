@@ -93,7 +93,6 @@ def test_a_file_that_makes_no_sense_is_one_sentence(tmp_path, text, says):
         ("'lesion STNN' = [0.1]", "the point lesion STNN = 0.1: .*macaque has no nucleus 'STNN'"),
         ("'task.dprime' = [1]", "there is no key 'task.dprime'.*; there are .*d_prime"),
         ("'task.d_prime' = ['a']", "task.d_prime should be a valid number, got 'a'"),
-        ("'set STN.bias' = [1]", "the point set STN.bias = 1: 'set STN.bias 1': STN has no 'bias'"),
         ("'lesion STN' = [0.1, 1.5]", r"'lesion STN 1.5': a fraction is within 0..1"),
         ("posterior = [0.4]", "posterior must lie between chance, 0.5"),
         ("engine = ['foo']", "engine must be one of algebra, .*, got 'foo'"),

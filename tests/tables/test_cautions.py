@@ -42,7 +42,7 @@ GOOD = table()
 NAMED = {"strength": "coherence"}
 
 
-def said(source, **options):
+def texts(source, **options):
     """Return the warnings of reading a table."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -52,9 +52,9 @@ def said(source, **options):
 
 
 def test_good_tables_and_the_published_ones_are_read_without_a_word():
-    assert said(GOOD, **NAMED) == []
+    assert texts(GOOD, **NAMED) == []
     for name, one in shipped().items():
-        assert said(name, strength=one.strength, conditions=one.conditions) == []
+        assert texts(name, strength=one.strength, conditions=one.conditions) == []
 
 
 def missed(deadline_s, rows=(3, 40)):
@@ -75,11 +75,11 @@ def test_a_deadline_in_another_unit_is_refused(deadline_s):
 def test_a_deadline_long_after_all_responses_is_doubted_by_the_number_of_missed_trials():
     slowest = GOOD["rt"].max()
     bad, options = missed(4 * slowest)
-    (text,) = said(bad, **options)
+    (text,) = texts(bad, **options)
     assert "2 trials without a response" in text
     assert f"took {slowest:.3g} s" in text
     bad, options = missed(2 * slowest)
-    assert said(bad, **options) == []
+    assert texts(bad, **options) == []
 
 
 @given(st.floats(0.1, 100), st.floats(0.1, 100))
@@ -101,59 +101,59 @@ def test_hundredths_of_a_second_are_no_seconds():
     assert 5 < hundredths.median() < 50
     with refused("rt"):
         read_trials(table(rt=np.ceil(hundredths)), **NAMED)
-    (text,) = said(table(rt=hundredths), **NAMED)
+    (text,) = texts(table(rt=hundredths), **NAMED)
     assert f"{hundredths.median():.3g} s" in text
 
 
 def test_times_of_minutes_are_doubted():
-    (text,) = said(table(rt=GOOD["rt"] / 60), **NAMED)
+    (text,) = texts(table(rt=GOOD["rt"] / 60), **NAMED)
     assert f"{GOOD['rt'].median() / 60:.3g} s" in text
 
 
 @pytest.mark.parametrize("step_s", STEPS_S)
 def test_coarse_times_are_said_with_their_step_and_what_it_does(step_s):
     rt = np.maximum(step_s * np.round(GOOD["rt"] / step_s), step_s)
-    (text,) = said(table(rt=rt), **NAMED)
+    (text,) = texts(table(rt=rt), **NAMED)
     assert f"multiples of {step_s:.3g} s" in text
     assert f" {1000 * step_s / np.sqrt(12):.0f} ms" in text
 
 
 @pytest.mark.parametrize("step_s", [0.01, 0.005, 0.002, 0.001])
 def test_finer_steps_are_not_worth_a_word(step_s):
-    assert said(table(rt=step_s * np.round(GOOD["rt"] / step_s)), **NAMED) == []
+    assert texts(table(rt=step_s * np.round(GOOD["rt"] / step_s)), **NAMED) == []
 
 
 def test_many_times_that_are_exactly_the_longest_are_doubted():
     """Trials that were cut off after 1 s; coarse times share a longest one by chance."""
     assert (GOOD["rt"] > 1).sum() > 10
-    (text,) = said(table(rt=GOOD["rt"].clip(upper=1)), **NAMED)
+    (text,) = texts(table(rt=GOOD["rt"].clip(upper=1)), **NAMED)
     assert text.startswith(f"{(GOOD['rt'] > 1).sum()} of 400 times are exactly the longest one, 1 ")
     few = GOOD["rt"].where(GOOD["rt"].rank(ascending=False) > 4, GOOD["rt"].max())
-    assert said(table(rt=few), **NAMED) == []
+    assert texts(table(rt=few), **NAMED) == []
     coarse = np.repeat(np.arange(4, 12) / 10, 50)
-    assert not any("longest" in text for text in said(table(rt=coarse), **NAMED))
+    assert not any("longest" in text for text in texts(table(rt=coarse), **NAMED))
 
 
 def test_a_strength_far_beyond_all_others_is_doubted_in_few_trials():
     """A slip of the pen, or 999 for none, would set the sensitivity of all trials."""
     for wrong in (40.0, -999.0):
-        (text,) = said(table(coherence=GOOD["coherence"].where(GOOD.index > 0, wrong)), **NAMED)
+        (text,) = texts(table(coherence=GOOD["coherence"].where(GOOD.index > 0, wrong)), **NAMED)
         assert text.startswith(
             f"1 of 400 trials have a strength of {abs(wrong):g} or more, and all "
         )
-    assert said(table(coherence=GOOD["coherence"].where(GOOD.index > 0, 3.9)), **NAMED) == []
+    assert texts(table(coherence=GOOD["coherence"].where(GOOD.index > 0, 3.9)), **NAMED) == []
     weak = np.where(np.abs(GOOD["coherence"]) < 0.2, GOOD["coherence"] / 100, GOOD["coherence"])
-    assert said(table(coherence=weak), **NAMED) == []
+    assert texts(table(coherence=weak), **NAMED) == []
 
 
 def test_trials_that_are_all_there_twice_are_doubted():
-    (text,) = said(pd.concat([GOOD, GOOD]), **NAMED)
+    (text,) = texts(pd.concat([GOOD, GOOD]), **NAMED)
     assert text.startswith("400 of 800 rows are duplicates of earlier ones")
     # Neither new numbers nor columns that a merge has added make them other trials.
     numbered = pd.concat([GOOD, GOOD]).assign(trial=np.arange(800))
     merged = GOOD.merge(pd.DataFrame({"block": [1, 2]}), how="cross")
     for twice in (numbered, merged):
-        (text,) = said(twice, **NAMED)
+        (text,) = texts(twice, **NAMED)
         assert text.startswith("400 of 800 rows are duplicates of earlier ones")
 
 
@@ -167,11 +167,11 @@ def test_trials_some_of_which_are_there_twice_are_doubted_where_chance_is_no_rea
         many = shuffled(rows, seed)
         if step_s is not None:
             many["rt"] = (many["rt"] / step_s).round() * step_s
-        assert not any("duplicates" in text for text in said(many, **NAMED))
+        assert not any("duplicates" in text for text in texts(many, **NAMED))
         numbered = many.assign(trial=np.arange(rows))
         for some in (many, numbered):
             copied = pd.concat([some, some.sample(frac=0.3, random_state=seed)])
-            (text,) = (text for text in said(copied, **NAMED) if "duplicates" in text)
+            (text,) = (text for text in texts(copied, **NAMED) if "duplicates" in text)
             assert f"of {len(copied)} rows" in text
 
 
@@ -180,13 +180,13 @@ def test_times_in_coarse_steps_are_no_copies(step_s):
     for seed in range(5):
         many = shuffled(2000, seed)
         rounded = ((many["rt"] / step_s).round() * step_s).clip(lower=step_s).round(3)
-        assert not any("duplicates" in text for text in said(many.assign(rt=rounded), **NAMED))
+        assert not any("duplicates" in text for text in texts(many.assign(rt=rounded), **NAMED))
 
 
 def test_trials_without_a_response_are_no_copies():
     late = shuffled(TRIALS, 1)
     late.loc[late.index % 4 == 0, ["rt", "response"]] = np.nan
-    assert said(late, **NAMED, deadline_s=3.0) == []
+    assert texts(late, **NAMED, deadline_s=3.0) == []
 
 
 def shuffled(rows, seed):
@@ -202,12 +202,12 @@ def shuffled(rows, seed):
 def test_strengths_in_per_cent_in_some_trials_are_doubted():
     part = GOOD.index % 2 == 0
     mixed = GOOD["coherence"].where(part, 100 * GOOD["coherence"])
-    (text,) = said(table(coherence=mixed), **NAMED)
+    (text,) = texts(table(coherence=mixed), **NAMED)
     assert text.startswith("2 of 4 strengths also occur a hundred times as large, such as 0.1 ")
     assert f"in {int((~part).sum())} of 400 trials" in text
     # Contrasts, per cent: one pair alone is no other unit.
     signs = np.sign(GOOD["coherence"])
-    assert said(table(coherence=signs * np.array([1.0, 10, 30, 100] * 100)), **NAMED) == []
+    assert texts(table(coherence=signs * np.array([1.0, 10, 30, 100] * 100)), **NAMED) == []
 
 
 def test_few_times_say_nothing_of_their_steps():
@@ -233,12 +233,12 @@ def test_ids_of_trials_and_other_columns_are_no_participants():
 
 def test_a_strength_that_is_not_named_is_said_by_its_name_or_by_what_it_does():
     named = table(signed_coherence=GOOD["coherence"]).drop(columns="coherence")
-    (text,) = said(named)
+    (text,) = texts(named)
     assert "signed_coherence (4 values, correlation with response 1 0." in text
-    (text,) = said(GOOD.rename(columns={"coherence": "x"}).astype({"x": str}))
+    (text,) = texts(GOOD.rename(columns={"coherence": "x"}).astype({"x": str}))
     assert " x (4 values" in text
-    assert said(named, strength="signed_coherence") == []
-    (text,) = said(table(contrast=0.1 + np.arange(TRIALS) % 2).drop(columns="coherence"))
+    assert texts(named, strength="signed_coherence") == []
+    (text,) = texts(table(contrast=0.1 + np.arange(TRIALS) % 2).drop(columns="coherence"))
     assert "contrast (2 values" in text
 
 
@@ -251,7 +251,7 @@ def test_columns_that_hold_no_strength_are_not_taken_for_one():
         "cue": np.where(np.arange(TRIALS) % 2, "speed", "accuracy"),
         "empty": np.nan,
     }
-    assert not any("may hold it" in text for text in said(table(**more).drop(columns="coherence")))
+    assert not any("may hold it" in text for text in texts(table(**more).drop(columns="coherence")))
 
 
 def test_strengths_that_differ_by_rounding_only_are_one():
@@ -294,7 +294,7 @@ def test_strengths_without_a_sign_are_refused_by_20_or_more_responses_to_the_lar
 @pytest.mark.parametrize(("right", "doubted"), [(240, False), (239, True)])
 def test_response_1_is_doubted_where_it_is_less_than_three_fifths_of_responses(right, doubted):
     without = table(response=np.repeat([1, 0], [right, TRIALS - right])).drop(columns="coherence")
-    doubts = said(without)
+    doubts = texts(without)
     assert len(doubts) == doubted
     if doubted:
         assert "it is 60% of responses" in doubts[0]

@@ -46,12 +46,12 @@ def written(table, folder, ending):
     return path
 
 
-def seen(found):
+def seen(data):
     """Return people and times of what a reader returns."""
-    if isinstance(found, dict):
-        times = {who: getattr(one, "rt_s", None) for who, one in found.items()}
-        return {who: found[who].rt_ms / 1000 if t is None else t for who, t in times.items()}
-    return {who: found.rt_s[found.participant == who] for who in found.people()}
+    if isinstance(data, dict):
+        times = {who: getattr(one, "rt_s", None) for who, one in data.items()}
+        return {who: data[who].rt_ms / 1000 if t is None else t for who, t in times.items()}
+    return {who: data.rt_s[data.participant == who] for who in data.people()}
 
 
 @pytest.mark.parametrize("kind", READERS)
@@ -65,10 +65,10 @@ def test_a_frame_and_its_file_are_the_same_trials(kind, ending, tmp_path):
 
 
 BAD = {
-    "a time of 0": ({"rt": first(0.0, 0.5)}, "rt above 0 s, got .0.0. in row 0"),
+    "a time of 0": ({"rt": first(0.0, 0.5)}, "rt above 0 s, got '0.0' in row 0"),
     "a time before the stimulus": ({"rt": first(-0.08, 0.5)}, "rt above 0 s, got .-0.08. in row 0"),
     "times in ms": ({"rt": np.linspace(400, 800, ROWS)}, "rt must be in seconds"),
-    "a decimal comma": ({"rt": first("0,41", "0.5")}, "rt finite number, got .0,41. in row 0"),
+    "a decimal comma": ({"rt": first("0,41", "0.5")}, "rt finite number, got '0,41' in row 0"),
     "a word": ({"rt": first("omission", "0.5")}, "rt finite number, got .omission. in row 0"),
     "no participant": (
         {"participant_id": first("", "a")},

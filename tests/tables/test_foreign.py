@@ -16,9 +16,9 @@ OTHER = {"rt": "latency", "response": "key", "participant_id": "who"}
 NAMED = {"rt": "latency", "response": "key", "participant": "who"}
 
 
-def same(found, expected):
+def same(actual, expected):
     """Whether two tables of choices hold the same trials."""
-    return found.checksum == expected.checksum
+    return actual.checksum == expected.checksum
 
 
 def test_columns_of_other_names_are_the_same_trials():

@@ -298,14 +298,14 @@ def test_images_that_are_too_small_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "given",
+    "changes",
     [{"mm_per_px": 0.0}, {"mm_per_px": np.nan}, {"workers": 0}, {"limit": 0}, {"pins": 0}]
     + [{"rest": rest} for rest in (np.zeros(4), np.zeros((20, 3)), np.full((20, 2), np.nan))],
 )
-def test_bad_arguments_are_named(recording, given):
-    name = next(iter(given))
+def test_bad_arguments_are_named(recording, changes):
+    name = next(iter(changes))
     with refused(name):
-        read_taps(recording, **({"mm_per_px": MM_PER_PX} | given))
+        read_taps(recording, **({"mm_per_px": MM_PER_PX} | changes))
 
 
 def test_missing_opencv_says_what_to_install(recording, monkeypatch):

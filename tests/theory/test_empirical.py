@@ -37,8 +37,7 @@ def test_where_one_reading_always_decides_nothing_is_left_for_cells():
 
 
 @pytest.mark.parametrize(
-    ("cells", "upper", "states"),
-    [(200, 2.0, 200), (201, 2.0, 202), (50, 29.9, 124)],
+    ("cells", "upper", "states"), [(200, 2.0, 200), (201, 2.0, 202), (50, 29.9, 124)]
 )
 def test_there_are_as_many_cells_as_asked_an_even_number_and_four_to_a_standard_deviation(
     cells, upper, states

@@ -188,10 +188,7 @@ def test_refining_the_cells_converges(bounds):
 def test_the_mirrored_walk_swaps_the_responses(t_max):
     x = gaussian_pair(0.7)[1]
     y = capped_sample(4000)
-    pairs = [
-        (x, Gaussian(-x.mean, x.sd)),
-        (Empirical.of_sample(y), Empirical.of_sample(-y)),
-    ]
+    pairs = [(x, Gaussian(-x.mean, x.sd)), (Empirical.of_sample(y), Empirical.of_sample(-y))]
     for there, back in pairs:
         one = walk(there, -1.2, 2.1, start=0.4, t_max=t_max)
         other = walk(back, -2.1, 1.2, start=-0.4, t_max=t_max)

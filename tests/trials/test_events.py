@@ -55,9 +55,9 @@ def test_other_names_can_be_given(tmp_path):
     path = written(tmp_path, text)
     with refused("rt must be a column, called response_time or ReactionTime"):
         read_people(path)
-    found = read_people(path, columns=Columns(rt="Key.RT", ssd="lag"))["sub-01"]
+    person = read_people(path, columns=Columns(rt="Key.RT", ssd="lag"))["sub-01"]
     np.testing.assert_array_equal(
-        found.rt_ms, read_people(written(tmp_path, GENERIC))["sub-01"].rt_ms
+        person.rt_ms, read_people(written(tmp_path, GENERIC))["sub-01"].rt_ms
     )
     table = tmp_path / "mine.csv"
     table.write_text("participant_id,RT,delay\na,0.4,\na,,0.2\n")
@@ -76,6 +76,11 @@ def test_events_of_other_types_are_left_out_with_a_warning(tmp_path):
     [
         (GENERIC.replace("stop\tn/a\t0.25", "stop\tn/a\tn/a"), None, "ssd each stop trial, got 1"),
         (GENERIC.replace("0.412", "fast"), None, "response_time must hold numbers"),
+        (
+            GENERIC.replace("0.388", "-0.08"),
+            None,
+            "response_time sub-01_.*must be 0 s or more.*got .-0.08. in row 3",
+        ),
         (GENERIC.replace(" stop", ""), None, "trial_type must include stop trials"),
         (GENERIC.replace("0.25", "250").replace("0.3\n", "300\n"), None, "ssd must be in seconds"),
         (GENERIC, "events/task-stop_events.tsv", "path must have a name with .sub-"),
@@ -114,8 +119,3 @@ def test_several_tasks_or_sessions_are_not_pooled(tmp_path, name):
     written(tmp_path, GENERIC, name)
     with refused("path holds .*: give a folder with the files of one"):
         read_people(tmp_path)
-
-
-def test_a_premature_response_is_refused_as_in_any_table(tmp_path):
-    with refused("response_time sub-01_.*must be 0 s or more.*got .-0.08. in row 3"):
-        read_people(written(tmp_path, GENERIC.replace("0.388", "-0.08")))

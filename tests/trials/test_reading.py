@@ -47,27 +47,27 @@ READ = {"strength": "coherence", "conditions": ("cue",)}
 
 def test_a_table_comes_back_row_by_row():
     table = people()
-    found = read_trials(table, **READ)
-    assert found.participant.tolist() == table["participant_id"].tolist()
-    assert found.rt_s.tolist() == table["rt"].tolist()
-    assert found.response.dtype == np.int8
-    assert found.response.tolist() == table["response"].tolist()
-    assert found.strength.tolist() == table["coherence"].tolist()
-    assert found.conditions["cue"].tolist() == table["cue"].tolist()
-    assert (found.trials, found.people(), found.deadline_s) == (60, ["007", "8"], None)
+    trials = read_trials(table, **READ)
+    assert trials.participant.tolist() == table["participant_id"].tolist()
+    assert trials.rt_s.tolist() == table["rt"].tolist()
+    assert trials.response.dtype == np.int8
+    assert trials.response.tolist() == table["response"].tolist()
+    assert trials.strength.tolist() == table["coherence"].tolist()
+    assert trials.conditions["cue"].tolist() == table["cue"].tolist()
+    assert (trials.trials, trials.people(), trials.deadline_s) == (60, ["007", "8"], None)
     ones = int(table["response"].sum())
     low, high = table["rt"].min(), table["rt"].max()
-    assert found.summary() == (
+    assert trials.summary() == (
         f"a table: 60 trials of 2 participants, response 1 in {ones}, 0 in {60 - ones}, none in 0, "
         f"times {low:.3g} to {high:.3g} s"
     )
-    assert "array" not in repr(found)
+    assert "array" not in repr(trials)
 
 
 def test_one_participant_is_read_with_the_trials_of_no_other():
-    found = read_trials(people(), **READ, participant="8")
-    assert found.people() == ["8"]
-    assert found.rt_s.tolist() == people()["rt"][30:].tolist()
+    trials = read_trials(people(), **READ, participant="8")
+    assert trials.people() == ["8"]
+    assert trials.rt_s.tolist() == people()["rt"][30:].tolist()
     alone = read_trials(people().drop(columns="participant_id"))
     assert alone.people() == ["all"]
     assert alone.trials == 60
@@ -76,23 +76,23 @@ def test_one_participant_is_read_with_the_trials_of_no_other():
 
 
 def test_some_of_the_trials_keep_what_belongs_to_them():
-    found, mask = read_trials(people(), **READ), np.arange(TRIALS) % 3 == 1
-    some = found.where(mask)
+    trials, mask = read_trials(people(), **READ), np.arange(TRIALS) % 3 == 1
+    some = trials.where(mask)
     assert some.trials == 20
-    assert some.rt_s.tolist() == found.rt_s[mask].tolist()
-    assert some.strength.tolist() == found.strength[mask].tolist()
+    assert some.rt_s.tolist() == trials.rt_s[mask].tolist()
+    assert some.strength.tolist() == trials.strength[mask].tolist()
     assert some.conditions["cue"].tolist() == people()["cue"][mask].tolist()
-    assert some.checksum != found.checksum
-    assert found.where(np.ones(TRIALS, bool)).checksum == found.checksum
+    assert some.checksum != trials.checksum
+    assert trials.where(np.ones(TRIALS, bool)).checksum == trials.checksum
     assert read_trials(people()).where(mask).conditions.shape == (20, 0)
 
 
 def test_trials_without_a_response_are_values():
-    found = read_trials(silent(people(), [3, 40]), columns=Columns(deadline_s=9.0))
-    assert np.flatnonzero(np.isnan(found.rt_s)).tolist() == [3, 40]
-    assert np.flatnonzero(found.response == -1).tolist() == [3, 40]
-    assert np.isnan(found.correct[[3, 40]]).all()
-    assert "none by 9 s in 2" in found.summary()
+    trials = read_trials(silent(people(), [3, 40]), columns=Columns(deadline_s=9.0))
+    assert np.flatnonzero(np.isnan(trials.rt_s)).tolist() == [3, 40]
+    assert np.flatnonzero(trials.response == -1).tolist() == [3, 40]
+    assert np.isnan(trials.correct[[3, 40]]).all()
+    assert "none by 9 s in 2" in trials.summary()
 
 
 def test_a_response_at_the_deadline_is_one():
@@ -157,13 +157,13 @@ def test_the_checksum_tells_other_data_by_any_column(change):
 
 
 def test_choices_that_contradict_themselves_are_refused():
-    found = read_trials(people())
+    trials = read_trials(people())
     with refused("response one value per trial"):
-        replace(found, rt_s=found.rt_s[1:])
+        replace(trials, rt_s=trials.rt_s[1:])
     with refused("rt_s"):
-        replace(found, rt_s=np.append(np.nan, found.rt_s[1:]))
+        replace(trials, rt_s=np.append(np.nan, trials.rt_s[1:]))
     with refused("response hold 1, 0 or -1"):
-        replace(found, response=found.response * 2)
+        replace(trials, response=trials.response * 2)
 
 
 def changed(**columns):
@@ -324,20 +324,20 @@ def test_a_file_gives_the_same_choices_as_the_table_that_it_was_made_of(
         table.to_parquet(path)
     else:
         table.to_csv(path, index=False, sep="\t" if ending == ".tsv" else ",")
-    found, known = read_trials(path, **ALL), read_trials(table, **ALL)
-    assert found.source == f"mine{ending}"
-    assert found.checksum == known.checksum
-    assert np.array_equal(found.rt_s, known.rt_s, equal_nan=True)
-    assert found.strength.tolist() == table["coherence"].tolist()
-    assert found.participant.tolist() == table["participant_id"].tolist()
+    trials, known = read_trials(path, **ALL), read_trials(table, **ALL)
+    assert trials.source == f"mine{ending}"
+    assert trials.checksum == known.checksum
+    assert np.array_equal(trials.rt_s, known.rt_s, equal_nan=True)
+    assert trials.strength.tolist() == table["coherence"].tolist()
+    assert trials.participant.tolist() == table["participant_id"].tolist()
 
 
 @settings(max_examples=12)
 @given(table=tables(), seed=st.integers(0, 2**31))
 def test_the_order_of_rows_changes_no_statistic(table, seed):
     shuffled = table.sample(frac=1, random_state=seed)
-    found, known = (statistics(read_trials(t, **ALL)) for t in (shuffled, table))
-    pd.testing.assert_frame_equal(found, known, rtol=1e-12)
+    of_shuffled, known = (statistics(read_trials(t, **ALL)) for t in (shuffled, table))
+    pd.testing.assert_frame_equal(of_shuffled, known, rtol=1e-12)
     one, other = read_trials(shuffled, **ALL), read_trials(table, **ALL)
     assert one.summary() == other.summary()
     assert isinstance(one, Trials)
@@ -350,13 +350,13 @@ def test_problems_of_several_columns_are_in_one_message():
     )  # fmt: skip
     with pytest.raises(InputError) as caught:
         read_trials(table, strength="strength", conditions=["kind"])
-    said = str(caught.value)
+    message = str(caught.value)
     assert caught.value.field == "rt"
     for column in ("rt must", "response must", "strength must", "kind must"):
-        assert column in said
-    assert len(said) < 450
+        assert column in message
+    assert len(message) < 450
     for column, fixed in (("rt", "0.5"), ("response", "1"), ("strength", "2"), ("kind", "b")):
-        assert f"{column} must" in said
+        assert f"{column} must" in message
         table.loc[29 if column == "kind" else 0, column] = fixed
     with pytest.raises(InputError) as caught:
         read_trials(table[["rt", "strength"]].rename(columns={"rt": "time"}))
@@ -371,11 +371,11 @@ def test_many_problems_are_counted_and_one_stays_as_it_was(count):
             raise InputError(f"problem {number} " + "x" * 100, f"field {number}")
     with pytest.raises(InputError) as caught:
         problems.refuse()
-    said = str(caught.value)
+    message = str(caught.value)
     assert caught.value.field == "field 0"
-    assert len(said) < 450
-    assert ("more" in said) == (count == 9)
-    assert said.startswith("problem 0" if count == 1 else f"{count} problems: problem 0")
+    assert len(message) < 450
+    assert ("more" in message) == (count == 9)
+    assert message.startswith("problem 0" if count == 1 else f"{count} problems: problem 0")
 
 
 def stops(**changes):

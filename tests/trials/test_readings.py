@@ -7,7 +7,7 @@ import pytest
 from bgmodel.fitting.known.trials import known_trials
 from bgmodel.trials.reading import Columns, read_trials
 from bgmodel.trials.readings import readings_of
-from circuits.errors import DataWarning, InputError
+from circuits.errors import DataWarning
 from tests.helpers import refused
 from tests.known_trials import few
 
@@ -37,11 +37,11 @@ def read_known(data, evidence, **options):
 def test_readings_with_times_return_in_any_order_of_rows():
     trials = few(alternatives=2)
     data, evidence = tables(trials)
-    found = read_known(data, evidence.sample(frac=1, random_state=1))
-    np.testing.assert_array_equal(found.log_likelihood, trials.log_likelihood)
-    np.testing.assert_array_equal(found.time_s, trials.time_s)
-    np.testing.assert_array_equal(found.choice, trials.choice)
-    assert found.names == trials.names
+    again = read_known(data, evidence.sample(frac=1, random_state=1))
+    np.testing.assert_array_equal(again.log_likelihood, trials.log_likelihood)
+    np.testing.assert_array_equal(again.time_s, trials.time_s)
+    np.testing.assert_array_equal(again.choice, trials.choice)
+    assert again.names == trials.names
 
 
 def test_steps_are_times_on_a_grid():
@@ -58,9 +58,9 @@ def test_files_keep_ids_as_they_are_written(tmp_path):
         table["trial"] = [f"t{int(k):03d}" for k in table["trial"]]
     data.to_csv(tmp_path / "trials.csv", index=False)
     evidence.to_csv(tmp_path / "evidence.csv", index=False)
-    found = read_known(tmp_path / "trials.csv", tmp_path / "evidence.csv")
-    assert found.ids[3] == "t003"
-    np.testing.assert_allclose(found.log_likelihood, few(alternatives=2).log_likelihood)
+    again = read_known(tmp_path / "trials.csv", tmp_path / "evidence.csv")
+    assert again.ids[3] == "t003"
+    np.testing.assert_allclose(again.log_likelihood, few(alternatives=2).log_likelihood)
 
 
 def test_clicks_favour_their_side_and_simultaneous_ones_are_one_reading():
@@ -71,58 +71,55 @@ def test_clicks_favour_their_side_and_simultaneous_ones_are_one_reading():
             "side": ["left", "left", "right", "left"],
         }
     )
-    found = readings_of(clicks)
-    assert found.names == ("left", "right")
-    np.testing.assert_allclose(found.time_s, [[0.1, 0.2]])
-    np.testing.assert_allclose(found.log_likelihood, [[[1, 0], [2, 1]]])
+    readings = readings_of(clicks)
+    assert readings.names == ("left", "right")
+    np.testing.assert_allclose(readings.time_s, [[0.1, 0.2]])
+    np.testing.assert_allclose(readings.log_likelihood, [[[1, 0], [2, 1]]])
     worth = readings_of(clicks.assign(value=0.5))
-    np.testing.assert_allclose(worth.log_likelihood, found.log_likelihood / 2)
+    np.testing.assert_allclose(worth.log_likelihood, readings.log_likelihood / 2)
 
 
 def test_signed_cues_favour_response_1():
     cues = pd.DataFrame({"trial": [1, 1], "time": [0.1, 0.2], "value": [0.8, -0.3]})
-    found = readings_of(cues)
-    assert found.names == ("0", "1")
-    ratio = found.log_likelihood[0, :, 1] - found.log_likelihood[0, :, 0]
+    readings = readings_of(cues)
+    assert readings.names == ("0", "1")
+    ratio = readings.log_likelihood[0, :, 1] - readings.log_likelihood[0, :, 0]
     np.testing.assert_allclose(ratio, [0.8, -0.3])
 
 
 def test_participants_may_share_ids_of_trials():
     data, evidence = tables()
     two = pd.concat([data.assign(participant_id=p) for p in "ab"], ignore_index=True)
-    own = pd.concat(
+    by_person = pd.concat(
         [
             evidence.assign(participant_id=p, ll_a=evidence["ll_a"] * f)
             for p, f in (("a", 1), ("b", 2))
         ]
     )
-    assert read_trials(two, evidence=own).people() == ["a", "b"]
-    first, second = (read_known(two, own, participant=p) for p in "ab")
+    assert read_trials(two, evidence=by_person).people() == ["a", "b"]
+    first, second = (read_known(two, by_person, participant=p) for p in "ab")
     np.testing.assert_allclose(2 * first.log_likelihood[..., 0], second.log_likelihood[..., 0])
-    with pytest.raises(InputError) as error:
-        read_known(two, own)
-    assert error.value.field == "participant"
+    with refused("participant"):
+        read_known(two, by_person)
 
 
 def test_responses_1_and_0_need_a_name():
     data, evidence = tables()
     coded = data.assign(response=[int(r == "b") for r in data["response"]])
-    found = read_known(coded, evidence, columns=Columns(upper="b"))
-    np.testing.assert_array_equal(found.choice, read_known(data, evidence).choice)
-    with pytest.raises(InputError) as error:
+    again = read_known(coded, evidence, columns=Columns(upper="b"))
+    np.testing.assert_array_equal(again.choice, read_known(data, evidence).choice)
+    with refused("response"):
         read_known(coded, evidence)
-    assert error.value.field == "response"
-    with pytest.raises(InputError) as error:
+    with refused("upper"):
         read_known(coded, evidence, columns=Columns(upper="c"))
-    assert error.value.field == "upper"
 
 
 def test_a_trial_without_a_response_is_kept():
     data, evidence = tables()
     data.loc[2, ["rt", "response"]] = [np.nan, None]
-    found = read_known(data, evidence)
-    assert found.choice[2] == -1
-    assert found.seen[2] == 3
+    again = read_known(data, evidence)
+    assert again.choice[2] == -1
+    assert again.seen[2] == 3
 
 
 def test_evidence_without_trials_warns():
@@ -150,16 +147,11 @@ def test_evidence_without_trials_warns():
     ],
 )
 def test_each_mistake_has_a_field(change, field):
-    with pytest.raises(InputError) as error:
+    with refused(field) as error:
         read_known(*change(*tables()))
-    assert error.value.field == field
     assert "\n" not in str(error.value)
-
-
-def test_a_step_is_only_for_steps():
-    with pytest.raises(InputError) as error:
+    with refused("step_ms"):
         read_known(*tables(), step_ms=50.0)
-    assert error.value.field == "step_ms"
 
 
 def clicked(swapped, seed=1, trials=80):

@@ -45,12 +45,12 @@ def restored(trials, **settings):
 def test_delays_that_are_known_are_found_again():
     errors, missing = [], 0
     for seed in range(20):
-        whole = walked(seed)
-        zeroed = unrecorded(whole)
-        found, given = restored_delays(zeroed.to_trials()), zeroed.ssd_ms != 0
-        np.testing.assert_array_equal(found.ssd_s[given], whole.to_trials().ssd_s[given])
-        errors += list(np.abs(1000 * found.ssd_s - whole.ssd_ms)[~given & whole.stop] > 10)
-        missing += int((~given).sum())
+        full = walked(seed)
+        zeroed = unrecorded(full)
+        rebuilt, known = restored_delays(zeroed.to_trials()), zeroed.ssd_ms != 0
+        np.testing.assert_array_equal(rebuilt.ssd_s[known], full.to_trials().ssd_s[known])
+        errors += list(np.abs(1000 * rebuilt.ssd_s - full.ssd_ms)[~known & full.stop] > 10)
+        missing += int((~known).sum())
     assert missing > 60
     # Where both staircases explain what follows, either may be chosen.
     assert np.mean(errors) < 0.15
@@ -61,7 +61,7 @@ def test_an_estimate_is_biased_by_missing_delays_and_restored_with_them():
     true, zeroed, mended = (
         np.mean([estimate_ssrt(each, checked=False).ssrt_ms for each in some])
         for some in (
-            [whole for whole, _ in pairs],
+            [full for full, _ in pairs],
             [some for _, some in pairs],
             [restored(some) for _, some in pairs],
         )
@@ -76,8 +76,8 @@ def test_the_shipped_delays_of_zero_contradict_no_staircase():
     for trials in people.values():
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            found = restored(trials)
-        new = found.ssd_ms[found.ssd_ms != trials.ssd_ms]
+            rebuilt = restored(trials)
+        new = rebuilt.ssd_ms[rebuilt.ssd_ms != trials.ssd_ms]
         new = new[~np.isnan(new)]
         # The search allows for contradictions; there are none.
         times = trials.rt_ms[(trials.ssd_ms == 0) & trials.responded]
@@ -91,8 +91,8 @@ def test_the_restored_delays_follow_the_responses_even_if_times_are_not_used():
     late = []
     for trials in people.values():
         missing = (trials.ssd_ms == 0) & trials.responded
-        found = restored(trials, use_times=False)
-        late += list(found.ssd_ms[missing] + 10 >= trials.rt_ms[missing])
+        rebuilt = restored(trials, use_times=False)
+        late += list(rebuilt.ssd_ms[missing] + 10 >= trials.rt_ms[missing])
     assert len(late) == 268
     assert np.mean(late) > 0.9
 

@@ -26,8 +26,8 @@ def tables(trials=60, seed=1):
         rows.append(row | {"right_s": [0.0, *right], "chose_right": chose})
         for cell in ("1", "2") if session == "a" else ("1",):
             times = np.sort(rng.uniform(-0.5, 1.5, 12))
-            own = {"session": session, "cell": cell, "trial": name, "time_s": times}
-            spikes.append(pd.DataFrame(own))
+            columns = {"session": session, "cell": cell, "trial": name, "time_s": times}
+            spikes.append(pd.DataFrame(columns))
     return pd.DataFrame(rows), pd.concat(spikes, ignore_index=True)
 
 
@@ -157,6 +157,6 @@ def test_a_wrong_file_of_nwb_is_refused(tmp_path, change, field):
 
 def test_spikes_are_matched_by_the_names_of_trials():
     spikes = pd.DataFrame({"cell": [1, 1], "trial": [1.0, 0.0], "time_s": [0.1, 0.2]})
-    found = spikes_of(spikes, ["0", "1"], np.array([0.5, 0.5]))
-    assert found.trial.tolist() == [1, 0]
-    assert found.names == ("1",)
+    matched = spikes_of(spikes, ["0", "1"], np.array([0.5, 0.5]))
+    assert matched.trial.tolist() == [1, 0]
+    assert matched.names == ("1",)

@@ -17,17 +17,17 @@ def test_each_cell_has_its_own_accuracy_and_times():
         conditions=pd.DataFrame({"cue": ["x"] * 5}),
         deadline_s=1.0,
     )
-    found = statistics(choices)
-    assert found["participant_id"].tolist() == ["a", "b"]
-    assert found["strength"].tolist() == [0, 0.5]
-    assert found["trials"].tolist() == [1, 4]
-    assert found["missing"].tolist() == [0, 1]
-    assert np.isnan(found["accuracy"][0])
-    assert found["accuracy"][1] == pytest.approx(2 / 3)
-    assert found["mean_s"].tolist() == pytest.approx([0.9, 0.6])
-    assert found["sd_s"][1] == pytest.approx(0.2)
-    assert found["q10_s"][1] == pytest.approx(0.44)
-    assert found["q90_s"][1] == pytest.approx(0.76)
+    rows = statistics(choices)
+    assert rows["participant_id"].tolist() == ["a", "b"]
+    assert rows["strength"].tolist() == [0, 0.5]
+    assert rows["trials"].tolist() == [1, 4]
+    assert rows["missing"].tolist() == [0, 1]
+    assert np.isnan(rows["accuracy"][0])
+    assert rows["accuracy"][1] == pytest.approx(2 / 3)
+    assert rows["mean_s"].tolist() == pytest.approx([0.9, 0.6])
+    assert rows["sd_s"][1] == pytest.approx(0.2)
+    assert rows["q10_s"][1] == pytest.approx(0.44)
+    assert rows["q90_s"][1] == pytest.approx(0.76)
 
 
 def test_a_cell_without_a_response_has_no_times():

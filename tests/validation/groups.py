@@ -21,10 +21,7 @@ from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
-from figures.data.decided import (
-    decided_by_test,
-    responses,
-)
+from figures.data.decided import decided_by_test, responses
 
 STRENGTHS = (0.032, 0.064, 0.128, 0.256)
 RANGES = {

@@ -23,19 +23,19 @@ def of_group(number):
     any_trials = trials_of({name: RANGES[name][0] for name in names}, SEED, number, -1, 1)
     scale = scale_of(likelihood_of(model, any_trials, free=names))
     truth = group(scale, names, stream(SEED, "group", "test", number), PEOPLE)
-    found = {}
+    optima = {}
     for who, vector in enumerate(scale.back(truth.scaled)):
         values = dict(zip(names, vector.tolist(), strict=True))
         design = trials_of(values, SEED, number, who, EACH)
-        found[f"{who}"] = Optimum(likelihood_of(model, design, free=names), vector, 0.0, 0)
-    return group_misfit(found)
+        optima[f"{who}"] = Optimum(likelihood_of(model, design, free=names), vector, 0.0, 0)
+    return group_misfit(optima)
 
 
 @pytest.mark.timeout(3600)
 def test_groups_without_misfit_are_reported_as_often_as_stated():
-    found = [of_group(number) for number in range(GROUPS)]
-    p = np.array([list(each.together.values()) for each in found])
+    misfits = [of_group(number) for number in range(GROUPS)]
+    p = np.array([list(each.together.values()) for each in misfits])
     uniform = [kstest(each, "uniform").pvalue for each in p.T]
     assert min(uniform) * len(uniform) > 0.01, uniform
-    warned = sum(bool(each.cautions()) for each in found)
+    warned = sum(bool(each.cautions()) for each in misfits)
     assert warned <= binom.ppf(0.99, GROUPS, BEYOND_CHANCE), warned

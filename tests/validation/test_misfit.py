@@ -11,22 +11,15 @@ from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.trials.design import design_of
-from bgmodel.support.seeds import stream
-from tests.drawn import drawn
-from tests.validation.test_slow_trials import PRIOR, SECONDS, STRENGTHS, TRIALS, lapsing
+from tests.validation.test_slow_trials import simulated
 
 pytestmark = pytest.mark.validate
 SEED, SETS = 91_001, 200
 
 
-def said(number, guesses):
+def warned(number, guesses):
     """Return whether misfit is reported for a data set with some fast guesses."""
-    rng = stream(SEED, "slow trials", number)
-    values = {name: rng.uniform(*ends) for name, ends in PRIOR.items()}
-    key = int(rng.integers(2**31))
-    each = int(rng.choice(TRIALS))
-    some = drawn(GapModel(), STRENGTHS, each, key, seconds=SECONDS, **{**values, "lapse": 0.0})
-    some = lapsing(some, values["lapse"], rng)
+    some, _, _, rng = simulated(SEED, number)
     guess = rng.random(some.trials) < guesses
     rt_s = np.where(guess, rng.uniform(0.15, 0.3, some.trials), some.rt_s)
     response = np.where(guess, rng.integers(0, 2, some.trials), some.response)
@@ -39,7 +32,7 @@ def said(number, guesses):
 
 @pytest.mark.timeout(3600)
 def test_clean_sets_are_hardly_ever_warned_of_and_fast_guesses_mostly():
-    clean, fast = (sum(said(k, share) for k in range(SETS)) for share in (0.0, 0.2))
+    clean, fast = (sum(warned(k, share) for k in range(SETS)) for share in (0.0, 0.2))
     print(f"of {SETS} sets {clean} clean ones are warned of, and {fast} with 20 % of fast guesses")
     assert clean <= 0.02 * SETS
     assert fast >= 0.85 * SETS

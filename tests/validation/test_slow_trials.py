@@ -41,22 +41,23 @@ class Judged(NamedTuple):
     warned: bool
 
 
-def lapsing(some, share, rng):
-    """Return choices, a share of which are lapses: either response at any time."""
-    lapse = rng.random(some.trials) < share
-    rt_s = np.where(lapse, rng.uniform(0.01, LAPSE_S, some.trials), some.rt_s)
-    response = np.where(lapse, rng.integers(0, 2, some.trials), some.response)
-    return replace(some, rt_s=rt_s, response=response.astype(np.int8))
-
-
-def judged(number, *, slow, seed=SCORING_SEED):
-    """Fit one set, with slow trials or without."""
+def simulated(seed, number):
+    """Return the choices of one set, a share of which are lapses, its parameters, key and rng."""
     rng = stream(seed, "slow trials", number)
     values = {name: rng.uniform(*ends) for name, ends in PRIOR.items()}
     key = int(rng.integers(2**31))
     each = int(rng.choice(TRIALS))
     some = drawn(GapModel(), STRENGTHS, each, key, seconds=SECONDS, **{**values, "lapse": 0.0})
-    some = lapsing(some, values["lapse"], rng)
+    lapse = rng.random(some.trials) < values["lapse"]
+    rt_s = np.where(lapse, rng.uniform(0.01, LAPSE_S, some.trials), some.rt_s)
+    response = np.where(lapse, rng.integers(0, 2, some.trials), some.response)
+    some = replace(some, rt_s=rt_s, response=response.astype(np.int8))
+    return some, values, key, rng
+
+
+def judged(number, *, slow, seed=SCORING_SEED):
+    """Fit one set, with slow trials or without."""
+    some, values, key, _ = simulated(seed, number)
     some = slowed(some, key) if slow else some
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

@@ -59,7 +59,7 @@ def until(condition, what):
     return value
 
 
-def whole(folder):
+def times(folder):
     """Return the time of writing of every whole shard, ns, by name."""
     return {p.name: p.stat().st_mtime_ns for p in (folder / "shards").glob("[!.]*.parquet")}
 
@@ -136,25 +136,25 @@ def test_a_sweep_goes_on_after_a_killed_job_and_a_drained_node(cluster, ask, fil
 
     # Three jobs for the two cores of the node: one waits.
     with submitted(cluster, file, folder, log) as process:
-        until(lambda: whole(folder) or process.poll() is not None, "the first shard")
+        until(lambda: times(folder) or process.poll() is not None, "the first shard")
         with drained(ask):
             running = jobs(ask, "running")
             assert running, log.read_text()
             ask("scancel", running[0])
             wait_until_drained(ask)
             assert len(jobs(ask, "pending")) == 1
-            before = whole(folder)
+            before = times(folder)
         assert process.wait(WAIT_S) == 1
     text = log.read_text()
     assert "CANCELLED" in text
     assert "the sweep is not finished" in text
     assert not outcome(folder)
-    assert len(before) < len(whole(folder)) < 6  # the job that waited ran, and one is not whole
+    assert len(before) < len(times(folder)) < 6  # the job that waited ran, and one is not whole
 
-    before = whole(folder)
+    before = times(folder)
     with submitted(cluster, file, folder, log) as process:
         assert process.wait(WAIT_S) == 0, log.read_text()
-    assert before.items() <= whole(folder).items()  # what was finished is not computed again
+    assert before.items() <= times(folder).items()  # what was finished is not computed again
     assert outcome(folder) == outcome(tmp_path / "alone")
 
 

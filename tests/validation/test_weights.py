@@ -34,10 +34,7 @@ UNITS = "1.035: counts of the same readings with the truth known need 1.021, so 
 
 @pytest.mark.parametrize(
     ("period", "t_max", "trials"),
-    [
-        (2.0, 40, 10_000),
-        pytest.param(1.5, 100, 30_000, marks=pytest.mark.xfail(reason=UNITS)),
-    ],
+    [(2.0, 40, 10_000), pytest.param(1.5, 100, 30_000, marks=pytest.mark.xfail(reason=UNITS))],
 )
 def test_taps_are_read_as_fast_as_with_the_exact_likelihoods(period, t_max, trials):
     taps, held_out = gratings(period, t_max)

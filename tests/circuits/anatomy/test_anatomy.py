@@ -44,8 +44,8 @@ def without_source(row, named):
     """
     text = f"{row.cite}; {row.cite_more}"
     parts = [part for part in text.split(";") if SOURCE.search(part)]
-    whole = [part for part in parts if not re.search("|".join(WORDS.values()), part)]
-    if text == "assumed; " or (whole and not named):
+    whole_row = [part for part in parts if not re.search("|".join(WORDS.values()), part)]
+    if text == "assumed; " or (whole_row and not named):
         return []
     numbers = [
         field.name
@@ -60,8 +60,8 @@ def without_source(row, named):
 def test_every_number_has_a_source(circuit):
     rows = (*circuit.populations, *circuit.projections)
     assert {row.name: row.cite for row in rows if not row.cite} == {}
-    found = {row.name: without_source(row, circuit.name == anatomy.DEFAULT) for row in rows}
-    assert {name: missing for name, missing in found.items() if missing} == {}
+    gaps = {row.name: without_source(row, circuit.name == anatomy.DEFAULT) for row in rows}
+    assert {name: missing for name, missing in gaps.items() if missing} == {}
 
 
 def test_the_source_of_a_weight_is_shown_and_belongs_to_no_hash_and_to_no_row_like_it():
@@ -93,8 +93,8 @@ def test_no_number_changes_by_accident(name):
     One that is meant to change changes its hash here, and what was measured with it is measured
     again.
     """
-    found = (digest(anatomy.load_circuit(name, channels))[:8] for channels in (2, 4))
-    assert tuple(found) == HASHES[name]
+    digests = (digest(anatomy.load_circuit(name, channels))[:8] for channels in (2, 4))
+    assert tuple(digests) == HASHES[name]
 
 
 @pytest.mark.parametrize("make", [anatomy.gpr, anatomy.humphries, anatomy.stewart])

@@ -45,8 +45,8 @@ def test_outputs_are_those_of_the_piecewise_linear_fixed_point(first, second, le
     expected = two_channels(first, second, 1 + level, 1 - level)
     drive = np.array([[[first, second]]])
     for engine, step_ms, atol in (("algebra", 1.0, 1e-9), ("rate", 3000.0, 1e-5)):
-        found = run(circuit, drive, engine=engine, step_ms=step_ms).output_nats[0, -1]
-        np.testing.assert_allclose(found, expected, rtol=0, atol=atol)
+        out_nats = run(circuit, drive, engine=engine, step_ms=step_ms).output_nats[0, -1]
+        np.testing.assert_allclose(out_nats, expected, rtol=0, atol=atol)
 
 
 def test_every_unit_has_the_rate_constant_of_the_paper():
@@ -58,9 +58,9 @@ def test_every_unit_has_the_rate_constant_of_the_paper():
 def test_the_level_of_dopamine_multiplies_the_two_gains():
     drive = np.array([[[0.6, 0.2]]])
     for level in (0.5, 1.0, 1.25):
-        found = run(anatomy.gpr().dopamine(level), drive, engine="algebra", step_ms=1.0)
+        activity = run(anatomy.gpr().dopamine(level), drive, engine="algebra", step_ms=1.0)
         expected = two_channels(0.6, 0.2, 1.2 * level, 0.8 * (2 - level))
-        np.testing.assert_allclose(found.output_nats[0, 0], expected, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(activity.output_nats[0, 0], expected, rtol=0, atol=1e-9)
 
 
 def output(saliences, **options):

@@ -23,34 +23,34 @@ FITTED_HZ = {MSN: (1, 40), STN: (2, 100), GPE: (5, 80), SNR: (2, 60)}
 def mean_hz(circuit, inputs_hz, seeds=2):
     """Return mean rates of each channel over 0.7 s and seeds: (seeds, channels) by name."""
     drive = np.tile((np.array(inputs_hz) - 3) / 40, (3, 10, 1))
-    found = []
+    means = []
     for seed in range(seeds):
         wired = replace(circuit, wiring_seed=seed)
         activity = run(wired, drive, engine="ensemble", step_ms=100, seed=seed)
-        found.append({n: hz[:, 300:].mean(axis=(0, 1)) for n, hz in activity.rates_hz.items()})
-    return {name: np.array([one[name] for one in found]) for name in found[0]}
+        means.append({n: hz[:, 300:].mean(axis=(0, 1)) for n, hz in activity.rates_hz.items()})
+    return {name: np.array([one[name] for one in means]) for name in means[0]}
 
 
 @pytest.mark.parametrize("channels", [2, 3, 4])
 def test_tonic_rates_are_those_that_the_authors_print_within_a_quarter(channels):
     """Spontaneous currents were set by the authors for their whole model, shunting and all."""
-    found = mean_hz(anatomy.humphries(channels), [3] * channels)
+    rates_hz = mean_hz(anatomy.humphries(channels), [3] * channels)
     for name, printed_hz in PRINTED_HZ.items():
-        assert found[name].mean() == pytest.approx(printed_hz, rel=0.25), name
+        assert rates_hz[name].mean() == pytest.approx(printed_hz, rel=0.25), name
 
 
 def test_the_channel_of_the_larger_input_is_selected_and_the_others_rise():
     circuit = anatomy.humphries(3)
     rest = mean_hz(circuit, [3, 3, 3])["SNr"].mean()
-    found = mean_hz(circuit, [3, 25, 3])["SNr"]
-    assert (found[:, 1] < SELECTED_HZ).all()
-    assert (found[:, [0, 2]] > rest + 5).all()
+    snr_hz = mean_hz(circuit, [3, 25, 3])["SNr"]
+    assert (snr_hz[:, 1] < SELECTED_HZ).all()
+    assert (snr_hz[:, [0, 2]] > rest + 5).all()
 
 
 def test_two_of_four_large_inputs_are_told_apart():
-    found = mean_hz(anatomy.humphries(4), [20, 10, 3, 3])["SNr"]
-    assert (found[:, 0] < SELECTED_HZ).all()
-    assert (found[:, 1:] > 2 * SELECTED_HZ).all()
+    snr_hz = mean_hz(anatomy.humphries(4), [20, 10, 3, 3])["SNr"]
+    assert (snr_hz[:, 0] < SELECTED_HZ).all()
+    assert (snr_hz[:, 1:] > 2 * SELECTED_HZ).all()
 
 
 def test_too_little_dopamine_selects_nothing_and_too_much_selects_both():

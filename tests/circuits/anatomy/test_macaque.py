@@ -35,10 +35,10 @@ def stepped(table, lead, size):
     drive[0, :, 0] = lead
     drive[0, 10:] += size
     model = BasalGanglia(table, Population(noise=False), 1.0)
-    found = model.run_drive(drive, STEP_MS)
-    moved = found.output_nats[0, :, 0]
-    before = (found.time_ms >= 450) & (found.time_ms < LEADER_MS)
-    return found.time_ms - LEADER_MS, moved - moved[before].mean()
+    activity = model.run_drive(drive, STEP_MS)
+    moved = activity.output_nats[0, :, 0]
+    before = (activity.time_ms >= 450) & (activity.time_ms < LEADER_MS)
+    return activity.time_ms - LEADER_MS, moved - moved[before].mean()
 
 
 @pytest.mark.parametrize("channels", ALTERNATIVES)
@@ -51,11 +51,11 @@ def test_out_is_minus_ln_p_of_the_leader_for_any_competitors_and_any_common_inpu
     drive = np.array(drive[:channels])
     leader = drive.argmax()
     want = minus_log_softmax(drive)[leader]
-    found = run(table, (drive + common)[None, None], engine="algebra", step_ms=1.0)
-    y = found.decoded_nats("ctx")[0, 0]
+    activity = run(table, (drive + common)[None, None], engine="algebra", step_ms=1.0)
+    y = activity.decoded_nats("ctx")[0, 0]
     silent = np.count_nonzero(y <= 0) * np.exp(-y[leader])
     low = table.readable_nats[0]
-    assert found.output_nats[0, 0, leader] == pytest.approx(max(want, low), abs=0.01 + silent)
+    assert activity.output_nats[0, 0, leader] == pytest.approx(max(want, low), abs=0.01 + silent)
 
 
 @pytest.mark.parametrize("channels", ALTERNATIVES)
@@ -125,21 +125,21 @@ def test_without_its_parts_a_step_of_all_channels_does_reach_out():
 )
 @pytest.mark.parametrize("channels", [2, 4])
 def test_rates_at_rest_are_those_of_the_animal(channels, name, low, high):
-    found = run(anatomy.macaque(channels), np.zeros((1, 1, channels)), engine="algebra", step_ms=1)
-    assert low <= found.rates_hz[name][0, 0].min() <= found.rates_hz[name].max() <= high
+    rest = run(anatomy.macaque(channels), np.zeros((1, 1, channels)), engine="algebra", step_ms=1)
+    assert low <= rest.rates_hz[name][0, 0].min() <= rest.rates_hz[name].max() <= high
 
 
 @pytest.mark.parametrize("channels", [2, 4])
 def test_rates_where_a_decision_falls_are_those_of_the_animal(channels):
     drive = np.zeros((1, 1, channels))
     drive[0, 0, 0] = 2.0 + np.log(channels - 1)
-    found = run(anatomy.macaque(channels), drive, engine="algebra", step_ms=1).rates_hz
-    winner, losers = (lambda name: found[name][0, 0, 0]), (lambda name: found[name][0, 0, 1:])
+    rates_hz = run(anatomy.macaque(channels), drive, engine="algebra", step_ms=1).rates_hz
+    winner, losers = (lambda name: rates_hz[name][0, 0, 0]), (lambda name: rates_hz[name][0, 0, 1:])
     assert winner("ctx") < 60
     assert winner("D1") < 30
     assert losers("SNr").max() < 110
     assert losers("ctx").min() > 1.5
-    assert winner("SNr") < found["SNr"][0, 0, 1] / 2
+    assert winner("SNr") < rates_hz["SNr"][0, 0, 1] / 2
 
 
 @pytest.mark.parametrize("channels", ALTERNATIVES)
@@ -154,9 +154,9 @@ def test_it_does_not_oscillate_at_rest_nor_where_it_decides(channels):
 def test_endless_evidence_saturates_cortex_and_nothing_runs_away():
     evidence = Evidence(np.tile([4.0, -4.0], (1, 60, 1)), baseline=0.0, step_ms=50.0)
     model = BasalGanglia(anatomy.macaque(2), Population(noise=False), 0.55)
-    found = model.run_drive(model.drive(evidence), evidence.step_ms)  # too strong for ``activity``
-    assert found.rates_hz["ctx"].max() <= 0.8 + 11 * MOST_NATS + 1e-3
-    assert found.output_nats[0, -1].argmin() == 0
+    trace = model.run_drive(model.drive(evidence), evidence.step_ms)  # too strong for ``activity``
+    assert trace.rates_hz["ctx"].max() <= 0.8 + 11 * MOST_NATS + 1e-3
+    assert trace.output_nats[0, -1].argmin() == 0
 
 
 def test_each_channel_gets_its_own_evidence_and_the_control_takes_the_mean_off():
@@ -175,8 +175,8 @@ def test_evidence_without_a_baseline_is_refused_with_what_it_could_be():
     evidence = Evidence(np.tile([-1.0, -3.0], (2, 4, 1)))
     with refused("baseline no baseline.*baseline=-2"):
         BasalGanglia(anatomy.macaque(2), "algebra", 0.5).drive(evidence)
-    whole = Evidence(evidence.log_likelihood, baseline=-2.0)
-    drive = BasalGanglia(anatomy.macaque(2), "algebra", 0.5).drive(whole)
+    with_baseline = Evidence(evidence.log_likelihood, baseline=-2.0)
+    drive = BasalGanglia(anatomy.macaque(2), "algebra", 0.5).drive(with_baseline)
     np.testing.assert_allclose(drive[:, -1], [[2.0, -2.0]] * 2)
 
 
@@ -186,8 +186,8 @@ def test_what_channels_are_told_differs_by_the_evidence_between_them_alone(seed,
     rng = np.random.default_rng(seed)
     values = rng.normal(mean, 2, (3, 6, channels)) + rng.normal(0, 3, channels)
     evidence = Evidence(values, baseline=mean, prior=rng.dirichlet(np.full(channels, 3)))
-    own, totals = evidence.own_totals, evidence.totals
-    np.testing.assert_allclose(own - own[..., :1], totals - totals[..., :1], atol=1e-9)
+    inputs, totals = evidence.own_totals, evidence.totals
+    np.testing.assert_allclose(inputs - inputs[..., :1], totals - totals[..., :1], atol=1e-9)
 
 
 @pytest.mark.parametrize("channels", [2, 4])

@@ -17,17 +17,17 @@ def held(channels, lead):
 @pytest.mark.parametrize("channels", [2, 4, 8])
 def test_without_evidence_every_channel_has_the_same_room_and_striatum_is_quiet(channels):
     """Sigma rests at 2.2 whatever N, and so does y; STN shares it between channels."""
-    found = held(channels, 0.0)
-    assert found.decoded_nats("ctx") == pytest.approx(2.2, abs=0.05)
+    activity = held(channels, 0.0)
+    assert activity.decoded_nats("ctx") == pytest.approx(2.2, abs=0.05)
     gain = anatomy.spiking_msprt(channels).population("STN").gain_hz_per_nat
-    assert found.rates_hz["STN"].sum() / gain == pytest.approx(2.2, abs=0.05)
-    assert not found.rates_hz["D1"].any()
-    assert found.rates_hz["D2"].max() < 5
+    assert activity.rates_hz["STN"].sum() / gain == pytest.approx(2.2, abs=0.05)
+    assert not activity.rates_hz["D1"].any()
+    assert activity.rates_hz["D2"].max() < 5
 
 
 @pytest.mark.parametrize("channels", [2, 4, 8])
 def test_losers_fall_silent_at_once_a_second_and_the_winner_disinhibits(channels):
-    found = held(channels, 5.0).rates_hz
-    assert found["ctx"][0, 0, 1:].max() <= 1
-    assert found["D1"][0, 0, 1:].max() == 0
-    assert found["SNr"][0, 0, 0] < found["SNr"][0, 0, 1:].min() / 4
+    rates_hz = held(channels, 5.0).rates_hz
+    assert rates_hz["ctx"][0, 0, 1:].max() <= 1
+    assert rates_hz["D1"][0, 0, 1:].max() == 0
+    assert rates_hz["SNr"][0, 0, 0] < rates_hz["SNr"][0, 0, 1:].min() / 4

@@ -42,9 +42,9 @@ def test_outputs_settle_where_those_of_gpr_do(saliences, level):
 
 def test_spikes_scatter_about_the_closed_form():
     expected = settled("rate", OF_NENGO)[0]
-    found = settled("ensemble", OF_NENGO)
-    np.testing.assert_allclose(found.mean(axis=0), expected, atol=0.01)
-    assert (found.std(axis=0) < 0.02).all()
+    spiking = settled("ensemble", OF_NENGO)
+    np.testing.assert_allclose(spiking.mean(axis=0), expected, atol=0.01)
+    assert (spiking.std(axis=0) < 0.02).all()
 
 
 def latency_ms(before, after, level):
@@ -64,6 +64,6 @@ def test_a_clear_choice_falls_silent_in_about_the_14_ms_that_the_authors_print()
 def test_similar_utilities_take_longer():
     """Abstract: "or longer for actions with similar utilities"."""
     base = [0.4, 0.4, 0.4]
-    found = [latency_ms(base, [0.4 + more, 0.4, 0.4], 0.05) for more in (0.6, 0.3, 0.25)]
-    assert found == sorted(found)
-    assert found[-1] > 1.2 * found[0]
+    latencies_ms = [latency_ms(base, [0.4 + more, 0.4, 0.4], 0.05) for more in (0.6, 0.3, 0.25)]
+    assert latencies_ms == sorted(latencies_ms)
+    assert latencies_ms[-1] > 1.2 * latencies_ms[0]

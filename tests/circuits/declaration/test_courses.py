@@ -102,21 +102,6 @@ def test_a_train_averages_to_a_constant_of_its_duty_cycle():
     assert out[0] == pytest.approx(out[1], abs=0.02)
 
 
-@pytest.mark.parametrize(
-    ("train", "says"),
-    [
-        ({"rate_hz": 100.0}, "pulse_ms a train of pulses needs both"),
-        ({"pulse_ms": 2.0}, "rate_hz a train of pulses needs both"),
-        ({"rate_hz": 100.0, "pulse_ms": 10.0}, "pulse_ms must be shorter than the period, 10 ms"),
-        ({"rate_hz": -1.0, "pulse_ms": 1.0}, "rate_hz must be >= 0"),
-        ({"rate_hz": 100.0, "pulse_ms": 1.0, "rise_ms": 2.0}, "rise_ms must be 0 in a train"),
-    ],
-)
-def test_a_train_that_makes_no_sense_is_refused(train, says):
-    with refused(says):
-        Course("STN", 0.5, 0.0, 100.0, **train)
-
-
 def test_a_step_at_a_tick_is_there_in_that_tick_and_whole():
     step = Course("STN", 0.3, 0.7, 1.2).in_ticks(20, 0.1)
     np.testing.assert_array_equal(step, [0.3 if 7 <= k < 12 else 0 for k in range(20)])
@@ -136,21 +121,25 @@ def test_extremes_are_those_of_the_sum(rows):
 @pytest.mark.parametrize(
     ("fields", "says"),
     [
-        ({"amount": math.nan}, "course of STN from 0 to inf ms: amount must be finite, got nan"),
-        ({"amount": "much"}, "the course of STN: amount must be a number, got 'much'"),
+        ({"amount": math.nan}, "amount course of STN from 0 to inf ms: amount must be finite"),
+        ({"amount": "much"}, "amount course of STN: amount must be a number, got 'much'"),
         ({"from_ms": -1}, "from_ms must be >= 0, when the drive begins, got -1"),
         ({"from_ms": math.inf}, "from_ms must be finite, got inf"),
         ({"from_ms": 5, "to_ms": 5}, "to_ms must come after from_ms, 5, got 5"),
         ({"to_ms": math.nan}, "to_ms must come after from_ms, 0, got nan"),
         ({"rise_ms": -1}, "rise_ms must be >= 0 and finite, got -1"),
         ({"to_ms": 5, "decay_ms": math.inf}, "decay_ms must be >= 0 and finite, got inf"),
-        ({"decay_ms": 5}, "without an end, to_ms, there is no decay_ms"),
+        ({"decay_ms": 5}, "decay_ms without an end, to_ms, there is no decay_ms"),
+        ({"rate_hz": 100.0}, "pulse_ms a train of pulses needs both"),
+        ({"pulse_ms": 2.0}, "rate_hz a train of pulses needs both"),
+        ({"rate_hz": 100.0, "pulse_ms": 10.0}, "pulse_ms must be shorter than the period, 10 ms"),
+        ({"rate_hz": -1.0, "pulse_ms": 1.0}, "rate_hz must be >= 0"),
+        ({"rate_hz": 100.0, "pulse_ms": 1.0, "rise_ms": 2.0}, "rise_ms must be 0 in a train"),
     ],
 )
 def test_numbers_without_sense_are_refused(fields, says):
-    with pytest.raises(ValueError, match=r".") as error:
+    with refused(says):
         Course("STN", **{"amount": 0.1, **fields})
-    assert says in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -162,12 +151,9 @@ def test_numbers_without_sense_are_refused(fields, says):
         ("dopamine[0] amount=1", "has no nucleus 'dopamine[0]': a course is of dopamine, ctx"),
         ("STN[2] amount=1", "of STN[2] from 0 to inf ms: channel must be within 0..1, got 2"),
         ("STN[0] amount=1 from_ms=9 to_ms=4", "from 9 to 4 ms: to_ms must come after from_ms, 9"),
-        ("STN[0] amount=1 from_ms=inf", "from_ms must be finite, got inf"),
-        ("STN[0] amount=1 to_ms=nan", "to_ms must come after from_ms, 0, got nan"),
         ("STN from_ms=3", "a course of STN needs amount"),
         ("dopamine to_ms=3", "a course of dopamine needs amount"),
         ("STN amount=1 until_ms=3", "a course of STN has no 'until_ms': amount, from_ms, to_ms"),
-        ("STN amount=much", "amount must be a number, got 'much'"),
         ("dopamine amount=1.1", "of dopamine must be within 0..2, with this row it is 2.1"),
         ("dopamine amount=-1.1 from_ms=40 rise_ms=9", "0..2, with this row it is -0.1"),
     ],

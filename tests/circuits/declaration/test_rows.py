@@ -23,12 +23,12 @@ def test_published_rates_change_neither_the_fixed_point_nor_what_is_claimed_of_i
 
 
 def test_values_go_to_the_fields_named_above_them():
-    found = rows(
+    populations = rows(
         Population,
         ("name  cell  tau_ms", ("STN", Rate(), 5), ("GPe", Rate(signed=True), 10)),
         ("name  transmitter", ("STN", "glutamate"), ("GPe", GABA)),
     )
-    assert found == (
+    assert populations == (
         Population("STN", Rate(), tau_ms=5),
         Population("GPe", Rate(signed=True), tau_ms=10, transmitter=GABA),
     )
@@ -47,9 +47,9 @@ def test_parts_of_a_table_that_do_not_fit_are_refused():
 
 
 def test_a_row_that_a_later_part_leaves_out_has_the_default():
-    found = rows(
+    projections = rows(
         Projection,
         ("source target weight", ("STN", "GPe", 1), ("STN", "SNr", 2)),
         ("source target delay_ms", ("STN", "SNr", 3)),
     )
-    assert found == (Projection("STN", "GPe", 1), Projection("STN", "SNr", 2, delay_ms=3))
+    assert projections == (Projection("STN", "GPe", 1), Projection("STN", "SNr", 2, delay_ms=3))

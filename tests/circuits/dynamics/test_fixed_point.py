@@ -126,19 +126,19 @@ def test_out_of_an_exact_table_is_off_by_nothing(make, channels, competitors):
 def test_out_is_off_by_as_much_as_the_read_out_is_biased(nats):
     table = anatomy.bogacz_gurney(3)
     bias = table.population("SNr").bias_nats + nats
-    found = fixed_point.off_nats(table.with_population("SNr", bias_nats=bias))
-    assert found == pytest.approx((nats, nats), abs=1e-8)
+    offsets = fixed_point.off_nats(table.with_population("SNr", bias_nats=bias))
+    assert offsets == pytest.approx((nats, nats), abs=1e-8)
 
 
 def test_competitors_beyond_the_reach_of_a_centred_drive_are_cut_there():
     """One competitor is level with the leader: OUT is ln 2. The third counts as 2 nats behind."""
     table = replace(anatomy.bogacz_gurney(3), centred=True, max_deficit_nats=2.0)
     table = replace(table, readable_nats=(np.log(2) - 1e-9, np.log(2)))
-    found = fixed_point.off_nats(table, 1)
+    offsets = fixed_point.off_nats(table, 1)
     drive = np.array([0.0, 0.0, -2.0])
     out = run_algebra(table, (drive - drive.mean())[None, None]).output_nats[0, 0, 0]
-    assert found == pytest.approx((out - np.log(2),) * 2, abs=1e-6)
-    assert found[0] == pytest.approx(np.log(2 + np.exp(-2)) - np.log(2), abs=1e-6)
+    assert offsets == pytest.approx((out - np.log(2),) * 2, abs=1e-6)
+    assert offsets[0] == pytest.approx(np.log(2 + np.exp(-2)) - np.log(2), abs=1e-6)
 
 
 @pytest.mark.parametrize("competitors", [0, 3])

@@ -34,10 +34,10 @@ def settled(circuit, drive=HELD, step_ms=1000.0, **options):
     return activity.output_nats[0, -1], {k: v[0, -1] for k, v in activity.rates_hz.items()}
 
 
-def agree(found, expected, atol=SINGLE):
-    np.testing.assert_allclose(found[0], expected[0], atol=atol, rtol=0)
+def agree(actual, expected, atol=SINGLE):
+    np.testing.assert_allclose(actual[0], expected[0], atol=atol, rtol=0)
     for name, rates in expected[1].items():
-        np.testing.assert_allclose(found[1][name], rates, atol=50 * atol, rtol=0, err_msg=name)
+        np.testing.assert_allclose(actual[1][name], rates, atol=50 * atol, rtol=0, err_msg=name)
 
 
 @pytest.mark.parametrize("amount", [-0.15, 0.15])
@@ -99,10 +99,10 @@ def response(time_ms, course, tau):
     rise, decay = course.rise_ms, course.decay_ms
     last = course.to_ms - course.from_ms
 
-    def filtered(since, own):
+    def filtered(since, fade_ms):
         """Return the filter's response to exp(-t / own), at rest before."""
-        fade = np.exp(-since / own) if own else 0 * since
-        return own * (fade - np.exp(-since / tau)) / (own - tau)
+        fade = np.exp(-since / fade_ms) if fade_ms else 0 * since
+        return fade_ms * (fade - np.exp(-since / tau)) / (fade_ms - tau)
 
     def on(since):
         step = 1 - np.exp(-since / tau)

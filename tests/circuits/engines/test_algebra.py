@@ -100,8 +100,8 @@ def test_a_linear_gpe_gives_lamberts_w(slope):
     s = REFERENCE + logsumexp(drive, axis=1) - np.log(5)
     sigma = np.real(lambertw(slope * np.exp(s))) / slope
     expected = sigma[:, None] - (drive + REFERENCE - np.log(5))
-    found = output(anatomy.linear_gpe(5, slope=slope), drive)
-    assert np.abs(found - np.maximum(expected, 0)).max() < CLOSE
+    out_nats = output(anatomy.linear_gpe(5, slope=slope), drive)
+    assert np.abs(out_nats - np.maximum(expected, 0)).max() < CLOSE
 
 
 @pytest.mark.parametrize(
@@ -156,8 +156,8 @@ def test_a_loss_of_gpe_raises_sigma_as_its_equation_says(fraction):
     """(1 - f) Sigma + f ln Sigma = S."""
     sigma = solved(lambda x: (1 - fraction) * x + fraction * np.log(x), Exact.s)
     assert (sigma > Exact.s).all()
-    found = output(Exact.circuit.lesion("GPe", fraction), Exact.drive)
-    assert np.abs(found / (sigma - Exact.y) - 1).max() < CLOSE
+    out_nats = output(Exact.circuit.lesion("GPe", fraction), Exact.drive)
+    assert np.abs(out_nats / (sigma - Exact.y) - 1).max() < CLOSE
 
 
 def test_a_lost_part_of_gpe_held_at_rest_solves_its_equation():
@@ -168,8 +168,8 @@ def test_a_lost_part_of_gpe_held_at_rest_solves_its_equation():
         sigma = solved(
             lambda x, f=fraction: np.log(x) + (1 - f) * (x - np.log(x)) + f * rest, Exact.s
         )
-        found = output(Exact.circuit.clamp("GPe", fraction), Exact.drive)
-        assert np.abs(found / (sigma - Exact.y) - 1).max() < CLOSE
+        out_nats = output(Exact.circuit.clamp("GPe", fraction), Exact.drive)
+        assert np.abs(out_nats / (sigma - Exact.y) - 1).max() < CLOSE
 
 
 @pytest.mark.parametrize("gain", [0.0, 0.7, 0.95, 1.05, 1.5])

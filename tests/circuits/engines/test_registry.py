@@ -38,7 +38,7 @@ def test_an_engine_shows_the_options_that_were_changed():
 
 @pytest.mark.parametrize("name", ["nest", "", None, 3, Population])
 def test_an_unknown_engine_lists_those_that_there_are(name):
-    for make in (engine_of, lambda given: BasalGanglia("macaque", given)):
+    for make in (engine_of, lambda engine: BasalGanglia("macaque", engine)):
         with refused("engine must be one of algebra, rate, .*"):
             make(name)
 

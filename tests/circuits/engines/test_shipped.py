@@ -17,12 +17,12 @@ TABLE = anatomy.spiking_msprt()
 def test_memory_of_engines_without_cells_is_that_of_what_they_return(name):
     """The fixed point takes half as much again as its rates on the way."""
     engine = engine_of(name)
-    found = run(TABLE, np.zeros((3, 4, 2)), engine=engine, step_ms=5, seed=1)
-    samples, number = found.output_nats.shape[1], blocks(TABLE)
-    rates = sum(x.nbytes for x in found.rates_hz.values()) * engine.row_length(number) / number
-    whole = found.output_nats.nbytes + rates * (1 if engine.timed else 1.5)
-    assert engine.memory_bytes(TABLE, 3, samples) == whole
-    out = found.output_nats.nbytes if engine.drops else whole
+    activity = run(TABLE, np.zeros((3, 4, 2)), engine=engine, step_ms=5, seed=1)
+    samples, number = activity.output_nats.shape[1], blocks(TABLE)
+    rates = sum(x.nbytes for x in activity.rates_hz.values()) * engine.row_length(number) / number
+    bytes_needed = activity.output_nats.nbytes + rates * (1 if engine.timed else 1.5)
+    assert engine.memory_bytes(TABLE, 3, samples) == bytes_needed
+    out = activity.output_nats.nbytes if engine.drops else bytes_needed
     assert engine.tuned(workers=2, rates=False).memory_bytes(TABLE, 3, samples) == out
 
 

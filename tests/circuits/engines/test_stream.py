@@ -54,11 +54,11 @@ def test_readings_one_by_one_give_the_bytes_of_all_at_once(engine, name):
         circuit, trials, steps, step_ms = circuit.with_neurons(8), 1, 2, 5.0
         made = engine_of(engine, settle_ms=20)
     drive = np.stack([drive_of(circuit, seed, steps) for seed in range(trials)])
-    whole = made.run(circuit, drive, step_ms=step_ms, seed=7, first_trial=4)
+    activity = made.run(circuit, drive, step_ms=step_ms, seed=7, first_trial=4)
     for trial in {0, trials - 1}:
         stream, out = streamed(circuit, made, drive[trial], 4 + trial, step_ms)
-        assert out.tobytes() == whole.output_nats[trial].tobytes()
-        assert np.array_equal(stream.time_ms, whole.time_ms)
+        assert out.tobytes() == activity.output_nats[trial].tobytes()
+        assert np.array_equal(stream.time_ms, activity.time_ms)
 
 
 @pytest.mark.parametrize("engine", ["rate", "population", "ensemble"])
@@ -76,7 +76,7 @@ def test_later_readings_change_nothing_of_what_was_before(engine, step, seed):
 
 
 @pytest.mark.parametrize(
-    ("engine", "given", "says"),
+    ("engine", "changes", "says"),
     [
         ("brian2", {}, "engine all readings of a trial at once"),
         ("algebra", {}, "engine all readings of a trial at once"),
@@ -85,8 +85,8 @@ def test_later_readings_change_nothing_of_what_was_before(engine, step, seed):
         ("ensemble", {"step_ms": -1.0}, "step_ms > 0"),
     ],
 )
-def test_bad_input_gets_one_clear_sentence(engine, given, says):
-    asked = {"step_ms": STEP_MS, "steps": 2, "seed": 1} | given
+def test_bad_input_gets_one_clear_sentence(engine, changes, says):
+    asked = {"step_ms": STEP_MS, "steps": 2, "seed": 1} | changes
     with refused(says):
         engine_of(engine).stream(TABLES["macaque"], **asked)
 

@@ -38,11 +38,11 @@ def test_shared_noise_has_the_size_that_was_asked():
     )
 
 
-@pytest.mark.parametrize(("given", "cells", "tau_ms"), [({}, 20, 20.0), ({"cells": 5}, 5, 20.0),
+@pytest.mark.parametrize(("options", "cells", "tau_ms"), [({}, 20, 20.0), ({"cells": 5}, 5, 20.0),
                                                          ({"tau_ms": 50.0}, 20, 50.0)])  # fmt: skip
-def test_shared_noise_has_its_size_in_closed_form(given, cells, tau_ms):
+def test_shared_noise_has_its_size_in_closed_form(options, cells, tau_ms):
     """Power of renewal spikes through an exponential filter, summed over all frequencies."""
-    noisy = correlated(TABLE, 0.2, **given)
+    noisy = correlated(TABLE, 0.2, **options)
     row, path = noisy.population("shared"), noisy.projection("shared", "ctx")
     assert (row.neurons, path.tau_ms, path.delay_ms) == (cells, tau_ms, 1)
     frequency = np.concatenate([[0.0], np.geomspace(1e-3, 1e5, 4000)]) + 1e-6
@@ -62,12 +62,12 @@ def test_with_a_linear_stn_out_is_the_mean_over_channels_less_each(channels):
     table = load_circuit("macaque", channels)
     drive = np.zeros((2, 1, channels))
     drive[1, 0, :2] = 0.3, -0.2
-    found, intact = (
+    linear, intact = (
         run(x, drive, engine="algebra", step_ms=50) for x in (linear_stn(table), table)
     )
-    for name, rates in found.rates_hz.items():
+    for name, rates in linear.rates_hz.items():
         if name != "SNr":
             np.testing.assert_allclose(rates[0], intact.rates_hz[name][0], rtol=1e-9)
-    rest, moved = found.output_nats[:, -1]
+    rest, moved = linear.output_nats[:, -1]
     np.testing.assert_allclose(rest, intact.output_nats[0, -1] + 0.6, rtol=1e-9)
     np.testing.assert_allclose(moved - rest, drive[1, 0].mean() - drive[1, 0], atol=1e-5)

@@ -103,8 +103,8 @@ def test_frequencies_are_added_near_a_resonance_until_no_step_turns_too_far():
     most = []
     for times, more in ((1.0, False), (1.8, True)):
         wiring, x = state(table.scale("STN", "GPe", times))
-        frequency, found = swept(wiring, x[None])
-        turns = np.abs(np.log(found.det[:, 1:] / found.det[:, :-1]))
+        frequency, response = swept(wiring, x[None])
+        turns = np.abs(np.log(response.det[:, 1:] / response.det[:, :-1]))
         assert (np.diff(frequency) > 0).all()
         assert turns.max() <= 0.5
         assert (len(frequency) > len(FREQUENCIES_HZ)) == more

@@ -101,8 +101,8 @@ def test_without_recovery_a_loss_of_stn_lowers_out():
 @pytest.mark.parametrize("lost", [0.5, 1.0])
 def test_a_rebound_lifts_one_population_by_so_many_nats_of_its_activity(lost, channels):
     circuit = anatomy.macaque(channels)
-    found = circuit.lesion("STN", lost).compensate(rebound_nats={"SNr": 0.5})
-    change = rest_hz(found) - rest_hz(circuit)
+    compensated = circuit.lesion("STN", lost).compensate(rebound_nats={"SNr": 0.5})
+    change = rest_hz(compensated) - rest_hz(circuit)
     readout = wired(circuit).blocks_of("SNr")
     expected = np.zeros_like(change)
     expected[readout] = 0.5 * circuit.population("SNr").gain_hz_per_nat
@@ -111,8 +111,8 @@ def test_a_rebound_lifts_one_population_by_so_many_nats_of_its_activity(lost, ch
 
 def test_what_others_get_from_a_rebound_is_made_good():
     circuit = anatomy.macaque(2)
-    found = circuit.compensate(circuit, rebound_nats={"GPe": 0.2})
-    change = rest_hz(found) - rest_hz(circuit)
+    compensated = circuit.compensate(circuit, rebound_nats={"GPe": 0.2})
+    change = rest_hz(compensated) - rest_hz(circuit)
     expected = np.zeros_like(change)
     expected[wired(circuit).blocks_of("GPe")] = 10
     np.testing.assert_allclose(change, expected, atol=CLOSE)
@@ -263,8 +263,8 @@ def test_a_balanced_circuit_is_the_table_and_any_weight_onto_the_read_out_comes_
     table = anatomy.macaque(channels)
     weight = table.projection("STN", "SNr").weight
     for factor in (0.5, 0.8, 1.0, 1.3):
-        found = table.scale("STN", "SNr", factor).balanced()
-        assert found.projection("STN", "SNr").weight == pytest.approx(weight, abs=1e-6)
+        balanced = table.scale("STN", "SNr", factor).balanced()
+        assert balanced.projection("STN", "SNr").weight == pytest.approx(weight, abs=1e-6)
 
 
 @given(st.sampled_from(["ctx->D1", "D1->SNr", "STN->GPe", "GPe->STN"]), st.floats(0.85, 1.15))
@@ -272,14 +272,14 @@ def test_a_balanced_circuit_is_the_table_and_any_weight_onto_the_read_out_comes_
 def test_after_both_rules_what_all_channels_share_leaves_out_alone(name, factor):
     table = anatomy.macaque(4)
     edited = table.scale(*name.split("->"), factor).compensate(table)
-    found = edited.balanced().compensate(table)
+    compensated = edited.balanced().compensate(table)
 
     def moved(circuit):
         drive = np.array([-0.05, 0.05])[:, None, None] * np.ones(4)
         out = run(circuit, drive, engine="algebra", step_ms=1.0).output_nats.mean(axis=(1, 2))
         return abs(float(np.diff(out)[0]))
 
-    assert moved(found) <= 1e-4 + 0.05 * moved(edited)
+    assert moved(compensated) <= 1e-4 + 0.05 * moved(edited)
 
 
 def test_a_weight_that_no_rule_could_find_is_refused():
@@ -318,12 +318,12 @@ def test_rows_that_are_added_with_rest_kept_leave_the_rates_of_all_that_was_ther
 ):
     """The new nucleus itself rests where these take it, whatever it sends and hears."""
     table = anatomy.load_circuit(name, channels).lesion("STN", lesion)
-    heard, sent, own = weights
+    heard, sent, self_weight = weights
     rows = (
         f"TRN like=D2 bias_nats={bias} receptor='' baseline_hz=5",
         f"STN->TRN weight={heard}",
         f"TRN->GPe weight=-{sent}",
-        f"TRN->TRN weight=-{own} delay_ms=2",
+        f"TRN->TRN weight=-{self_weight} delay_ms=2",
         f"D2->SNr weight=-{sent}",
     )
     kept = table.add(*rows, keep_rest=True)

@@ -125,9 +125,9 @@ def test_a_rectified_pathway_above_zero_is_a_line():
     """STN -> GPe of the shipped table never falls silent."""
     line = anatomy.spiking_msprt()
     table = line.with_projection("STN", "GPe", transfer="rectified")
-    found, known = (out_variance(of, FAVOURED) for of in (table, line))
+    rectified, known = (out_variance(of, FAVOURED) for of in (table, line))
     for name in known:
-        np.testing.assert_allclose(found[name], known[name], rtol=1e-9)
+        np.testing.assert_allclose(rectified[name], known[name], rtol=1e-9)
 
 
 # ---- one loop, in closed form
@@ -170,8 +170,8 @@ def test_one_loop_has_the_variance_and_the_spectrum_of_its_two_modes():
     spikes = 60.0 * (1 - np.abs(gap) ** 2) / np.abs(1 - gap) ** 2
     # One-sided, Hz, two channels averaged.
     power = 2 * np.abs(50.0 * answer) ** 2 * spikes / 2
-    found = rate_spectrum(table, "GPe", frequency) * MANY
-    np.testing.assert_allclose(found, power, rtol=1e-8)
+    spectrum = rate_spectrum(table, "GPe", frequency) * MANY
+    np.testing.assert_allclose(spectrum, power, rtol=1e-8)
 
 
 def test_noise_moves_the_mean_of_a_loop_where_cells_and_pathways_bend():
@@ -239,10 +239,10 @@ def test_spikes_of_a_bent_circuit_scatter_as_computed():
     table = spiking()
     out = run_ensemble(table, np.tile(np.array(FAVOURED), (30, 1, 1)), step_ms=5000, seed=74,
                        rates=False, sample_ms=5.0).output_nats[:, 200:, 0]  # fmt: skip
-    found = out.reshape(30, -1, 10).mean(axis=2)[:, ::2].std()
+    sd_nats = out.reshape(30, -1, 10).mean(axis=2)[:, ::2].std()
     whose = out_variance(table, FAVOURED, mean_ms=50)
     law = np.sqrt(sum(part[0] for part in whose.values()))
-    assert found == pytest.approx(law, rel=0.06)
+    assert sd_nats == pytest.approx(law, rel=0.06)
 
 
 # ---- where it does not hold
@@ -284,8 +284,8 @@ def test_out_is_the_read_outs_rate_averaged_and_filtered():
     power = 2 * rate_spectrum(table, "target", frequency) / 10.0**2
     angle = np.pi * frequency * 0.03
     left = (np.sin(angle) / angle) ** 2 / (1 + (2 * np.pi * frequency * 0.016) ** 2)
-    found = sum(part[0] for part in out_variance(table, mean_ms=30.0).values())
-    assert found == pytest.approx(np.trapezoid(power * left, frequency), rel=1e-9)
+    variance = sum(part[0] for part in out_variance(table, mean_ms=30.0).values())
+    assert variance == pytest.approx(np.trapezoid(power * left, frequency), rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ def test_the_mean_rate_of_cells_that_differ_is_that_of_their_rates():
     )  # fmt: skip
     current = np.array([10.0, 14.0, 18.0])
     alike = cell.rate_hz(current, LINE_HZ)
-    own = [each.rate_hz(current, factor * LINE_HZ) for each, factor in differing(cell, 0.2)]
-    found = mean_rate_hz(cell, 0.2, current, LINE_HZ)
-    np.testing.assert_allclose(found, np.mean(own, axis=0), rtol=1e-12)
-    assert (np.abs(found / alike - 1) > 1e-4).all()
+    each_hz = [each.rate_hz(current, factor * LINE_HZ) for each, factor in differing(cell, 0.2)]
+    mean_hz = mean_rate_hz(cell, 0.2, current, LINE_HZ)
+    np.testing.assert_allclose(mean_hz, np.mean(each_hz, axis=0), rtol=1e-12)
+    assert (np.abs(mean_hz / alike - 1) > 1e-4).all()

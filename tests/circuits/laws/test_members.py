@@ -48,8 +48,8 @@ def test_random_members_compute_the_posterior(channels, seed):
 
 def test_the_default_is_a_member_with_these_coordinates():
     circuit = load_circuit("macaque", 4)
-    found = {"Sigma0": 2.2, "loop gain": 0.35 * 1.2, "loop share": 0.35, "indirect share": 0.035}
-    assert loop(circuit) == pytest.approx(found)
+    known = {"Sigma0": 2.2, "loop gain": 0.35 * 1.2, "loop share": 0.35, "indirect share": 0.035}
+    assert loop(circuit) == pytest.approx(known)
     assert [*dependent(circuit)] == ["log", "exponent", "direct", "sum"]
     units = {one.name: one.unit for one in directions(circuit)}
     assert units["SNr.gain_hz_per_nat"] == "Hz per nat"

@@ -34,9 +34,9 @@ def test_beta_of_cells_that_differ_is_what_spikes_show(level):
     """The macaque's, in which every cell has a different rate, from 13 to 30 Hz."""
     table = anatomy.macaque().dopamine(level)
     assert table.population("STN").heterogeneity
-    found = run_ensemble(table, np.zeros((20, 3, 2)), step_ms=1000, seed=75)
+    activity = run_ensemble(table, np.zeros((20, 3, 2)), step_ms=1000, seed=75)
     for name in ("ctx", "STN", "GPe", "SNr"):
-        frequency, power = found.spectrum(name, from_ms=1000, segment_ms=500)
+        frequency, power = activity.spectrum(name, from_ms=1000, segment_ms=500)
         band = (frequency >= 13) & (frequency <= 30)
         law = rate_spectrum(table, name, frequency[band]).mean()
         assert power[band].mean() == pytest.approx(law, rel=0.15), name
@@ -63,8 +63,8 @@ def test_out_scatters_as_computed(edit):
         table = table.lesion(edit["without"], 0.1)
     drive = np.array([0.85, -0.85])
     held = np.tile(drive, (30, 1, 1))
-    given = {"step_ms": 5000, "seed": 74, "rates": False, "sample_ms": 5.0}
-    out = run_ensemble(table, held, **given).output_nats[:, 200:, 0]
+    settings = {"step_ms": 5000, "seed": 74, "rates": False, "sample_ms": 5.0}
+    out = run_ensemble(table, held, **settings).output_nats[:, 200:, 0]
     measured = out.reshape(30, -1, 10).mean(axis=2)[:, ::2].std()
     whose = out_variance(table, drive, mean_ms=50)
     law = np.sqrt(sum(part[0] for part in whose.values()))
@@ -83,10 +83,10 @@ def test_silent_losers_add_no_noise(channels):
 
 
 def test_a_lesion_takes_the_noise_with_what_it_takes():
-    whole, half = (
+    intact, half = (
         out_variance(table, [0.85, -0.85])["D2"][0] for table in (TABLE, TABLE.clamp("D2", 0.5))
     )
-    assert half == pytest.approx(whole / 4, rel=0.1)
+    assert half == pytest.approx(intact / 4, rel=0.1)
 
 
 def test_a_drive_or_frequency_without_sense_is_refused():

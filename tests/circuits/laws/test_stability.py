@@ -20,17 +20,17 @@ def test_a_loop_beyond_its_onset_turns_at_the_computed_frequency():
     begins = onset(table)
     beyond = replace(table, reference_nats=1.04 * begins.total_nats)
     drive = np.array([[[0.3, -0.3], [0.0, 0.0], [0.0, 0.0]]])
-    found = run_rate(beyond, drive, step_ms=2000, sample_ms=1.0)
-    frequency, power = found.spectrum("STN", from_ms=2500, segment_ms=2000)
+    activity = run_rate(beyond, drive, step_ms=2000, sample_ms=1.0)
+    frequency, power = activity.spectrum("STN", from_ms=2500, segment_ms=2000)
     peak = frequency[1:][power[1:].argmax()]
     assert peak == pytest.approx(begins.frequency_hz, rel=0.1)
 
 
 def test_growth_is_the_first_of_the_roots():
     table = anatomy.spiking_msprt()
-    found = roots(table, (0.5, -0.5))
-    assert growth(table, (0.5, -0.5)) == found[0]
-    assert np.all(np.diff(found.real) <= 0)
+    ordered = roots(table, (0.5, -0.5))
+    assert growth(table, (0.5, -0.5)) == ordered[0]
+    assert np.all(np.diff(ordered.real) <= 0)
 
 
 def loop(stn_ms, gpe_ms, delay_ms):
@@ -134,8 +134,8 @@ def test_growth_is_that_of_a_small_disturbance():
         departs = activity.decoded_nats("STN").sum(axis=2)[0] - total
         period = round(1000 * 2 * np.pi / abs(root.imag))
         peaks = [np.abs(departs[k : k + 2 * period]).max() for k in (200, 200 + cycles * period)]
-        found = np.log(peaks[1] / peaks[0]) / (cycles * period / 1000)
-        assert found == pytest.approx(root.real, rel=0.05)
+        growth_rate = np.log(peaks[1] / peaks[0]) / (cycles * period / 1000)
+        assert growth_rate == pytest.approx(root.real, rel=0.05)
         assert stability.is_stable(at)
     assert not stability.is_stable(replace(circuit, reference_nats=4.0))
 
@@ -205,11 +205,11 @@ def test_what_grows_without_an_oscillation_is_unstable_too():
         assert np.isinf(stability.ringing(table)[0]) == unstable
 
 
-@pytest.mark.parametrize(("total", "found"), [(43.7, 43.7), (47.0, np.inf)])
-def test_an_onset_is_looked_for_up_to_the_first_step_beyond_forty_nats(total, found):
+@pytest.mark.parametrize(("total", "nats"), [(43.7, 43.7), (47.0, np.inf)])
+def test_an_onset_is_looked_for_up_to_the_first_step_beyond_forty_nats(total, nats):
     """Steps of 15 % from a quarter of a nat on go to 38.3 and 44.05."""
     delay_ms = brentq(lambda d: closed_form(5, 10, (d, d))[0] - total, 0.05, 2)
-    assert onset(loop(5, 10, (delay_ms, delay_ms))).total_nats == pytest.approx(found, rel=1e-6)
+    assert onset(loop(5, 10, (delay_ms, delay_ms))).total_nats == pytest.approx(nats, rel=1e-6)
 
 
 @pytest.mark.parametrize("total", [1.5, 2.5, 3.5])

@@ -76,7 +76,7 @@ def test_expected_rates_are_means_over_paths_given_the_choice(likelihood):
 
 
 def test_choices_of_other_trials_are_not_told_by_spikes(monkeypatch, likelihood):
-    """Those of their own trials are; the fits to both have the same spikes."""
+    """They depend on spikes of the same trials; the fits to both have the same spikes."""
     trials = likelihood.simulated(
         true_vector(likelihood, noise=8.0, **{"0 gain": 0.3}), np.random.default_rng(3)
     )

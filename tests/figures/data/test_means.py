@@ -18,27 +18,27 @@ MONKEYS = {"b": (0.638, 14.1, 0.379, 0.33), "n": (0.768, 12.5, 0.280, 0.48)}
 def test_the_monkeys_have_their_published_parameters(who):
     some = read_trials("roitman_shadlen_2002", strength="coherence", participant=who)
     design = design_of(some)
-    found = fit_means(design)
-    per_share = found.sensitivity * design.strength.max() / 0.512
+    fit = fit_means(design)
+    per_share = fit.sensitivity * design.strength.max() / 0.512
     bound, sensitivity, t0_s, sd_s = MONKEYS[who]
-    assert found.bound == pytest.approx(bound, rel=0.03)
+    assert fit.bound == pytest.approx(bound, rel=0.03)
     assert per_share == pytest.approx(sensitivity, rel=0.03)
-    assert found.t0_s == pytest.approx(t0_s, rel=0.03)
-    assert found.sd_s[0] == pytest.approx(sd_s, rel=0.04)
+    assert fit.t0_s == pytest.approx(t0_s, rel=0.03)
+    assert fit.sd_s[0] == pytest.approx(sd_s, rel=0.04)
     data = cells_of(design, np.ones((design.cells, 2, design.grid.bins)))
-    assert found.mean_s == pytest.approx(data["mean_s"].to_numpy(), abs=0.02)
-    assert found.accuracy[1:] == pytest.approx(data["accuracy"].to_numpy()[1:], abs=0.05)
+    assert fit.mean_s == pytest.approx(data["mean_s"].to_numpy(), abs=0.02)
+    assert fit.accuracy[1:] == pytest.approx(data["accuracy"].to_numpy()[1:], abs=0.05)
     # A constant gap does not fit spreads: at 0 % the test's is far above the monkey's.
-    assert found.sd_s[0] > 1.4 * data["sd_s"][0]
+    assert fit.sd_s[0] > 1.4 * data["sd_s"][0]
 
 
 def test_parameters_that_made_the_data_are_found():
     values = {"sensitivity": 12.0, "bound": 0.6}
     some = drawn(GapModel(), [0.0, 0.05, 0.15, 0.4], 2000, 41, lapse=0.001, **values)
-    found = fit_means(design_of(some))
-    assert found.sensitivity == pytest.approx(12, rel=0.05)
-    assert found.bound == pytest.approx(0.6, rel=0.03)
-    assert found.t0_s == pytest.approx(0.3, abs=0.01)
+    fit = fit_means(design_of(some))
+    assert fit.sensitivity == pytest.approx(12, rel=0.05)
+    assert fit.bound == pytest.approx(0.6, rel=0.03)
+    assert fit.t0_s == pytest.approx(0.3, abs=0.01)
 
 
 def test_conditions_and_trials_without_a_response_have_no_place_in_means():

@@ -41,8 +41,8 @@ def test_differences_keep_their_sign_or_do_not():
         ("x", "d", 0.5, "agrees"), ("x", "d", np.nan, "fails"),
     ]  # fmt: skip
     table = pd.DataFrame(rows, columns=["examinee", "id", "z", "outcome"])
-    found = judged(table)["x"]
-    assert found.tolist() == ["same sign", "other sign", "same outcome", "other outcome"]
+    verdicts = judged(table)["x"]
+    assert verdicts.tolist() == ["same sign", "other sign", "same outcome", "other outcome"]
 
 
 def test_a_control_is_ranked_among_circuits_and_not_among_controls():
@@ -50,10 +50,10 @@ def test_a_control_is_ranked_among_circuits_and_not_among_controls():
     shares = [0.8, 0.1, 0.3, 0.0, 0.1, 0.0]
     one = pd.DataFrame({"examinee": names, "share": shares, "domain": "optimality"})
     other = one.assign(domain="resting rates", share=0.4)
-    found = ranks(pd.concat([one, other])).set_index("control")
-    assert found.loc["no GPe", ["worse", "tied", "of"]].tolist() == [1, 0, 3]
-    assert found.loc["no D1", ["worse", "tied"]].tolist() == [0, 1]
-    assert set(found["as_good_as_default"]) == {"resting rates"}
+    ranked = ranks(pd.concat([one, other])).set_index("control")
+    assert ranked.loc["no GPe", ["worse", "tied", "of"]].tolist() == [1, 0, 3]
+    assert ranked.loc["no D1", ["worse", "tied"]].tolist() == [0, 1]
+    assert set(ranked["as_good_as_default"]) == {"resting rates"}
 
 
 def test_a_game_is_told_by_the_numbers_that_it_wins_and_loses():

@@ -87,10 +87,10 @@ def test_drawn_parameters_have_the_spread_of_the_fits_or_of_the_prior(fits):
 
 def test_intervals_contain_the_truth_of_most_people_and_not_another():
     true = np.tile(AT, (4, 1))
-    found, inside = recovered(MODEL, true, seed=2)
-    assert found.shape == inside.shape == (4, 5)
+    intervals, inside = recovered(MODEL, true, seed=2)
+    assert intervals.shape == inside.shape == (4, 5)
     assert inside.mean() > 0.7
-    assert np.abs(found[:, 2] - AT[2]).max() < 0.3  # the bound
+    assert np.abs(intervals[:, 2] - AT[2]).max() < 0.3  # the bound
 
 
 def test_the_log_ratio_is_that_of_the_rates():

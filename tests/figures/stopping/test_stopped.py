@@ -1,4 +1,4 @@
-"""Simulated participants of the stop-signal task: what they are made with is found in them."""
+"""Estimates recover the parameters of simulated participants of the stop-signal task."""
 
 from dataclasses import replace
 
@@ -31,10 +31,10 @@ def people():
 
 def test_integration_finds_the_ssrt_of_40_people_with_staircases(people):
     with unwarned():
-        found = [estimate_ssrt(trials).ssrt_ms for trials in people.values()]
-    assert np.mean(found) == pytest.approx(220, abs=15)
+        ssrt_ms = [estimate_ssrt(trials).ssrt_ms for trials in people.values()]
+    assert np.mean(ssrt_ms) == pytest.approx(220, abs=15)
     counted = [counted_ssrt(trials) for trials in people.values()]
-    np.testing.assert_allclose(found, counted)
+    np.testing.assert_allclose(ssrt_ms, counted)
 
 
 def test_trigger_failures_and_the_mean_method_bias_the_estimate_upwards(people):
@@ -84,8 +84,8 @@ def test_the_order_of_trials_is_counted():
     #      go     stop   stop    go   stop    go   stop  go
     rt = [400.0, 300.0, np.nan, 500, np.nan, 460, 350, 600]
     ssd = [np.nan, 200.0, 200.0, np.nan, 250.0, np.nan, 250.0, np.nan]
-    found = sequence({"a": StopTrials(rt, ssd)}).iloc[0].to_dict()
-    assert found == {
+    counts = sequence({"a": StopTrials(rt, ssd)}).iloc[0].to_dict()
+    assert counts == {
         "p_first": 1.0, "p_odd": 0.5, "p_even": 0.5, "p_after_stop": 0.0,
         "p_after_go": pytest.approx(2 / 3), "odd_after_stop": 0.0, "even_after_stop": 0.5,
         "last_quarter_ms": 200.0,

@@ -20,8 +20,8 @@ def person(model, alternatives, strengths, trials, seed, *, seconds=3.0, **value
     grid, strength = Grid(round(seconds / BIN_S)), np.array(strengths, float)
     every = {name: np.full(len(strength), x) for name, x in {**RESPONSE, **values}.items()}
     decided = model.decided(every, strength, grid)
-    own = {name: every[name] for name in RESPONSE}
-    density = responded(decided, grid, **own, alternatives=alternatives)
+    delay = {name: every[name] for name in RESPONSE}
+    density = responded(decided, grid, **delay, alternatives=alternatives)
     rng = stream(seed, "person")
     below = density.reshape(len(strength), -1).cumsum(axis=1)
     below *= BIN_S
@@ -51,6 +51,6 @@ def table(model, alternatives, trials, seed=5, strengths=(1.0,), **values):
     rng = np.random.default_rng(seed)
     right = rng.integers(alternatives, size=some.trials)
     wrong = (right + rng.integers(1, alternatives, size=some.trials)) % alternatives
-    given = np.where(some.response == 1, right, wrong)
-    found = pd.DataFrame({"rt": some.rt_s, "response": NAMES[given], "shown": NAMES[right]})
-    return found if some.strength is None else found.assign(contrast=some.strength)
+    responses = np.where(some.response == 1, right, wrong)
+    rows = pd.DataFrame({"rt": some.rt_s, "response": NAMES[responses], "shown": NAMES[right]})
+    return rows if some.strength is None else rows.assign(contrast=some.strength)

@@ -24,29 +24,11 @@ def mine(tmp_path, monkeypatch):
 
 
 def test_models_are_fitted_and_recorded(tmp_path):
-    found = ["search.csv", "--columns", "stimulus=shown", "--strength", "contrast"]
-    run("fit", *found, "--models", "msprt", "race", *QUICK)
+    options = ["search.csv", "--columns", "stimulus=shown", "--strength", "contrast"]
+    run("fit", *options, "--models", "msprt", "race", *QUICK)
     written = pd.read_csv(tmp_path / "fits/search/parameters.csv")
     assert set(written["model"]) == {"msprt", "race"}
     behind = read_provenance(tmp_path / "fits/search/parameters.csv")["parameters"]
     assert behind["columns"]["stimulus"] == "shown"
     cells = pd.read_csv(tmp_path / "fits/search/cells.csv")
     assert sorted(cells["strength"].unique()) == [0.5, 1.5]
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        ["--models", "constant_gap"],
-        ["--models", "constant_gap", "macaque"],
-        ["--columns", "alternatives=13"],
-        ["--people", "hierarchical"],
-        ["--mechanism", "dopamine"],
-        ["--fix", "start=0.1"],
-    ],
-    ids=lambda wrong: wrong[0],
-)
-def test_what_cannot_be_fitted_ends_with_one_sentence(capsys, tmp_path, wrong):
-    assert run("fit", "search.csv", "--columns", "stimulus=shown", *wrong, *QUICK) == 2
-    assert capsys.readouterr().err.splitlines()[-1].startswith("bgmodel: ")
-    assert not (tmp_path / "fits/search/parameters.csv").exists()

@@ -30,13 +30,13 @@ def stored():
 @pytest.mark.parametrize("drift", [0.5, 1.5])
 def test_a_drift_that_was_not_simulated_is_decided_as_by_the_continuous_test(drift):
     """At a threshold higher by the overshoot of readings; noise of readings reweights to it."""
-    found = stored().decided([(0, 1.0)], drift)
+    mass = stored().decided([(0, 1.0)], drift)
     values = {"sensitivity": GAIN / 2, "threshold_nats": np.log1p(np.exp(-ODDS - OVERSHOOT))}
     # A gain of twice the mean drift: strengths of mean 1.
     strengths = np.array([drift, 2 - drift])
     every = {name: np.full(2, value) for name, value in values.items()}
     exact = MsprtModel(3, 16_000, 5).decided(every, strengths, GRID)[0]
-    one, other = (moments(each[None] / BIN_S, GRID) for each in (found, exact))
+    one, other = (moments(each[None] / BIN_S, GRID) for each in (mass, exact))
     assert one["accuracy"][0] == pytest.approx(other["accuracy"][0], abs=0.025)
     # The test of the readings decides half a reading after it crosses, on average.
     assert one["mean_s"][0] == pytest.approx(other["mean_s"][0], rel=0.04)
@@ -48,8 +48,8 @@ def test_without_weights_another_drift_would_be_decided():
 
 
 def test_without_evidence_channels_are_alike():
-    found = stored().decided([(0, 1.0)], 0.0).sum(axis=1)
-    assert found[1] / found.sum() == pytest.approx(1 / 3, abs=1e-6)
+    mass = stored().decided([(0, 1.0)], 0.0).sum(axis=1)
+    assert mass[1] / mass.sum() == pytest.approx(1 / 3, abs=1e-6)
 
 
 def model(folder=None, channels=3):
@@ -75,10 +75,8 @@ def test_a_circuit_of_two_channels_belongs_to_the_other_model():
 def test_parts_leave_out_trials_and_the_threshold_reaches_the_prior():
     some = model()
     values = {"sensitivity": np.array([3.0]), "threshold_nats": np.array([0.4])}
-    whole, *left = (
-        each.decided(values, np.ones(1), Grid(100)) for each in (some, *some.left_out())
-    )
-    assert whole.sum() <= 1 + 1e-9
+    mass, *left = (each.decided(values, np.ones(1), Grid(100)) for each in (some, *some.left_out()))
+    assert mass.sum() <= 1 + 1e-9
     assert len({each.tobytes() for each in left}) == 16
     high = some.thresholds_nats[-1]
     assert np.exp(-high) == pytest.approx(1 / 3, abs=0.05)

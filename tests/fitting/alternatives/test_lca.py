@@ -18,32 +18,32 @@ def decided(model, strengths=(1.0,), **changed):
     return model.decided(every, np.array(strengths), GRID)
 
 
-def lca(alternatives=3, **given):
-    return LcaModel(alternatives, TRIALS, 7, 1.5, **given)
+def lca(alternatives=3, **options):
+    return LcaModel(alternatives, TRIALS, 7, 1.5, **options)
 
 
-def said(mass):
+def means(mass):
     return {name: each[0] for name, each in moments(mass / BIN_S, GRID).items()}
 
 
 def test_without_leak_and_inhibition_it_is_a_race():
     """Far above 0, where the floor matters only in the first moments."""
-    found, race = said(decided(lca())), said(decided(RaceModel(3)))
+    leakless, race = means(decided(lca())), means(decided(RaceModel(3)))
     few = TRIALS // 4
-    assert found["mean_s"] == pytest.approx(race["mean_s"], abs=4 * race["sd_s"] / few**0.5)
+    assert leakless["mean_s"] == pytest.approx(race["mean_s"], abs=4 * race["sd_s"] / few**0.5)
     share = race["accuracy"]
-    assert found["accuracy"] == pytest.approx(share, abs=4 * (share * (1 - share) / few) ** 0.5)
-    assert found["sd_s"] == pytest.approx(race["sd_s"], rel=0.1)
+    assert leakless["accuracy"] == pytest.approx(share, abs=4 * (share * (1 - share) / few) ** 0.5)
+    assert leakless["sd_s"] == pytest.approx(race["sd_s"], rel=0.1)
 
 
 @pytest.mark.parametrize("name", ["leak", "inhibition"])
 def test_leak_and_inhibition_delay_decisions(name):
-    assert said(decided(lca(), **{name: 2.0}))["mean_s"] > 1.2 * said(decided(lca()))["mean_s"]
+    assert means(decided(lca(), **{name: 2.0}))["mean_s"] > 1.2 * means(decided(lca()))["mean_s"]
 
 
 def test_without_evidence_all_alternatives_are_equally_likely():
-    found = decided(lca(4), sensitivity=0.0)[0]
-    share = found[1].sum() / found.sum()
+    mass = decided(lca(4), sensitivity=0.0)[0]
+    share = mass[1].sum() / mass.sum()
     assert share == pytest.approx(1 / 4, abs=4 * (3 / 16 / (TRIALS // 4)) ** 0.5)
 
 

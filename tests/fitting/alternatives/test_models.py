@@ -11,6 +11,7 @@ from bgmodel.fitting.model_comparison import compare_fits
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.trials.reading import Columns, read_trials
+from circuits.anatomy import load_circuit
 from circuits.errors import DataWarning
 from tests.fitting.alternatives.drawn import TRUTH, design, table
 from tests.helpers import refused
@@ -34,8 +35,8 @@ def fits(trials):
 
 
 def test_the_test_is_recovered_from_its_own_trials(fits):
-    found = fits["msprt"].parameters().set_index("parameter")
-    off = (found["value"] - pd.Series({**TRUTH, "t0_s": 0.3})) / found["standard_error"]
+    estimates = fits["msprt"].parameters().set_index("parameter")
+    off = (estimates["value"] - pd.Series({**TRUTH, "t0_s": 0.3})) / estimates["standard_error"]
     assert np.abs(off).max() < 3
 
 
@@ -52,22 +53,22 @@ def test_models_are_compared_on_the_same_trials(fits):
 def test_a_wrong_response_is_one_of_several():
     """Coded as two alternatives, the same densities are log 2 nats higher per wrong response."""
     three = design(SIMULATED, 3, 100)
-    whole = likelihood_of(SIMULATED, three)
+    likelihood = likelihood_of(SIMULATED, three)
     vector = np.array([2.0, 0.2, 0.3, 0.05, 0.01])
-    density = whole.density(vector)
+    density = likelihood.density(vector)
     wrong = int((three.observed.response == 0).sum())
     pooled = type(three.observed)(
         three.observed.cell, three.observed.response, three.observed.rt_s, three.grid
     )
-    assert pooled.each(density).sum() - whole.design.observed.each(density).sum() == pytest.approx(
-        wrong * np.log(2)
-    )
+    assert pooled.each(density).sum() - likelihood.design.observed.each(
+        density
+    ).sum() == pytest.approx(wrong * np.log(2))
 
 
 def test_lapses_are_correct_in_one_of_n():
-    whole: Likelihood = likelihood_of(SIMULATED, design(SIMULATED, 3, 100))
+    likelihood: Likelihood = likelihood_of(SIMULATED, design(SIMULATED, 3, 100))
     plain, lapsed = (
-        whole.density(np.array([2.0, 0.2, 0.3, 0.05, share]))[0].sum(axis=1) / 100
+        likelihood.density(np.array([2.0, 0.2, 0.3, 0.05, share]))[0].sum(axis=1) / 100
         for share in (0.0, 0.2)
     )
     added = lapsed - 0.8 * plain
@@ -84,6 +85,8 @@ def test_lapses_are_correct_in_one_of_n():
         ("msprt", {"fix": {"start": 0.1}, "columns": THREE}, "start"),
         ("race", {"free": "+drift_sd", "columns": THREE}, "drift_sd"),
         ("macaque", {"mechanism": "dopamine"}, "mechanism"),
+        (load_circuit("macaque", 2), {}, "circuit"),
+        (load_circuit("macaque", 4), {}, "circuit"),
         ("lca", {"trials": 20}, "trials"),
         ("msprt", {"evidence": "evidence.csv"}, "stimulus"),
     ],
@@ -96,15 +99,6 @@ def test_what_cannot_be_fitted_is_named(trials, model, options, field):
 def test_there_are_at_most_twelve_alternatives():
     with refused("alternatives"):
         Columns(alternatives=13)
-
-
-def test_a_circuit_of_another_number_of_channels_is_refused(trials):
-    from circuits.anatomy import load_circuit
-
-    with refused("circuit"):
-        fit(trials, load_circuit("macaque", 2), **SMALL)
-    with refused("circuit"):
-        fit(trials, load_circuit("macaque", 4), **SMALL)
 
 
 def test_a_hierarchy_is_of_two_alternatives(trials):

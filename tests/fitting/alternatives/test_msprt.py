@@ -24,7 +24,7 @@ def decided(model, strengths, grid=GRID, **values):
     return model.decided(every, np.array(strengths, float), grid)
 
 
-def said(mass):
+def moments_of(mass):
     return moments(mass / BIN_S, GRID)
 
 
@@ -37,22 +37,22 @@ def far(share, expected):
 def test_with_two_alternatives_it_is_the_test_with_a_constant_gap(posterior):
     """At all strengths, although one gain serves them."""
     strengths, sensitivity = [0.5, 1.0, 1.5], 2.0
-    found = decided(model(2), strengths, sensitivity=sensitivity, threshold_nats=-np.log(posterior))
+    mass = decided(model(2), strengths, sensitivity=sensitivity, threshold_nats=-np.log(posterior))
     bound = np.log(posterior / (1 - posterior)) / (2 * sensitivity)
     exact = decided(GapModel(), strengths, sensitivity=sensitivity, bound=bound)
-    assert np.abs(found.cumsum(axis=2) - exact.cumsum(axis=2)).max() < 1.95 / np.sqrt(PATHS)
+    assert np.abs(mass.cumsum(axis=2) - exact.cumsum(axis=2)).max() < 1.95 / np.sqrt(PATHS)
 
 
 @pytest.mark.parametrize("alternatives", [3, 5, 12])
 @pytest.mark.parametrize("posterior", [0.5, 0.8, 0.95])
 def test_its_accuracy_is_the_posterior_at_which_it_decides(alternatives, posterior):
-    found = decided(model(alternatives), [1.0], sensitivity=2.0, threshold_nats=-np.log(posterior))
-    assert abs(far(said(found)["accuracy"][0], posterior)) < 3.3
+    mass = decided(model(alternatives), [1.0], sensitivity=2.0, threshold_nats=-np.log(posterior))
+    assert abs(far(moments_of(mass)["accuracy"][0], posterior)) < 3.3
 
 
 def test_it_is_not_where_the_strength_differs_from_the_mean():
-    found = decided(model(3), [0.5, 1.5], sensitivity=2.0, threshold_nats=-np.log(0.8))
-    low, high = far(said(found)["accuracy"], 0.8)
+    mass = decided(model(3), [0.5, 1.5], sensitivity=2.0, threshold_nats=-np.log(0.8))
+    low, high = far(moments_of(mass)["accuracy"], 0.8)
     assert low < -10
     assert high > 10
 
@@ -66,8 +66,8 @@ def test_sensitivity_scales_time_alone():
 
 
 def test_decisions_near_the_prior_take_no_time():
-    found = decided(model(4), [1.0], sensitivity=1.0, threshold_nats=np.log(4) - 0.06)
-    assert said(found)["mean_s"][0] < 0.02
+    mass = decided(model(4), [1.0], sensitivity=1.0, threshold_nats=np.log(4) - 0.06)
+    assert moments_of(mass)["mean_s"][0] < 0.02
 
 
 def mean_times(alternatives):
@@ -93,12 +93,12 @@ def test_times_grow_with_the_log_odds_and_with_the_number_of_alternatives():
 
 
 def test_parts_are_independent_and_add_up():
-    whole = model(3)
+    full_model = model(3)
     values = {"sensitivity": 2.0, "threshold_nats": 0.2}
-    halves = [decided(each, [1.0], **values) for each in whole.halves()]
-    assert np.allclose(np.mean(halves, axis=0), decided(whole, [1.0], **values))
+    halves = [decided(each, [1.0], **values) for each in full_model.halves()]
+    assert np.allclose(np.mean(halves, axis=0), decided(full_model, [1.0], **values))
     assert not np.allclose(*halves)
-    assert len(whole.left_out()) == 16
+    assert len(full_model.left_out()) == 16
 
 
 def test_standard_errors_shrink_with_more_trials():

@@ -32,22 +32,22 @@ def test_the_mass_of_a_bin_is_the_integral_of_the_density(side):
             return right.pdf(t) * wrong.sf(t) ** 3
         return 3 * wrong.pdf(t) * wrong.sf(t) ** 2 * right.sf(t)
 
-    found = decided(4)[side]
+    mass = decided(4)[side]
     for k in (10, 20, 60):
-        assert found[k] == pytest.approx(quad(density, k * BIN_S, (k + 1) * BIN_S)[0], rel=1e-3)
+        assert mass[k] == pytest.approx(quad(density, k * BIN_S, (k + 1) * BIN_S)[0], rel=1e-3)
 
 
 @pytest.mark.parametrize("alternatives", [2, 3, 12])
 def test_what_is_not_decided_survives_in_all_accumulators(alternatives):
-    found = decided(alternatives, Grid(40)).sum()
+    mass = decided(alternatives, Grid(40)).sum()
     end = np.array([0.0, 0.4])
     right, wrong = (arrived(end, v, np.array([[0.8]]))[0, 1] for v in (3.0, 1.0))
-    assert found == pytest.approx(1 - (1 - right) * (1 - wrong) ** (alternatives - 1), abs=1e-4)
+    assert mass == pytest.approx(1 - (1 - right) * (1 - wrong) ** (alternatives - 1), abs=1e-4)
 
 
 def test_without_evidence_all_alternatives_are_equally_likely():
-    found = decided(5, sensitivity=0.0)
-    assert found[1] == pytest.approx(found[0] / 4, abs=1e-12)
+    mass = decided(5, sensitivity=0.0)
+    assert mass[1] == pytest.approx(mass[0] / 4, abs=1e-12)
 
 
 def test_an_accumulator_without_drift_arrives_in_the_end_with_a_heavy_tail():

@@ -36,105 +36,105 @@ def numbers(count, gain, seed=5):
     return [np.r_[each, 0.4, gain * (1 + k)] for k, each in enumerate(course)]
 
 
-def poisson_log(own, cells, reading, sums):
+def poisson_log(data, cells, reading, sums):
     """Return the log probability of all spikes given the sum of clicks, (trials,)."""
-    found = np.zeros(len(own.end_s))
-    for count, past, cell in zip(own.counts, own.past, cells, strict=True):
-        base = own.basis @ cell[:KNOTS] + cell[-2] * past
+    log_p = np.zeros(len(data.end_s))
+    for count, past, cell in zip(data.counts, data.past, cells, strict=True):
+        base = data.basis @ cell[:KNOTS] + cell[-2] * past
         _, rate, _ = reading.rate(base, cell[-1] * reading.read(sums)[0])
         # Counts over their factorials, which no parameter moves, are left out.
         log = count * np.log(rate * BIN_S) - rate * BIN_S
-        found += (log * own.on).sum(axis=1)
-    return found
+        log_p += (log * data.on).sum(axis=1)
+    return log_p
 
 
 @pytest.mark.parametrize("name", READINGS)
 def test_without_noise_it_is_a_poisson_regression_and_a_probit_of_the_clicks(name):
-    own, reading = session(), READINGS[name]
+    data, reading = session(), READINGS[name]
     values = DEFAULT | {"noise": 1e-4, "start_noise": 1e-4, "choice_noise": 1.5}
     cells = numbers(2, 0.1)
-    sums = own.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
+    sums = data.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
     right = 0.95 * ndtr((sums[:, -1] + values["bias"]) / 1.5) + 0.025
-    choice = np.log(np.where(own.choice == 1, right, 1 - right))
-    exact = poisson_log(own, cells, reading, sums[:, :-1]) + choice
-    assert np.allclose(passed(own, values, cells, reading).log_density, exact, atol=1e-4)
+    choice = np.log(np.where(data.choice == 1, right, 1 - right))
+    exact = poisson_log(data, cells, reading, sums[:, :-1]) + choice
+    assert np.allclose(passed(data, values, cells, reading).log_density, exact, atol=1e-4)
 
 
 @pytest.mark.parametrize("leak", [-1.0, 0.0, 3.0])
 def test_without_gain_spikes_and_choice_are_independent(leak):
-    own, reading = session(), READINGS["exponential"]
+    data, reading = session(), READINGS["exponential"]
     values, cells = DEFAULT | {"leak_per_s": leak}, numbers(2, 0.0)
-    right = p_right(own, values)
-    spikes = poisson_log(own, cells, reading, np.zeros(own.on.shape))
-    exact = spikes + np.log(np.where(own.choice == 1, right, 1 - right))
-    assert np.allclose(passed(own, values, cells, reading).log_density, exact, atol=1e-5)
+    right = p_right(data, values)
+    spikes = poisson_log(data, cells, reading, np.zeros(data.on.shape))
+    exact = spikes + np.log(np.where(data.choice == 1, right, 1 - right))
+    assert np.allclose(passed(data, values, cells, reading).log_density, exact, atol=1e-5)
 
 
 def test_one_bin_is_an_integral_over_two_gaussians():
-    own = session(bins=1)
-    own.end_s[:] = np.linspace(BIN_S, 1.9 * BIN_S, len(own.end_s))
+    data = session(bins=1)
+    data.end_s[:] = np.linspace(BIN_S, 1.9 * BIN_S, len(data.end_s))
     reading, values, cells = READINGS["linear"], DEFAULT, numbers(2, 0.08)
-    sums = own.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
+    sums = data.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
     left, added = moved(values["leak_per_s"], values["noise"], BIN_S / 2)
     n = np.linspace(-20, 20, 4001)
     density = norm.pdf(n, scale=np.sqrt(left**2 * values["start_noise"] ** 2 + added))
-    rest = np.maximum(own.end_s - BIN_S / 2, 0)
+    rest = np.maximum(data.end_s - BIN_S / 2, 0)
     left, added = moved(values["leak_per_s"], values["noise"], rest)
-    for k in range(len(own.end_s)):
+    for k in range(len(data.end_s)):
         sd = np.sqrt(added[k] + values["choice_noise"] ** 2)
         right = 0.95 * ndtr((left[k] * n + sums[k, 1] + values["bias"]) / sd) + 0.025
-        each = density * (right if own.choice[k] else 1 - right)
-        for count, past, cell in zip(own.counts, own.past, cells, strict=True):
-            base = own.basis[0] @ cell[:KNOTS] + cell[-2] * past[k, 0]
+        each = density * (right if data.choice[k] else 1 - right)
+        for count, past, cell in zip(data.counts, data.past, cells, strict=True):
+            base = data.basis[0] @ cell[:KNOTS] + cell[-2] * past[k, 0]
             _, rate, _ = reading.rate(base, cell[-1] * (sums[k, 0] + n))
             # Without the factorial, as above.
             each *= poisson.pmf(0, rate * BIN_S) * (rate * BIN_S) ** count[k, 0]
         exact = np.log(np.trapezoid(each, n))
-        assert passed(own, values, cells, reading).log_density[k] == pytest.approx(exact, abs=1e-5)
+        assert passed(data, values, cells, reading).log_density[k] == pytest.approx(exact, abs=1e-5)
 
 
 def test_choices_alone_are_those_of_the_closed_form():
-    own = session(bins=12, cells=0)
-    right = p_right(own, DEFAULT)
-    exact = np.log(np.where(own.choice == 1, right, 1 - right))
-    assert np.allclose(passed(own, DEFAULT, [], READINGS["linear"]).log_density, exact, atol=1e-6)
-    own.choice[:] = -1
-    assert np.allclose(passed(own, DEFAULT, [], READINGS["linear"]).log_density, 0, atol=1e-9)
+    data = session(bins=12, cells=0)
+    right = p_right(data, DEFAULT)
+    exact = np.log(np.where(data.choice == 1, right, 1 - right))
+    assert np.allclose(passed(data, DEFAULT, [], READINGS["linear"]).log_density, exact, atol=1e-6)
+    data.choice[:] = -1
+    assert np.allclose(passed(data, DEFAULT, [], READINGS["linear"]).log_density, 0, atol=1e-9)
 
 
 def test_the_mean_over_simulated_paths_of_the_noise_converges_to_it():
-    own, reading, cells = session(trials=3), READINGS["exponential"], numbers(2, 0.1)
+    data, reading, cells = session(trials=3), READINGS["exponential"], numbers(2, 0.1)
     values, rng, runs = DEFAULT | {"noise": 3.0}, np.random.default_rng(8), 40_000
-    sums = own.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
-    exact = passed(own, values, cells, reading).log_density
+    sums = data.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
+    exact = passed(data, values, cells, reading).log_density
     for k in range(3):
         n, before = values["start_noise"] * rng.standard_normal(runs), 0.0
         log = np.zeros(runs)
-        for b, at in enumerate([*own.middles_s[: own.bins[k]], own.end_s[k]]):
+        for b, at in enumerate([*data.middles_s[: data.bins[k]], data.end_s[k]]):
             left, added = moved(values["leak_per_s"], values["noise"], at - before)
             n, before = left * n + np.sqrt(added) * rng.standard_normal(runs), at
-            if b == own.bins[k]:
+            if b == data.bins[k]:
                 break
-            for count, past, cell in zip(own.counts, own.past, cells, strict=True):
-                base = own.basis[b] @ cell[:KNOTS] + cell[-2] * past[k, b]
+            for count, past, cell in zip(data.counts, data.past, cells, strict=True):
+                base = data.basis[b] @ cell[:KNOTS] + cell[-2] * past[k, b]
                 rate = reading.rate(base, cell[-1] * (sums[k, b] + n))[1] * BIN_S
                 log += count[k, b] * np.log(rate) - rate
         right = ndtr((n + sums[k, -1] + values["bias"]) / values["choice_noise"])
         right = 0.95 * right + 0.025
-        weight = np.exp(log - log.max()) * (right if own.choice[k] else 1 - right)
+        weight = np.exp(log - log.max()) * (right if data.choice[k] else 1 - right)
         error = weight.std() / weight.mean() / np.sqrt(runs)
         assert abs(np.log(weight.mean()) + log.max() - exact[k]) < 4 * error
 
 
 @pytest.mark.parametrize("name", READINGS)
 def test_derivatives_are_those_of_the_density(name):
-    own, reading = session(), READINGS[name]
+    data, reading = session(), READINGS[name]
     cells = numbers(2, 0.1)
     values = DEFAULT | {"noise": 3.0, "choice_noise": 1.0}
-    done = passed(own, values, cells, reading, [*DEFAULT])
+    done = passed(data, values, cells, reading, [*DEFAULT])
 
     def density(values, cells):
-        return passed(own, values, cells, reading).log_density
+        return passed(data, values, cells, reading).log_density
 
     for parameter, step in ((each, 1e-4) for each in DEFAULT):
         above, below = (values | {parameter: values[parameter] + x} for x in (step, -step))
@@ -148,7 +148,7 @@ def test_derivatives_are_those_of_the_density(name):
 
 
 def test_a_grid_resolves_steps_that_are_small_beside_the_noise_at_the_onset():
-    own, values = session(), DEFAULT | {"noise": 1.0, "start_noise": 6.0}
-    n = noise_grid(own, values)
+    data, values = session(), DEFAULT | {"noise": 1.0, "start_noise": 6.0}
+    n = noise_grid(data, values)
     step = np.sqrt(moved(values["leak_per_s"], values["noise"], BIN_S)[1])
     assert n[1] - n[0] < 1.3 * step or len(n) == 160

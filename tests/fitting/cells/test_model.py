@@ -79,22 +79,22 @@ def test_a_part_has_the_densities_of_its_trials(simulated):
 
 def test_scores_are_derivatives_of_each_trial(simulated):
     vector, likelihood, _ = simulated
-    found = likelihood.scores(vector)
+    scores = likelihood.scores(vector)
     for k in (0, 2, 4, 5, len(vector) - 1):
         away = 1e-4 * np.eye(len(vector))[k]
         apart = (likelihood.each(vector + away) - likelihood.each(vector - away)) / 2e-4
-        assert np.allclose(found[:, k], apart, atol=5e-3)
+        assert np.allclose(scores[:, k], apart, atol=5e-3)
 
 
 def test_simulated_numbers_are_recovered(simulated):
     vector, likelihood, _ = simulated
     with quiet():
-        found = optimum(likelihood)
-    assert found.log_likelihood > likelihood(vector)
-    error = np.sqrt(np.diag(np.linalg.inv(likelihood.information(found.vector)[0])))
+        peak = optimum(likelihood)
+    assert peak.log_likelihood > likelihood(vector)
+    error = np.sqrt(np.diag(np.linalg.inv(likelihood.information(peak.vector)[0])))
     names = likelihood.freedom.names
     some = [k for k, name in enumerate(names) if "gain" in name or name in ("noise", "bias")]
-    assert (np.abs(found.vector - vector)[some] < 3.5 * error[some]).all()
+    assert (np.abs(peak.vector - vector)[some] < 3.5 * error[some]).all()
 
 
 def test_spikes_of_other_trials_have_no_gain_by_clicks(simulated):
@@ -104,19 +104,19 @@ def test_spikes_of_other_trials_have_no_gain_by_clicks(simulated):
     shuffled = replace(trials, spikes=replace(trials.spikes, trial=order[trials.spikes.trial]))
     fixed = {"noise": 0.02, "start_noise": 0.02, "leak_per_s": 1.0}
     likelihood = likelihood_of(shuffled, fix=fixed, free=["+choice_noise"])
-    found = optimum(likelihood)
-    error = np.sqrt(np.diag(np.linalg.inv(likelihood.information(found.vector)[0])))
+    peak = optimum(likelihood)
+    error = np.sqrt(np.diag(np.linalg.inv(likelihood.information(peak.vector)[0])))
     gains = [k for k, name in enumerate(likelihood.freedom.names) if "gain" in name]
-    assert (np.abs(found.vector)[gains] < 3 * error[gains]).all()
+    assert (np.abs(peak.vector)[gains] < 3 * error[gains]).all()
 
 
 def test_the_front_door_returns_a_fit(simulated):
     _, _, trials = simulated
     with quiet():
-        found = bg.fit(trials, "linear")
-    assert {"noise", "lapse", "0 gain", "2 past"} <= set(found.parameters()["parameter"])
-    assert np.isfinite(found.log_likelihood)
-    assert found.cells().shape[0] == 1
+        fit = bg.fit(trials, "linear")
+    assert {"noise", "lapse", "0 gain", "2 past"} <= set(fit.parameters()["parameter"])
+    assert np.isfinite(fit.log_likelihood)
+    assert fit.cells().shape[0] == 1
 
 
 def test_settings_without_effect_are_refused(simulated):

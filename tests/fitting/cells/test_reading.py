@@ -31,11 +31,11 @@ def test_a_reading_has_its_derivative(name):
 
 
 def test_a_circuit_that_was_edited_is_another_reading():
-    """Its name alone would let a fit go on with what another circuit left."""
+    """With the name alone, a fit would resume from pieces stored for another circuit."""
     circuit = load_circuit("macaque", 2)
-    whole, lost = (nucleus_reading(c, "D1", "D1") for c in (circuit, circuit.lesion("STN", 0.1)))
-    assert whole.identity() != lost.identity()
-    assert whole.identity() == nucleus_reading(circuit, "D1", "D1").identity()
+    intact, lost = (nucleus_reading(c, "D1", "D1") for c in (circuit, circuit.lesion("STN", 0.1)))
+    assert intact.identity() != lost.identity()
+    assert intact.identity() == nucleus_reading(circuit, "D1", "D1").identity()
 
 
 def test_unknown_readings_are_refused():

@@ -29,28 +29,30 @@ def test_every_spike_in_a_bin_of_its_trial_is_counted_once(trials):
 
 
 def test_a_sum_of_clicks_leaks_and_adapts(trials):
-    own = sessions_of(trials)[0]
-    plain = own.sums(0.0, 1.0, 0.1)
-    assert np.allclose(plain[:, -1], own.click.sum(axis=1))
-    k, first = 4, own.click_s[4]
-    seen = first < own.middles_s[3]
-    decay = np.exp(-2.0 * (own.middles_s[3] - first[seen]))
-    assert own.sums(2.0, 1.0, 0.1)[k, 3] == pytest.approx((own.click[k][seen] * decay).sum())
+    session = sessions_of(trials)[0]
+    plain = session.sums(0.0, 1.0, 0.1)
+    assert np.allclose(plain[:, -1], session.click.sum(axis=1))
+    k, first = 4, session.click_s[4]
+    seen = first < session.middles_s[3]
+    decay = np.exp(-2.0 * (session.middles_s[3] - first[seen]))
+    assert session.sums(2.0, 1.0, 0.1)[k, 3] == pytest.approx(
+        (session.click[k][seen] * decay).sum()
+    )
     two = 1 - 0.9 * np.exp(-(first[1] - first[0]) / 0.1)
-    early = np.searchsorted(own.middles_s, first[1])
-    if own.middles_s[early] < first[2]:
-        expected = own.click[k, 0] + two * own.click[k, 1]
-        assert own.sums(0.0, 0.1, 0.1)[k, early] == pytest.approx(expected)
+    early = np.searchsorted(session.middles_s, first[1])
+    if session.middles_s[early] < first[2]:
+        expected = session.click[k, 0] + two * session.click[k, 1]
+        assert session.sums(0.0, 0.1, 0.1)[k, early] == pytest.approx(expected)
 
 
 def test_the_recent_rate_of_a_cell_is_that_of_its_spikes_before_a_bin(trials):
-    own, spikes = sessions_of(trials)[0], trials.spikes
+    session, spikes = sessions_of(trials)[0], trials.spikes
     cell = spikes.names.index("b.1")
-    some = (spikes.cell == cell) & (spikes.trial == own.trials[2])
+    some = (spikes.cell == cell) & (spikes.trial == session.trials[2])
     edge = LAG_S + 3 * BIN_S
     before = spikes.time_s[some & (spikes.time_s < edge)]
     rate = np.exp(-(edge - before) / PAST_S).sum() / PAST_S / (1 - np.exp(-(edge + 0.5) / PAST_S))
-    assert own.past[0, 2, 3] == pytest.approx(recent(rate))
+    assert session.past[0, 2, 3] == pytest.approx(recent(rate))
 
 
 def test_courses_are_a_partition_of_unity():
@@ -59,9 +61,11 @@ def test_courses_are_a_partition_of_unity():
 
 
 def test_a_subset_has_the_same_sums(trials):
-    own = sessions_of(trials)[1]
-    kept = np.arange(len(own.trials)) % 3 == 0
-    assert np.array_equal(own.where(kept).sums(1.0, 0.1, 0.1), own.sums(1.0, 0.1, 0.1)[kept])
+    session = sessions_of(trials)[1]
+    kept = np.arange(len(session.trials)) % 3 == 0
+    assert np.array_equal(
+        session.where(kept).sums(1.0, 0.1, 0.1), session.sums(1.0, 0.1, 0.1)[kept]
+    )
 
 
 def test_trials_without_spikes_and_cells_with_few_are_refused(trials):

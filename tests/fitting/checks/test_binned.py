@@ -50,22 +50,22 @@ def likelihood(bound, start=0.0, t0_sd_s=0.02, trials=2000, seed=SEED):
 
 
 def fitted(some):
-    found = optimum(some)
-    return found, directions(some, found.vector)
+    peak = optimum(some)
+    return peak, directions(some, peak.vector)
 
 
 def test_the_error_of_bins_is_the_difference_to_a_fit_with_narrow_bins():
     some = likelihood(0.3, start=0.85)
-    found, there = fitted(some)
-    narrow = optimum(finer(some), starts=[found.vector])
-    apart = found.vector - narrow.vector
+    peak, there = fitted(some)
+    narrow = optimum(finer(some), starts=[peak.vector])
+    apart = peak.vector - narrow.vector
     moved = moved_by_bins(some, there) * (1 - 1 / PARTS)
     k = there.names.index("t0_s")
     assert apart[k] < -0.0015  # later by 2 ms
     assert 0.5 < moved[k] / apart[k] < 2  # one step of scoring
     assert narrow.vector[k] == pytest.approx(T0_S, abs=4 * there.standard_errors[k])
-    (said,) = of_bins(some, there)
-    assert "t0_s" in said
+    (caution,) = of_bins(some, there)
+    assert "t0_s" in caution
 
 
 def test_fast_decisions_are_said_to_be_smeared():
@@ -98,12 +98,12 @@ class OneWidth:
 def test_densities_do_not_depend_on_the_width_of_bins(model):
     values = {each.name: np.array([each.start]) for each in model.parameters}
     response = {name: values[name] for name in ("t0_s", "t0_sd_s", "lapse")}
-    found = []
+    measured = []
     for parts in (1, 2, 5):
         grid = Grid(400 * parts, 0.01 / parts)
         density = responded(model.decided(values, np.ones(1), grid), grid, **response)
-        found.append([float(each[0]) for each in moments(density, grid).values()])
-    np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=2e-4)
+        measured.append([float(each[0]) for each in moments(density, grid).values()])
+    np.testing.assert_allclose(measured[1:], [measured[0]] * 2, rtol=2e-4)
 
 
 def wiener(time_s, response, drift, bound, start):
@@ -122,9 +122,9 @@ def wiener(time_s, response, drift, bound, start):
 def test_the_fit_of_fast_decisions_agrees_with_an_own_series(bound, start):
     """Within 0.5 nats of 6 000 trials, at its own parameters, by convolution in steps of 50 us."""
     some = likelihood(bound, start=start, t0_sd_s=0.02)
-    found = resolved(optimum(some))
-    values = {**found.likelihood.freedom.held, **found.values}
-    seen, design = found.likelihood.design.observed, found.likelihood.design
+    peak = resolved(optimum(some))
+    values = {**peak.likelihood.freedom.held, **peak.values}
+    seen, design = peak.likelihood.design.observed, peak.likelihood.design
     step = 5e-5
     time_s = (np.arange(int(1.2 / step)) + 0.5) * step
     span = np.arange(-int(0.2 / step), int(0.2 / step) + 1) * step
@@ -137,11 +137,11 @@ def test_the_fit_of_fast_decisions_agrees_with_an_own_series(bound, start):
             density = wiener(time_s, response, drift, values["bound"], begin)
             smooth = fftconvolve(density, delay / delay.sum(), mode="full")
             at = time_s[0] + (np.arange(len(smooth)) * step) + span[0] + values["t0_s"]
-            own = (seen.cell == cell) & (seen.response == response)
+            of_cell = (seen.cell == cell) & (seen.response == response)
             lapse = values["lapse"] / (2 * design.grid.bins * design.grid.width_s)
-            there = np.interp(seen.rt_s[own], at, smooth, left=0.0, right=0.0)
+            there = np.interp(seen.rt_s[of_cell], at, smooth, left=0.0, right=0.0)
             total += np.log((1 - values["lapse"]) * there + lapse).sum()
-    assert found.log_likelihood == pytest.approx(total, abs=0.5)
+    assert peak.log_likelihood == pytest.approx(total, abs=0.5)
 
 
 def test_models_are_compared_in_the_bins_of_their_fits(monkeypatch):
@@ -149,9 +149,9 @@ def test_models_are_compared_in_the_bins_of_their_fits(monkeypatch):
     monkeypatch.setattr(predicted, "FOLDS", 2)
     some = likelihood(0.3, start=0.85, trials=300)
     fine = resolved(optimum(some))
-    given = {"wide": (some, fine.vector), "narrow": (fine.likelihood, fine.vector)}
-    found = crossvalidated({name: {"a": peak} for name, peak in given.items()}).table
-    assert found.loc["wide", "log_likelihood"] == pytest.approx(
-        found.loc["narrow", "log_likelihood"], abs=0.02
+    peaks = {"wide": (some, fine.vector), "narrow": (fine.likelihood, fine.vector)}
+    scores = crossvalidated({name: {"a": peak} for name, peak in peaks.items()}).table
+    assert scores.loc["wide", "log_likelihood"] == pytest.approx(
+        scores.loc["narrow", "log_likelihood"], abs=0.02
     )
     assert abs(some(fine.vector) - fine.log_likelihood) > 0.5

@@ -37,30 +37,30 @@ def people(seed=SEED, each=50, bound=0.7):
 
 def at_truth(choices):
     """Return the misfit to the test with the parameters that made the data."""
-    found = {}
+    optima = {}
     for who, some in choices.items():
         likelihood = likelihood_of(GapModel(), design_of(some), free=FREE)
         values = {**TRUTH, "sensitivity": PEOPLE[who], "bound": 0.7}
         vector = np.array([values[name] for name in likelihood.freedom.names])
-        found[who] = Optimum(likelihood, vector, 0.0, 0)
-    return group_misfit(found)
+        optima[who] = Optimum(likelihood, vector, 0.0, 0)
+    return group_misfit(optima)
 
 
 def test_groups_without_misfit_are_reported_as_often_as_stated():
     groups = 50
-    found = [at_truth(people(seed=SEED + 1000 * number)) for number in range(groups)]
-    p = np.array([list(each.together.values()) for each in found])
+    seen = [at_truth(people(seed=SEED + 1000 * number)) for number in range(groups)]
+    p = np.array([list(each.together.values()) for each in seen])
     most = binom.ppf(0.999, groups, 0.05)
     assert (p < 0.05).sum(axis=0).max() <= most
     assert (p > 0.95).sum(axis=0).max() <= most
     assert np.abs(p.mean(axis=0) - 0.5).max() < 4 * np.sqrt(1 / 12 / groups)
-    assert sum(not each.beyond_chance().empty for each in found) <= binom.ppf(0.999, groups, 0.003)
+    assert sum(not each.beyond_chance().empty for each in seen) <= binom.ppf(0.999, groups, 0.003)
 
 
 def test_a_misfit_of_all_that_is_seen_in_nobody_is_found():
-    found = at_truth(people(bound=0.77))
-    assert {who for who, _ in found.beyond_chance().index} == {TOGETHER}
-    assert len(found.cautions()) == 1
+    misfit = at_truth(people(bound=0.77))
+    assert {who for who, _ in misfit.beyond_chance().index} == {TOGETHER}
+    assert len(misfit.cautions()) == 1
 
 
 def test_one_person_who_guesses_is_named():
@@ -70,11 +70,11 @@ def test_one_person_who_guesses_is_named():
     rt_s = np.where(guess, rng.uniform(0.15, 0.3, some.trials), some.rt_s)
     response = np.where(guess, rng.integers(0, 2, some.trials), some.response)
     choices["ben"] = replace(some, rt_s=rt_s, response=response.astype(np.int8))
-    found = at_truth(choices)
-    named = {who for who, _ in found.beyond_chance().index}
+    misfit = at_truth(choices)
+    named = {who for who, _ in misfit.beyond_chance().index}
     assert "ben" in named
     assert named <= {"ben", TOGETHER}
-    assert "ben" in found.cautions()[0]
+    assert "ben" in misfit.cautions()[0]
 
 
 def test_cells_are_summed_by_strength_whoever_lacks_one():
@@ -87,14 +87,14 @@ def test_cells_are_summed_by_strength_whoever_lacks_one():
             response[changed] = to
         keep = (some.strength > 0) | (who != "ben")
         choices[who] = replace(some, response=response).where(keep)
-    found = at_truth(choices)
-    assert len(found.cells["ben"]) == len(STRENGTHS) - 1
-    assert found.together["accuracy"] < 1e-4
+    misfit = at_truth(choices)
+    assert len(misfit.cells["ben"]) == len(STRENGTHS) - 1
+    assert misfit.together["accuracy"] < 1e-4
     by_strength = dict.fromkeys([0.0, 0.1, 0.2, 0.4], 0.0)
-    for who, each in found.people.items():
-        for (strength,), off in zip(found.cells[who], each.excess["accuracy"].off, strict=True):
+    for who, each in misfit.people.items():
+        for (strength,), off in zip(misfit.cells[who], each.excess["accuracy"].off, strict=True):
             by_strength[strength] += off
-    off = found.sums("accuracy").off
+    off = misfit.sums("accuracy").off
     assert sorted(off) == pytest.approx(sorted(by_strength.values()))
 
 
@@ -104,10 +104,10 @@ def test_cells_of_almost_equal_strengths_are_all_counted():
     for who, some in choices.items():
         first = np.arange(some.trials) % 2 == 0
         choices[who] = replace(some, strength=np.where(first, 1.0, 1 + 1e-9) * some.strength)
-    found = at_truth(choices)
-    assert len(set(found.cells["ben"])) == 2 * len(STRENGTHS) - 1
-    whole = sum(each.excess["accuracy"].off.sum() for each in found.people.values())
-    assert found.sums("accuracy").off.sum() == pytest.approx(whole)
+    misfit = at_truth(choices)
+    assert len(set(misfit.cells["ben"])) == 2 * len(STRENGTHS) - 1
+    total = sum(each.excess["accuracy"].off.sum() for each in misfit.people.values())
+    assert misfit.sums("accuracy").off.sum() == pytest.approx(total)
 
 
 def test_the_error_of_shared_simulated_trials_adds_up():

@@ -28,18 +28,18 @@ CLEAN = drawn(MODEL, STRENGTHS, 500, SEED, seconds=4.0, **VALUES)
 FREE = ["sensitivity", "bound", "t0_s", "t0_sd_s", "lapse"]
 
 
-def fitted(some, **given):
+def fitted(some, **options):
     """Return a fit, and its warnings of a misfit."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = fit_likelihood(likelihood_of(MODEL, design_of(some, **given), free=FREE))
-    return found, [str(each.message) for each in caught if "does not fit" in str(each.message)]
+        fit = fit_likelihood(likelihood_of(MODEL, design_of(some, **options), free=FREE))
+    return fit, [str(each.message) for each in caught if "does not fit" in str(each.message)]
 
 
-def at_truth(some, **given):
+def at_truth(some, **options):
     """Return the misfit of data to the model that they were drawn from."""
     values = {**TRUTH, **VALUES}
-    likelihood = likelihood_of(MODEL, design_of(some, **given), free=FREE)
+    likelihood = likelihood_of(MODEL, design_of(some, **options), free=FREE)
     vector = np.array([values[name] for name in likelihood.freedom.names])
     return misfit(Optimum(likelihood, vector, 0.0, 0))
 
@@ -64,18 +64,18 @@ class Varying(GapModel):
 
     def decided(self, values, strength, grid):
         nodes, weights = np.polynomial.hermite_e.hermegauss(11)
-        found = 0.0
+        mass = 0.0
         for node, weight in zip(nodes, weights / weights.sum(), strict=True):
             drift = values["sensitivity"] * strength + 4.0 * node
             one = super().decided({**values, "sensitivity": np.ones(len(drift))}, abs(drift), grid)
-            found = found + weight * np.where((drift < 0)[:, None, None], one[:, ::-1], one)
-        return found
+            mass = mass + weight * np.where((drift < 0)[:, None, None], one[:, ::-1], one)
+        return mass
 
 
 def test_clean_data_are_not_warned_of():
-    found, said = fitted(CLEAN)
-    assert said == []
-    table = found.cells()
+    fit, texts = fitted(CLEAN)
+    assert texts == []
+    table = fit.cells()
     assert (table[["z_accuracy", "z_mean_rt"]].abs() < 3.5).all(axis=None)
 
 
@@ -85,22 +85,22 @@ def test_clean_data_are_not_warned_of():
     ids=["guesses", "units", "varying drift"],
 )
 def test_data_that_the_model_does_not_fit_are_said_with_the_worst_cell(some):
-    found, (text,) = fitted(some())
-    table = found.cells()
+    fit, (text,) = fitted(some())
+    table = fit.cells()
     worst = table[["z_accuracy", "z_mean_rt"]].abs().max(axis=1).idxmax()
-    design = found.optimum.likelihood.design
+    design = fit.optimum.likelihood.design
     assert design.label(worst) in text
-    assert 3 * min(found.misfit.p.values()) < 0.003
+    assert 3 * min(fit.misfit.p.values()) < 0.003
 
 
 def test_z_scores_are_those_of_the_data_in_standard_deviations_of_the_model():
-    found, _ = fitted(CLEAN)
-    table, said = found.cells(), found.optimum.moments
+    fit, _ = fitted(CLEAN)
+    table, expected = fit.cells(), fit.optimum.moments
     n = table["trials"]
-    sd = np.sqrt(said["accuracy"] * (1 - said["accuracy"]) / n)
-    z = (table["accuracy"] - said["accuracy"]) / sd
+    sd = np.sqrt(expected["accuracy"] * (1 - expected["accuracy"]) / n)
+    z = (table["accuracy"] - expected["accuracy"]) / sd
     assert table["z_accuracy"].to_numpy() == pytest.approx(z.to_numpy())
-    z = (table["mean_s"] - said["mean_s"]) / (said["sd_s"] / np.sqrt(n))
+    z = (table["mean_s"] - expected["mean_s"]) / (expected["sd_s"] / np.sqrt(n))
     assert table["z_mean_rt"].to_numpy() == pytest.approx(z.to_numpy())
 
 
@@ -109,15 +109,15 @@ def test_z_scores_are_those_of_the_data_in_standard_deviations_of_the_model():
 @pytest.mark.filterwarnings("ignore:all. .* response times are excluded")
 def test_at_the_truth_p_values_are_those_of_chance(case, deadline_s):
     """Within a window and by a deadline too: mean p of 0.5, within 4 standard errors of 20 sets."""
-    found = [
+    misfits = [
         at_truth(drawn(MODEL, STRENGTHS, 200, k, deadline_s=deadline_s, **VALUES), **case)
         for k in range(20)
     ]
-    for name in found[0].p:
-        p = np.array([each.p[name] for each in found])
+    for name in misfits[0].p:
+        p = np.array([each.p[name] for each in misfits])
         assert p.mean() == pytest.approx(0.5, abs=4 / np.sqrt(12 * len(p)))
         assert p.min() > 1e-3
-    z = np.array([[each.z_accuracy, each.z_mean_rt] for each in found])
+    z = np.array([[each.z_accuracy, each.z_mean_rt] for each in misfits])
     assert z.std() == pytest.approx(1, abs=0.25)
 
 
@@ -125,18 +125,18 @@ def test_a_cell_without_a_response_has_no_z_score_and_does_no_harm():
     some = drawn(MODEL, STRENGTHS, 100, SEED, seconds=4.0, deadline_s=2.0, **VALUES)
     none = np.abs(some.strength) == 0.4
     response = np.where(none, -1, some.response).astype(np.int8)
-    found = at_truth(replace(some, response=response, rt_s=np.where(none, np.nan, some.rt_s)))
-    assert np.isnan([found.z_accuracy[3], found.z_mean_rt[3]]).all()
-    assert np.isfinite(found.z_accuracy[:3]).all()
+    checked = at_truth(replace(some, response=response, rt_s=np.where(none, np.nan, some.rt_s)))
+    assert np.isnan([checked.z_accuracy[3], checked.z_mean_rt[3]]).all()
+    assert np.isfinite(checked.z_accuracy[:3]).all()
     # That many misses are no chance.
-    assert found.p["the distribution of responses and their times"] < 1e-6
+    assert checked.p["the distribution of responses and their times"] < 1e-6
 
 
 def test_cells_of_few_trials_are_tested_together():
     """Of one trial each, none is tested on its own, and wrong ones can be unlikely: no alarm."""
     some = drawn(MODEL, np.linspace(0.1, 0.5, 200), 1, SEED, seconds=4.0, **VALUES)
-    found = at_truth(some)
-    assert min(found.p.values()) > 0.001
+    checked = at_truth(some)
+    assert min(checked.p.values()) > 0.001
 
 
 def test_the_error_of_simulated_trials_is_part_of_the_z_scores():

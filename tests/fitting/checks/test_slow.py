@@ -18,12 +18,12 @@ CLEAN = drawn(MODEL, [0.0, 0.1, 0.4], 200, SEED, seconds=4.0, sensitivity=12.0, 
 SLOWED = slowed(CLEAN, SEED)
 
 
-def fitted(some, **given):
+def fitted(some, **options):
     """Return a fit, and the warnings of slow trials."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = fit_likelihood(likelihood_of(MODEL, design_of(some), **given))
-    return found, [str(each.message) for each in caught if "slower" in str(each.message)]
+        fit = fit_likelihood(likelihood_of(MODEL, design_of(some), **options))
+    return fit, [str(each.message) for each in caught if "slower" in str(each.message)]
 
 
 @pytest.fixture(scope="module")
@@ -32,15 +32,15 @@ def slow_fit():
 
 
 def test_a_clean_set_has_no_slow_trials():
-    found, said = fitted(CLEAN)
-    assert said == []
-    assert slow_trials(found.optimum).gain_nats < 0.5
+    fit, texts = fitted(CLEAN)
+    assert texts == []
+    assert slow_trials(fit.optimum).gain_nats < 0.5
 
 
 def test_a_tail_of_slow_trials_is_said_with_their_number(slow_fit):
     """Of 600 trials 5 % have an exponential delay, and lapses take up a part of them."""
-    found, (text,) = slow_fit
-    slow = slow_trials(found.optimum)
+    fit, (text,) = slow_fit
+    slow = slow_trials(fit.optimum)
     assert slow.gain_nats > 1
     assert text.startswith(f"all, constant_gap: about {round(600 * slow.share)} of 600 trials are")
     assert 0.005 <= slow.share <= 0.08

@@ -24,29 +24,29 @@ def decided(model, strength, grid=GRID, **values):
 @given(st.floats(0, 20), st.floats(0.15, 0.9))
 @settings(max_examples=20)
 def test_bins_hold_the_mass_accuracy_and_mean_of_the_closed_forms(drift, bound):
-    found = decided(CONSTANT, 1, sensitivity=drift, bound=bound)
+    mass = decided(CONSTANT, 1, sensitivity=drift, bound=bound)
     late = passage.constant_at_rest(bound, np.arange(3.0, 30, 0.01)).sum() * 0.01
-    assert found.sum() == pytest.approx(1, abs=max(2e-3, 2 * late))
-    said = {name: value[0] for name, value in moments(found / BIN_S, GRID).items()}
-    assert said["accuracy"] == pytest.approx(float(passage.accuracy(drift, bound)), abs=1e-6)
+    assert mass.sum() == pytest.approx(1, abs=max(2e-3, 2 * late))
+    sums = {name: value[0] for name, value in moments(mass / BIN_S, GRID).items()}
+    assert sums["accuracy"] == pytest.approx(float(passage.accuracy(drift, bound)), abs=1e-6)
     if late < 1e-4:
-        assert said["mean_s"] == pytest.approx(float(passage.mean_time_s(drift, bound)), abs=5e-4)
+        assert sums["mean_s"] == pytest.approx(float(passage.mean_time_s(drift, bound)), abs=5e-4)
 
 
 @given(st.floats(0, 25), st.floats(0.15, 4.0), st.floats(2.0, 10.0))
 @settings(max_examples=20)
 def test_no_trial_of_a_falling_gap_is_lost_or_made(drift, bound, fall_per_s):
-    found = decided(FALLING, 1, sensitivity=drift, bound=bound, fall_per_s=fall_per_s)
-    assert found.sum() == pytest.approx(1, abs=3e-3)
+    mass = decided(FALLING, 1, sensitivity=drift, bound=bound, fall_per_s=fall_per_s)
+    assert mass.sum() == pytest.approx(1, abs=3e-3)
 
 
 @pytest.mark.parametrize("bound", [0.3, 0.7])
 def test_a_gap_that_falls_slowly_is_constant(bound):
-    own = decided(CONSTANT, [0, 0.3], sensitivity=10, bound=bound)
+    constant = decided(CONSTANT, [0, 0.3], sensitivity=10, bound=bound)
     slow = decided(FALLING, [0, 0.3], sensitivity=10, bound=bound, fall_per_s=1e-7)
-    assert slow == pytest.approx(own, abs=1e-5)
+    assert slow == pytest.approx(constant, abs=1e-5)
     fast = decided(FALLING, [0, 0.3], sensitivity=10, bound=bound, fall_per_s=1)
-    assert np.abs(fast - own).max() > 1e-4
+    assert np.abs(fast - constant).max() > 1e-4
 
 
 @given(st.floats(0, 20), st.floats(0.15, 1.5))
@@ -64,8 +64,8 @@ def test_at_a_rate_of_0_the_falling_gap_is_the_constant_one(sensitivity, bound):
 
 @pytest.mark.parametrize("model", [CONSTANT, FALLING])
 def test_evidence_for_the_other_response_exchanges_them(model):
-    given = {"sensitivity": 9.0, "bound": 0.8, "fall_per_s": 1 / 0.7}
-    one, other = decided(model, [0.4, -0.4], **given)
+    parameters = {"sensitivity": 9.0, "bound": 0.8, "fall_per_s": 1 / 0.7}
+    one, other = decided(model, [0.4, -0.4], **parameters)
     assert one == pytest.approx(other[::-1], rel=1e-12)
     assert one[1].sum() > 2 * one[0].sum()
 
@@ -76,8 +76,10 @@ def test_each_cell_has_its_own_parameters(model):
     strength = [0.1, 0.5, 0.2]
     together = decided(model, strength, **some)
     for cell in range(3):
-        own = {name: value[cell] for name, value in some.items()}
-        assert together[cell] == pytest.approx(decided(model, strength[cell], **own)[0], rel=1e-12)
+        alone = {name: value[cell] for name, value in some.items()}
+        assert together[cell] == pytest.approx(
+            decided(model, strength[cell], **alone)[0], rel=1e-12
+        )
 
 
 def test_drift_is_sensitivity_times_strength():
@@ -103,11 +105,11 @@ def test_bins_have_enough_parts(gap, shape, monkeypatch):
     model, strength = GapModel(gap), np.array([0.0, 1.0])
     values = {"sensitivity": 2.0, BOUND.name: 2.0, FLOOR.name: 0.1, **shape}
     every = {name: np.full(2, value) for name, value in values.items()}
-    found = model.decided(every, strength, Grid(400))
+    mass = model.decided(every, strength, Grid(400))
     width_s = np.full(8 * 400, BIN_S / 8)
     finer = (width_s.cumsum() - width_s / 2, width_s, np.repeat(np.arange(400), 8))
     monkeypatch.setattr(algorithms, "_parts", lambda *_: finer)
     exact = model.decided(every, strength, Grid(400))
     seen = exact > 1e-5
     # nats that a thousand trials at each strength are wrong by, if no errors cancel
-    assert 1000 * (exact[seen] * np.abs(np.log(exact[seen] / found[seen]))).sum() < 0.3
+    assert 1000 * (exact[seen] * np.abs(np.log(exact[seen] / mass[seen]))).sum() < 0.3

@@ -63,19 +63,19 @@ def test_the_equations_at_the_time_that_the_rate_sets():
 def test_a_weibull_gap_of_exponent_1_is_the_exponential_one():
     for floor in (0.0, 0.4):
         same = {"bound": 1.1, "fall_per_s": 1.3, "floor": floor, "start": 0.2}
-        own = decided(WEIBULL, **same, fall_shape=1.0)
-        assert own == pytest.approx(decided(EXPONENTIAL, **same), abs=1e-14)
-        assert np.abs(decided(WEIBULL, **same, fall_shape=2.0) - own).max() > 1e-3
+        weibull = decided(WEIBULL, **same, fall_shape=1.0)
+        assert weibull == pytest.approx(decided(EXPONENTIAL, **same), abs=1e-14)
+        assert np.abs(decided(WEIBULL, **same, fall_shape=2.0) - weibull).max() > 1e-3
 
 
 @EACH
 def test_a_gap_that_does_not_fall_is_constant(gap):
     same = {"bound": 0.8, "fall_shape": 2.0, "start": 0.3}
-    own = decided(CONSTANT, **same)
-    assert np.array_equal(decided(gap, **same, fall_per_s=0.0), own)
-    assert decided(gap, **same, fall_per_s=1e-7) == pytest.approx(own, abs=1e-5)
+    constant = decided(CONSTANT, **same)
+    assert np.array_equal(decided(gap, **same, fall_per_s=0.0), constant)
+    assert decided(gap, **same, fall_per_s=1e-7) == pytest.approx(constant, abs=1e-5)
     # So is one of which nearly all remains.
-    assert decided(gap, **same, fall_per_s=2.0, floor=0.95) == pytest.approx(own, abs=5e-3)
+    assert decided(gap, **same, fall_per_s=2.0, floor=0.95) == pytest.approx(constant, abs=5e-3)
 
 
 @EACH
@@ -84,9 +84,9 @@ def test_a_gap_that_does_not_fall_is_constant(gap):
 def test_no_trial_is_lost_or_made(gap, values, bound, start):
     """With floors of up to 0.2 all trials are decided within the grid."""
     values = {**values, FLOOR.name: 0.2 * values[FLOOR.name], FALL.name: max(values[FALL.name], 2)}
-    found = decided(gap, bound=bound, start=start, **values)
-    assert found.sum(axis=(1, 2)) == pytest.approx(1, abs=4e-3)
-    assert (found >= 0).all()
+    mass = decided(gap, bound=bound, start=start, **values)
+    assert mass.sum(axis=(1, 2)) == pytest.approx(1, abs=4e-3)
+    assert (mass >= 0).all()
 
 
 def test_a_hyperbolic_gap_has_later_decisions_than_an_exponential_one_of_the_same_rate():
@@ -123,8 +123,8 @@ def test_a_model_that_there_is_not_is_refused_with_the_names_of_all_gaps():
 def test_a_shape_is_recovered_and_told_from_the_constant_gap(name, truth):
     table = drawn(93_001, model=GapModel(GAPS[name]), bound=1.0, start=0.0, **truth)
     held, free = ("t0_sd_s=0.05", "lapse=0.01"), ("sensitivity", "bound", "t0_s")
-    found, values = fitted(table, (*free, *truth), model=name, fix=held)
+    fit, values = fitted(table, (*free, *truth), model=name, fix=held)
     without, _ = fitted(table, free, fix=held)
     assert values["fall_per_s"] == pytest.approx(truth["fall_per_s"], rel=0.3)
     assert values["bound"] == pytest.approx(1.0, rel=0.15)
-    assert found.log_likelihood > without.log_likelihood + 20
+    assert fit.log_likelihood > without.log_likelihood + 20

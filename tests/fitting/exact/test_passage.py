@@ -24,13 +24,13 @@ def densities(drift, bound):
     """Return times and both densities of a constant bound."""
     times = np.linspace(0.0, 18 * bound**2, 6001)[1:]
     at_rest = passage.constant_at_rest(bound, times)
-    (found,) = passage.with_drift(at_rest, np.full(len(times), bound), times, [drift])
-    return times, found
+    (density,) = passage.with_drift(at_rest, np.full(len(times), bound), times, [drift])
+    return times, density
 
 
 def moments(drift, bound):
-    times, found = densities(drift, bound)
-    mass = found * (times[1] - times[0])
+    times, density = densities(drift, bound)
+    mass = density * (times[1] - times[0])
     mean = mass.sum(axis=0) @ times
     sd = np.sqrt(mass.sum(axis=0) @ times**2 - mean**2)
     return mass.sum(), mass[int(drift >= 0)].sum(), mean, sd
@@ -76,19 +76,19 @@ def test_a_bound_that_does_not_fall_has_the_density_of_a_constant_one(bound):
 @settings(max_examples=15)
 def test_time_scales_with_the_square_of_evidence(bound, fall_s, scale):
     times = np.arange(1, 400) * 0.005 * bound**2
-    own = passage.falling_at_rest(*exponential(bound, fall_s, times), times)
+    unscaled = passage.falling_at_rest(*exponential(bound, fall_s, times), times)
     far = exponential(scale * bound, scale**2 * fall_s, scale**2 * times)
     wide = passage.falling_at_rest(*far, scale**2 * times)
-    assert scale**2 * wide == pytest.approx(own, rel=1e-9, abs=1e-12)
+    assert scale**2 * wide == pytest.approx(unscaled, rel=1e-9, abs=1e-12)
 
 
 @given(st.floats(0.4, 1.2), st.floats(0.2, 1.0))
 @settings(max_examples=15)
 def test_a_gap_that_falls_to_nothing_decides_every_trial(bound, fall_s):
     times = np.arange(1, 800) * 0.005
-    found = passage.falling_at_rest(*exponential(bound, fall_s, times), times)
-    assert found.sum() * 0.005 == pytest.approx(1, abs=2e-3)
-    assert (found >= 0).all()
+    density = passage.falling_at_rest(*exponential(bound, fall_s, times), times)
+    assert density.sum() * 0.005 == pytest.approx(1, abs=2e-3)
+    assert (density >= 0).all()
 
 
 @given(st.lists(DRIFT, min_size=1, max_size=4), st.floats(0.4, 1.2), st.floats(0.3, 2.0))
@@ -98,11 +98,11 @@ def test_at_the_bound_the_responses_stand_as_the_likelihood_ratio_says(drifts, b
     gap, slope = exponential(bound, fall_s, times)
     at_rest = passage.falling_at_rest(gap, slope, times)
     drift = np.array(drifts)
-    found = passage.with_drift(at_rest, gap, times, drift)
-    some = found[:, 0] > 1e-200
+    density = passage.with_drift(at_rest, gap, times, drift)
+    some = density[:, 0] > 1e-200
     odds = np.exp(2 * drift[:, None] * gap)
-    assert found[:, 1][some] == pytest.approx((found[:, 0] * odds)[some], rel=1e-9)
-    assert found[:, ::-1] == pytest.approx(
+    assert density[:, 1][some] == pytest.approx((density[:, 0] * odds)[some], rel=1e-9)
+    assert density[:, ::-1] == pytest.approx(
         passage.with_drift(at_rest, gap, times, -drift), rel=1e-12
     )
 
@@ -112,8 +112,8 @@ START = st.floats(-0.85, 0.85)
 
 def from_start(bound, start, drift, times):
     at_rest = passage.constant_at_rest(bound, times, start)
-    (found,) = passage.with_drift(at_rest, np.full(len(times), bound), times, [drift], start)
-    return found * (times[1] - times[0])
+    (density,) = passage.with_drift(at_rest, np.full(len(times), bound), times, [drift], start)
+    return density * (times[1] - times[0])
 
 
 @given(st.floats(-4.0, 4.0), st.floats(0.3, 1.2), START)
@@ -122,15 +122,15 @@ def test_from_any_start_choices_and_mean_times_are_the_closed_forms(drift, bound
     """P(1) = (1 - e^(-2 v (A + z))) / (1 - e^(-4 v A)); E[T] = (E[X] - z) / v."""
     z = share * bound
     times = np.linspace(0.0, 18 * bound**2, 12_001)[1:]
-    found = from_start(bound, z, drift, times)
+    mass = from_start(bound, z, drift, times)
     if abs(drift * bound) < 1e-3:
         right, mean = (bound + z) / (2 * bound), bound**2 - z**2
     else:
         right = np.expm1(-2 * drift * (bound + z)) / np.expm1(-4 * drift * bound)
         mean = ((2 * right - 1) * bound - z) / drift
-    assert found.sum() == pytest.approx(1, abs=2e-3)
-    assert found[1].sum() == pytest.approx(right, abs=2e-3)
-    assert found.sum(axis=0) @ times == pytest.approx(mean, abs=3e-3 * bound**2)
+    assert mass.sum() == pytest.approx(1, abs=2e-3)
+    assert mass[1].sum() == pytest.approx(right, abs=2e-3)
+    assert mass.sum(axis=0) @ times == pytest.approx(mean, abs=3e-3 * bound**2)
 
 
 @given(st.floats(0.4, 1.2), START, st.floats(-3.0, 3.0))
@@ -155,22 +155,17 @@ def test_from_any_start_a_bound_that_does_not_fall_is_constant(share):
     times = np.arange(1, 1500) * 0.001
     z = share * 0.7
     falling = passage.falling_at_rest(*constant(0.7, times), times, start=z)
-    own = passage.constant_at_rest(0.7, times, z)
+    fixed_bound = passage.constant_at_rest(0.7, times, z)
     # The first times after a start near a bound are steep.
-    assert falling[:, 20:] == pytest.approx(own[:, 20:], abs=5e-3)
+    assert falling[:, 20:] == pytest.approx(fixed_bound[:, 20:], abs=5e-3)
     wrong = passage.falling_at_rest(*constant(0.7, times), times, start=z + 0.05)
-    assert np.abs(wrong - own)[:, 20:].max() > 0.05
+    assert np.abs(wrong - fixed_bound)[:, 20:].max() > 0.05
 
 
 def of_pyddm(bound, fall_s, drift, dt):
     """Return both masses and the mean time that PyDDM finds at a step."""
     from pyddm import Model
-    from pyddm.models import (
-        BoundCollapsingExponential,
-        DriftConstant,
-        NoiseConstant,
-        OverlayNone,
-    )
+    from pyddm.models import BoundCollapsingExponential, DriftConstant, NoiseConstant, OverlayNone
 
     solved = Model(
         drift=DriftConstant(drift=drift),
@@ -190,12 +185,12 @@ def test_a_falling_gap_is_where_pyddm_goes_as_its_step_goes_to_nothing(bound, fa
     times = np.arange(1, 1500) * 0.002
     gap, slope = exponential(bound, fall_s, times)
     at_rest = passage.falling_at_rest(gap, slope, times)
-    (found,) = passage.with_drift(at_rest, gap, times, [drift]) * 0.002
-    own = np.array([*found.sum(axis=1), found.sum(axis=0) @ times])
+    (mass,) = passage.with_drift(at_rest, gap, times, [drift]) * 0.002
+    ours = np.array([*mass.sum(axis=1), mass.sum(axis=0) @ times])
     coarse, fine = (of_pyddm(bound, fall_s, drift, dt) for dt in (0.002, 0.001))
     # Its error is of the first order in its step.
-    assert own == pytest.approx(2 * fine - coarse, abs=3e-4)
-    assert abs(own - coarse)[2] > 1e-3
+    assert ours == pytest.approx(2 * fine - coarse, abs=3e-4)
+    assert abs(ours - coarse)[2] > 1e-3
 
 
 def test_a_few_terms_of_the_series_are_enough():
@@ -215,8 +210,8 @@ def test_sums_in_bins_are_those_of_the_densities(fall_per_s, start, drift_sd):
     at_rest = passage.falling_at_rest(gap, slope, times, start=start)
     mass = passage.with_drift(at_rest, gap, times, drifts, start, drift_sd) * width_s
     wanted = mass.reshape(4, 2, 75, 4).sum(axis=3)
-    found = passage.binned(at_rest, gap, times, drifts, start, drift_sd, width_s=width_s, bins=bins)
-    assert found == pytest.approx(wanted, rel=1e-11, abs=1e-200)
+    sums = passage.binned(at_rest, gap, times, drifts, start, drift_sd, width_s=width_s, bins=bins)
+    assert sums == pytest.approx(wanted, rel=1e-11, abs=1e-200)
     other = passage.binned(
         at_rest, gap, times, drifts + 0.01, start, drift_sd, width_s=width_s, bins=bins
     )

@@ -53,5 +53,5 @@ def test_simulated_paths_cross_as_often(u, b):
         x = x[np.abs(x) < b - less]
     share = 1 - len(x) / alive
     error = np.sqrt(share * (1 - share) / alive)
-    found = crossed_later(v, a, b, np.array([u]), np.array([w]))[0]
-    assert found == pytest.approx(share, abs=4 * error + 0.005)
+    crossed = crossed_later(v, a, b, np.array([u]), np.array([w]))[0]
+    assert crossed == pytest.approx(share, abs=4 * error + 0.005)

@@ -64,8 +64,8 @@ def test_responses_are_sums_over_every_pair_of_bins(seed, t0_s, t0_sd_s, lapse):
     edges = [norm.cdf(later + side * BIN_S / 2, t0_s, sd) for side in (1, -1)]
     wanted = np.maximum(decided @ (edges[0] - edges[1]) / BIN_S, 0)
     wanted = (1 - lapse) * wanted + lapse / 2 / (GRID.bins * BIN_S)
-    found = heard(decided, t0_s, t0_sd_s, lapse)
-    assert found == pytest.approx(wanted, rel=1e-10, abs=1e-13)
+    mixture = heard(decided, t0_s, t0_sd_s, lapse)
+    assert mixture == pytest.approx(wanted, rel=1e-10, abs=1e-13)
     assert np.abs(heard(decided, t0_s + 0.001, t0_sd_s, lapse) - wanted).max() > 1e-6
 
 
@@ -81,8 +81,8 @@ def test_the_likelihood_of_gamma_decisions_is_that_of_the_exact_sum(sd_s):
 
     def nats(given_s):
         """Return what 10 000 trials lose by the error of the density."""
-        own = np.exp(seen.each(heard(decided, 0.3, given_s)))
-        return 1e4 * 0.0037 * (exact * np.log(exact / own) - exact + own).sum()
+        binned = np.exp(seen.each(heard(decided, 0.3, given_s)))
+        return 1e4 * 0.0037 * (exact * np.log(exact / binned) - exact + binned).sum()
 
     # The variance that bins would add without correction costs more than ten times as much.
     assert 0 < nats(sd_s) < 0.1 * nats(np.sqrt(sd_s**2 + BIN_S**2 / 3))
@@ -136,8 +136,8 @@ def test_all_that_can_happen_by_a_deadline_has_probability_1(seed, deadline_s, l
     within = GRID.middles_s[GRID.middles_s < deadline_s]
     rt = np.concatenate([within, within, [np.nan]])
     response = np.repeat([0, 1, -1], [len(within), len(within), 1])
-    found = np.exp(observed(response, rt, deadline_s).each(density))
-    assert found[:-1].sum() * BIN_S + found[-1] == pytest.approx(1, abs=1e-9)
+    likelihoods = np.exp(observed(response, rt, deadline_s).each(density))
+    assert likelihoods[:-1].sum() * BIN_S + likelihoods[-1] == pytest.approx(1, abs=1e-9)
 
 
 def test_a_trial_without_a_response_is_less_likely_under_a_later_deadline():
@@ -152,8 +152,8 @@ def test_a_time_between_two_middles_has_the_density_between_theirs(seed, low, to
     density = heard(some_decided(seed, 1), 0.3, 0.04, 0.02)
     rt = GRID.middles_s[low] + toward * BIN_S
     expected = np.interp(rt, GRID.middles_s, density[0, response])
-    found = observed([response], [rt]).each(density)
-    assert found == pytest.approx(np.log(expected), abs=1e-9)
+    log_density = observed([response], [rt]).each(density)
+    assert log_density == pytest.approx(np.log(expected), abs=1e-9)
 
 
 def test_moments_are_those_of_the_trials_that_responded():
@@ -161,19 +161,19 @@ def test_moments_are_those_of_the_trials_that_responded():
     rt, right = rng.uniform(0.2, 1.4, 4000), rng.random(4000) < 0.7
     density = np.zeros((1, 2, GRID.bins))
     np.add.at(density, (0, right.astype(int), (rt / BIN_S).astype(int)), 1 / 5000 / BIN_S)
-    found = moments(density, GRID)
-    assert found["answered"] == pytest.approx(0.8)
-    assert found["accuracy"] == pytest.approx(right.mean())
-    assert found["mean_s"] == pytest.approx(rt.mean(), abs=1e-3)
-    assert found["sd_s"] == pytest.approx(rt.std(), abs=1e-3)
+    computed = moments(density, GRID)
+    assert computed["answered"] == pytest.approx(0.8)
+    assert computed["accuracy"] == pytest.approx(right.mean())
+    assert computed["mean_s"] == pytest.approx(rt.mean(), abs=1e-3)
+    assert computed["sd_s"] == pytest.approx(rt.std(), abs=1e-3)
 
 
 def test_a_time_before_the_first_middle_or_beyond_the_last_has_the_density_there():
     density = np.zeros((1, 2, GRID.bins))
     density[0, 1] = np.linspace(1, 4, GRID.bins)
     end_s = GRID.bins * BIN_S
-    found = observed([1, 1, 1], [0.0, end_s, 2 * end_s]).each(density)
-    assert np.exp(found) == pytest.approx([1, 4, 4], rel=1e-6)
+    log_density = observed([1, 1, 1], [0.0, end_s, 2 * end_s]).each(density)
+    assert np.exp(log_density) == pytest.approx([1, 4, 4], rel=1e-6)
 
 
 @pytest.mark.parametrize("window_s", [(0.0, np.inf), (0.513, 1.207)])
@@ -191,9 +191,9 @@ def test_new_trials_have_the_probabilities_of_outcomes(window_s):
     for k in range(2):
         bins = np.where(never[cell == k], 0, np.nan_to_num(rt_s[cell == k]) / BIN_S).astype(int)
         place = np.where(never[cell == k], 2 * GRID.bins, GRID.bins * response[cell == k] + bins)
-        found = np.bincount(place, minlength=2 * GRID.bins + 1)
+        counts = np.bincount(place, minlength=2 * GRID.bins + 1)
         expected = trials * np.append(mass[k].ravel(), missing[k])
         often = expected > 10
-        assert found[~often].sum() == pytest.approx(expected[~often].sum(), abs=60)
-        square = ((found - expected)[often] ** 2 / expected[often]).sum()
+        assert counts[~often].sum() == pytest.approx(expected[~often].sum(), abs=60)
+        square = ((counts - expected)[often] ** 2 / expected[often]).sum()
         assert 0.001 < chi2.sf(square, often.sum()) < 0.999

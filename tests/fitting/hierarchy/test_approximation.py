@@ -13,23 +13,23 @@ PRECISION = np.array([[2.0, 0.6], [0.6, 1.0]])
 
 
 def test_proposal_is_a_t_distribution_around_the_peak():
-    found = proposal_of(PRECISION, PRECISION @ [0.5, -1.0])
+    proposal = proposal_of(PRECISION, PRECISION @ [0.5, -1.0])
     exact = multivariate_t([0.5, -1.0], np.linalg.inv(PRECISION), df=HEAVY)
     points = stream(SEED, "points").normal(size=(5, 2))
-    assert found.log_density(points) == pytest.approx(exact.logpdf(points))
-    assert found.variances == pytest.approx(np.diag(np.linalg.inv(PRECISION)))
+    assert proposal.log_density(points) == pytest.approx(exact.logpdf(points))
+    assert proposal.variances == pytest.approx(np.diag(np.linalg.inv(PRECISION)))
     rng = stream(SEED, "draws")
-    draws = np.array([found.draw(rng) for _ in range(4000)])
+    draws = np.array([proposal.draw(rng) for _ in range(4000)])
     assert draws.mean(axis=0) == pytest.approx([0.5, -1.0], abs=0.08)
     assert np.cov(draws.T) == pytest.approx(np.linalg.inv(PRECISION) * HEAVY / (HEAVY - 2), rel=0.2)
 
 
 def test_an_expansion_times_the_group_is_the_product_of_gaussians():
     one = Expansion(np.array([[1.0, 2.0]]), np.array([[0.3, 0.0]]), PRECISION[None])
-    found = one.times(Group(np.array([0.0, 1.0]), np.array([0.5, 4.0])))
-    own = PRECISION + np.diag([2.0, 0.25])
+    product = one.times(Group(np.array([0.0, 1.0]), np.array([0.5, 4.0])))
+    precision = PRECISION + np.diag([2.0, 0.25])
     pull = PRECISION @ [1.0, 2.0] + [0.3, 0.0] + [0.0, 0.25]
-    assert found.mean[0] == pytest.approx(np.linalg.solve(own, pull))
+    assert product.mean[0] == pytest.approx(np.linalg.solve(precision, pull))
 
 
 def test_given_scores_the_group_has_the_slope_and_curvature_of_its_people():

@@ -61,20 +61,20 @@ FEW = 40
 
 @pytest.fixture
 def short(monkeypatch):
-    """Make blocks and the warm-up short: their length changes nothing of how runs go on."""
+    """Make blocks and the warm-up short: runs resume in the same way for any length."""
     monkeypatch.setattr(chains, "BLOCK", FEW)
     monkeypatch.setattr(chains, "WARM_UP", FEW)
 
 
 def test_an_interrupted_run_goes_on_with_the_same_bytes(short, tmp_path):
     kept = chains_entry(tmp_path / "pieces", "a", {})
-    whole = sampled(SAMPLER, START, seed=SEED, most=3 * FEW)
+    once = sampled(SAMPLER, START, seed=SEED, most=3 * FEW)
     sampled(SAMPLER, START, seed=SEED, most=2 * FEW, kept=kept)
     assert kept.path.is_file()
     told = []
     rest = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, kept=kept, tell=told.append)
     assert not any("warm-up" in each for each in told)
-    assert [each.scaled.tobytes() for each in rest] == [each.scaled.tobytes() for each in whole]
+    assert [each.scaled.tobytes() for each in rest] == [each.scaled.tobytes() for each in once]
 
 
 def test_chains_that_mix_slowly_are_discarded_and_their_surrogate_is_learned_again(
@@ -87,17 +87,17 @@ def test_chains_that_mix_slowly_are_discarded_and_their_surrogate_is_learned_aga
     assert not any("again" in each for each in told)
     monkeypatch.setattr(chains, "POOR", np.inf)
     told, kept = [], chains_entry(tmp_path, "a", {})
-    whole = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, tell=told.append)
+    once = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, tell=told.append)
     assert sum("again" in each for each in told) == 1
     # Draws before are left out.
     assert sum("draws in each" in each for each in told) == 5
-    assert len(whole[0]) == 3 * FEW
+    assert len(once[0]) == 3 * FEW
     # The same, interrupted before the surrogate is learned again, and after.
     for blocks in (2, 4):
         told = []
 
-        def stop(said, told=told, blocks=blocks):
-            told.append(said)
+        def stop(message, told=told, blocks=blocks):
+            told.append(message)
             if sum("draws in each" in each for each in told) == blocks:
                 raise KeyboardInterrupt
 
@@ -105,7 +105,7 @@ def test_chains_that_mix_slowly_are_discarded_and_their_surrogate_is_learned_aga
         with pytest.raises(KeyboardInterrupt):
             sampled(SAMPLER, START, seed=SEED, most=3 * FEW, kept=kept, tell=stop)
         rest = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, kept=kept)
-        assert [each.scaled.tobytes() for each in rest] == [each.scaled.tobytes() for each in whole]
+        assert [each.scaled.tobytes() for each in rest] == [each.scaled.tobytes() for each in once]
 
 
 class Two(Gaussian):

@@ -76,17 +76,17 @@ def test_the_rise_is_that_of_the_surrogate(guide):
 
 def test_people_given_the_group_do_not_depend_on_where_they_begin(guide, monkeypatch):
     monkeypatch.setattr(moves, "MOVES_OF_PEOPLE", 200)
-    group, found = Group(np.array([5.5, 5.0]), np.array([1.0, 0.3])), []
+    group, moved = Group(np.array([5.5, 5.0]), np.array([1.0, 0.3])), []
     for first in (2.0, 8.0):
         rng = stream(SEED, "people", first)
         start = np.full((PEOPLE, 2), first)
-        found.append([guide.people_moved(group, start, VAGUE, rng)[0].ravel() for _ in range(400)])
-    for one, other in zip(*(np.array(each).T for each in found), strict=True):
+        moved.append([guide.people_moved(group, start, VAGUE, rng)[0].ravel() for _ in range(400)])
+    for one, other in zip(*(np.array(each).T for each in moved), strict=True):
         assert ks_2samp(one, other).pvalue > 1e-4
     # And have the product of both Gaussians.
     precision = 1 / 0.7**2 + 1 / group.variance
     exact = (MIDDLES[:, None] / 0.7**2 + group.mean / group.variance) / precision
-    mean = np.array(found).reshape(800, PEOPLE, 2).mean(axis=0)
+    mean = np.array(moved).reshape(800, PEOPLE, 2).mean(axis=0)
     assert np.abs((mean - exact) * np.sqrt(800 * precision)).max() < 4
 
 

@@ -48,14 +48,14 @@ def test_data_are_those_of_every_trial(tree):
 
 def test_each_trial_has_its_strength_and_conditions():
     with short_chains(), pytest.warns(FitWarning, match="have not converged"):
-        found = fit(
+        fitted = fit(
             table(), "constant_gap", strength="strength", fix=FIXED | {"t0_s": 0.3},
             vary={"bound": "block"}, most_draws=MOST, hierarchical=True)  # fmt: skip
-    given = found.to_datatree()["constant_data"].to_dataset()
-    assert set(given["strength"].to_numpy()) == {0.2}
+    stored = fitted.to_datatree()["constant_data"].to_dataset()
+    assert set(stored["strength"].to_numpy()) == {0.2}
     for who in PEOPLE:
-        design = found.likelihoods[who].design
-        block = given["block"][(given["participant_of"] == who).to_numpy()].to_numpy()
+        design = fitted.likelihoods[who].design
+        block = stored["block"][(stored["participant_of"] == who).to_numpy()].to_numpy()
         levels = np.array(design.conditions["block"])
         assert np.array_equal(block, levels[design.observed.cell])
         assert set(block) == {"early", "late"}
@@ -76,13 +76,13 @@ def test_new_trials_of_each_person_are_those_of_their_densities(group):
     who = np.repeat(np.arange(len(PEOPLE)), 60)
     for k, likelihood in enumerate(group.likelihoods.values()):
         likelihood = likelihood.complete(np.median(vectors[:, :, k], axis=(0, 1)))
-        said = [
+        computed = [
             moments(likelihood.density(vector), likelihood.design.grid)
             for vector in vectors[:, :, k].reshape(-1, vectors.shape[-1])
         ]
         late, right = rt_s[..., who == k], response[..., who == k] == 1
         mean_s, sd_s, share = (
-            np.mean([each[n] for each in said]) for n in ("mean_s", "sd_s", "accuracy")
+            np.mean([each[n] for each in computed]) for n in ("mean_s", "sd_s", "accuracy")
         )
         assert abs(late.mean() - mean_s) < 4 * sd_s / np.sqrt(late.size)
         assert abs(right.mean() - share) < 4 * np.sqrt(share * (1 - share) / right.size)
@@ -97,6 +97,6 @@ def test_the_file_opens_in_arviz(path, tree):
     )
     assert opened.posterior_predictive["response"].dtype == np.int8
     # Its own PSIS-LOO, of the log likelihoods of trials.
-    found = arviz.loo(opened)
+    loo = arviz.loo(opened)
     best = tree["log_likelihood/rt"].sum("trial").max()
-    assert best - 100 < getattr(found, "elpd_loo", getattr(found, "elpd", None)) < best
+    assert best - 100 < getattr(loo, "elpd_loo", getattr(loo, "elpd", None)) < best

@@ -29,13 +29,13 @@ def person(sensitivity, seed, each=60, strengths=STRENGTHS, seconds=3.0):
     return Optimum(likelihood, at, 0.0, 0)
 
 
-def own(one):
+def cells(one):
     return cells_of(one.complete.likelihood.design, one.complete.density)
 
 
 def test_one_person_pooled_is_that_person():
     one = person(8.0, SEED)
-    pd.testing.assert_frame_equal(pooled([one]), own(one))
+    pd.testing.assert_frame_equal(pooled([one]), cells(one))
 
 
 def test_missed_deadlines_count_as_trials_and_change_no_other_number():
@@ -49,31 +49,31 @@ def test_missed_deadlines_count_as_trials_and_change_no_other_number():
     design = replace(one.likelihood.design, observed=missed)
     one = replace(one, likelihood=replace(one.likelihood, design=design))
     assert 5 < late.sum() < 100
-    pd.testing.assert_frame_equal(pooled([one]), own(one))
+    pd.testing.assert_frame_equal(pooled([one]), cells(one))
 
 
 def test_everyones_trials_are_there_and_models_have_their_share_of_them():
     people = [person(4.0, SEED, each=40), person(16.0, SEED + 1, each=120, seconds=2.0)]
-    found, (one, other) = pooled(people), map(own, people)
-    assert found["trials"].tolist() == [160, 160]
+    rows, (one, other) = pooled(people), map(cells, people)
+    assert rows["trials"].tolist() == [160, 160]
     for name in ("accuracy", "mean_s", "model_accuracy", "model_mean_s"):
-        assert found[name].to_numpy() == pytest.approx((one[name] + 3 * other[name]).to_numpy() / 4)
+        assert rows[name].to_numpy() == pytest.approx((one[name] + 3 * other[name]).to_numpy() / 4)
     # Of the variances of a mixture: that within people and that between them.
     for made in ("", "model_"):
         within = one[f"{made}sd_s"] ** 2 / 4 + 3 * other[f"{made}sd_s"] ** 2 / 4
         between = 3 / 16 * (one[f"{made}mean_s"] - other[f"{made}mean_s"]) ** 2
-        variance = found[f"{made}sd_s"].to_numpy() ** 2
+        variance = rows[f"{made}sd_s"].to_numpy() ** 2
         assert variance == pytest.approx((within + between).to_numpy())
     ends = np.array([one["model_q90_s"], other["model_q90_s"]])
-    assert found["model_q90_s"].between(*np.sort(ends, axis=0)).all()
+    assert rows["model_q90_s"].between(*np.sort(ends, axis=0)).all()
 
 
 def test_errors_that_are_few_in_each_person_are_enough_together():
     people = [person(10.0, SEED + k, each=30, strengths=[0.05, 0.15]) for k in range(8)]
-    assert all(own(each)["wrong_q50_s"].isna().any() for each in people)
-    found = pooled(people)
-    assert found[["wrong_q50_s", "model_wrong_q50_s"]].notna().all(axis=None)
-    off = (found["wrong_q50_s"] - found["model_wrong_q50_s"]) / found["wrong_q50_se"]
+    assert all(cells(each)["wrong_q50_s"].isna().any() for each in people)
+    rows = pooled(people)
+    assert rows[["wrong_q50_s", "model_wrong_q50_s"]].notna().all(axis=None)
+    off = (rows["wrong_q50_s"] - rows["model_wrong_q50_s"]) / rows["wrong_q50_se"]
     assert (off.abs() < 4).all()
 
 

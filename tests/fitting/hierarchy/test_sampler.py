@@ -13,6 +13,7 @@ from bgmodel.fitting.hierarchy.scale import log_uniform
 from bgmodel.support.seeds import stream
 from tests.fitting.hierarchy.known import wide
 
+pytestmark = pytest.mark.usefixtures("few_moves")
 SEED = 24_311
 # Far above the lower bound, where the scale is linear: a surrogate can represent Gaussians there.
 MIDDLE = np.array([6.0, 12.0])
@@ -44,11 +45,11 @@ def quadrature(estimates, errors):
         log = log - 0.5 * (estimate - mean) ** 2 / variance - 0.5 * np.log(variance)
     weight = np.exp(log - log.max())
     weight /= weight.sum()
-    found = []
+    moments = []
     for each in (mean, sd):
         middle = (weight * each).sum()
-        found += [middle, np.sqrt((weight * (each - middle) ** 2).sum())]
-    return found
+        moments += [middle, np.sqrt((weight * (each - middle) ** 2).sum())]
+    return moments
 
 
 def expansion(people, shift=0.0, narrower=1.0):
@@ -82,22 +83,22 @@ def people():
     ids=["exact", "misplaced", "guided"],
 )
 def test_group_has_the_posterior_of_a_quadrature(people, shift, narrower, guided):
-    found = draws(expansion(people, shift, narrower), people, 2000, guided=guided)
-    assert_posterior_is_that_of_a_quadrature(found)
+    drawn = draws(expansion(people, shift, narrower), people, 2000, guided=guided)
+    assert_posterior_is_that_of_a_quadrature(drawn)
 
 
 def test_people_shrink_towards_the_group_by_their_errors(people):
-    found = draws(expansion(people), people, 2000)
-    middle = found.scaled[:, :, 0].mean(axis=0)
-    group = found.mean[:, 0].mean()
+    drawn = draws(expansion(people), people, 2000)
+    middle = drawn.scaled[:, :, 0].mean(axis=0)
+    group = drawn.mean[:, 0].mean()
     assert (np.abs(middle - group) < np.abs(ESTIMATES - group) + 0.05).all()
     moved = np.abs(middle - ESTIMATES) / np.abs(ESTIMATES - group)
     assert moved[ERRORS.argmax()] > 2 * moved[ERRORS.argmin()]
 
 
 def test_log_likelihood_is_that_of_the_kept_parameters(people):
-    found = draws(expansion(people), people, 20)
-    for scaled, log in zip(found.scaled, found.log_likelihood, strict=True):
+    drawn = draws(expansion(people), people, 20)
+    for scaled, log in zip(drawn.scaled, drawn.log_likelihood, strict=True):
         assert log.tolist() == [p(x) for p, x in zip(people, scaled, strict=True)]
 
 
@@ -107,11 +108,11 @@ def test_draws_do_not_depend_on_how_they_are_divided_into_blocks(people):
     def first():
         return sampler.first(Group(MIDDLE, np.ones(2)), stream(SEED))
 
-    _, whole = sampler.run(first(), 30)
+    _, undivided = sampler.run(first(), 30)
     state, begun = sampler.run(first(), 13)
     _, rest = sampler.run(state, 17)
-    assert joined([begun, rest]).scaled.tobytes() == whole.scaled.tobytes()
-    assert len(whole) == 30
+    assert joined([begun, rest]).scaled.tobytes() == undivided.scaled.tobytes()
+    assert len(undivided) == 30
 
 
 @pytest.fixture(scope="module")
@@ -124,13 +125,13 @@ def astray(people):
     return replace(Sampler(people, expansion(people)), guide=guide)
 
 
-def assert_posterior_is_that_of_a_quadrature(found):
+def assert_posterior_is_that_of_a_quadrature(drawn):
     for k, factor in enumerate((1.0, 3.0)):
         estimates = ESTIMATES if k == 0 else SECOND
         mean, mean_sd, sd, sd_sd = quadrature(estimates, factor * ERRORS)
         for draws_, middle, spread in (
-            (found.mean[:, k], mean, mean_sd),
-            (found.sd[:, k], sd, sd_sd),
+            (drawn.mean[:, k], mean, mean_sd),
+            (drawn.sd[:, k], sd, sd_sd),
         ):
             size = array_stats.ess(draws_[None], chain_axis=0, draw_axis=1)
             assert size > 75
@@ -151,8 +152,8 @@ def test_a_surrogate_that_is_wrong_changes_no_posterior(people, astray):
     state = astray.first(Group(MIDDLE, np.ones(2)), stream(SEED, "astray"))
     assert_posterior_is_that_of_a_quadrature(astray.run(state, 4000)[1])
     # Also without the steps that do not follow it.
-    found = alone(astray, lambda state: astray._guided_together(astray.guide, state), 4000)
-    assert_posterior_is_that_of_a_quadrature(found)
+    drawn = alone(astray, lambda state: astray._guided_together(astray.guide, state), 4000)
+    assert_posterior_is_that_of_a_quadrature(drawn)
 
 
 def test_moves_under_an_exact_surrogate_have_the_posterior(people):
@@ -172,8 +173,8 @@ def test_people_given_the_group_have_their_exact_posterior(people, astray, step)
     group, rng = Group(MIDDLE, np.ones(2)), stream(SEED, "people")
     state, kept = astray.first(group, rng), []
     for _ in range(3000):
-        given = (state,) if step == "_individual" else (astray.guide, state)
-        state = getattr(astray, step)(*given)
+        arguments = (state,) if step == "_individual" else (astray.guide, state)
+        state = getattr(astray, step)(*arguments)
         kept.append(state.scaled)
     draws_ = np.array(kept)
     precision = 1 / np.array([each.error for each in people]) ** 2
@@ -198,11 +199,11 @@ def with_slope(estimates, errors, column):
         log = log - 0.5 * (estimate - mean - slope * x) ** 2 / variance - 0.5 * np.log(variance)
     weight = np.exp(log - log.max())
     weight /= weight.sum()
-    found = []
+    moments = []
     for each in (mean, sd, slope):
         middle = (weight * each).sum()
-        found += [middle, np.sqrt((weight * (each - middle) ** 2).sum())]
-    return found
+        moments += [middle, np.sqrt((weight * (each - middle) ** 2).sum())]
+    return moments
 
 
 @pytest.mark.parametrize("guided", [False, True])

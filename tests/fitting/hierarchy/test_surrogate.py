@@ -61,8 +61,8 @@ def drawn(person, count, spread=1.0):
 @pytest.mark.parametrize("person", [quadratic, bent, few_lapses, two_modes])
 def test_it_agrees_with_the_exact_log_likelihood_at_other_draws(person):
     draws, logs = drawn(person, 900)
-    found = surrogates([person], draws[:450], logs[:450])
-    error = [at(found, x)[0] - log[0] for x, log in zip(draws[450:], logs[450:], strict=True)]
+    fitted = surrogates([person], draws[:450], logs[:450])
+    error = [at(fitted, x)[0] - log[0] for x, log in zip(draws[450:], logs[450:], strict=True)]
     assert np.std(logs[450:]) > 0.5
     assert np.median(np.abs(error)) < 0.02
     # Far below the highest it is allowed to be less exact.
@@ -80,18 +80,18 @@ def test_each_person_has_a_separate_surrogate():
 
 def test_far_away_it_is_at_most_a_nat_above_the_highest_draw():
     draws, logs = drawn(bent, 300)
-    found = surrogates([bent], draws, logs)
-    far = [at(found, x[None])[0] for x in stream(SEED, "far").normal(MIDDLE, 50, size=(200, 2))]
-    assert max(far) <= found.ceiling[0] <= logs.max() + MARGIN + 0.5
+    fitted = surrogates([bent], draws, logs)
+    far = [at(fitted, x[None])[0] for x in stream(SEED, "far").normal(MIDDLE, 50, size=(200, 2))]
+    assert max(far) <= fitted.ceiling[0] <= logs.max() + MARGIN + 0.5
 
 
 def test_it_is_constant_towards_the_lower_end_of_a_range_as_the_log_likelihood_is():
     """A quadratic function of the scale is not, by tens of nats: chains stayed there for long."""
     draws, logs = drawn(bent, 450)
-    found = surrogates([bent], draws, logs)
+    fitted = surrogates([bent], draws, logs)
     for low in (-8.0, -20.0):
         x = np.array([MIDDLE, low])
-        assert at(found, x[None])[0] == pytest.approx(bent(x), abs=0.2)
+        assert at(fitted, x[None])[0] == pytest.approx(bent(x), abs=0.2)
 
 
 def test_draws_that_repeat_or_of_one_parameter_are_no_obstacle():
@@ -100,8 +100,8 @@ def test_draws_that_repeat_or_of_one_parameter_are_no_obstacle():
 
     draws = np.repeat(np.linspace(-1, 1, 5), 30)[:, None, None]
     logs = np.array([[person(x)] for x in draws[:, 0]])
-    found = surrogates([person], draws, logs)
-    assert at(found, np.array([[0.4]]))[0] == pytest.approx(-0.16, abs=0.02)
+    fitted = surrogates([person], draws, logs)
+    assert at(fitted, np.array([[0.4]]))[0] == pytest.approx(-0.16, abs=0.02)
 
 
 @pytest.mark.parametrize("hole", [np.nan, -np.inf])
@@ -112,16 +112,16 @@ def test_points_without_a_likelihood_are_left_out(hole):
     draws, logs = drawn(quadratic, 300)
     assert draws[..., 0].max() < MIDDLE + 3.5
     logs = np.array([[person(x)] for x in draws[:, 0]])
-    found = surrogates([person], draws, logs)
+    fitted = surrogates([person], draws, logs)
     x = MIDDLE + np.array([0.3, 0.2])
-    assert at(found, x[None])[0] == pytest.approx(quadratic(x), abs=0.01)
+    assert at(fitted, x[None])[0] == pytest.approx(quadratic(x), abs=0.01)
 
 
 def test_draws_that_hardly_moved_give_a_surrogate_that_holds_around_them():
     draws, logs = drawn(quadratic, 4)
-    found = surrogates([quadratic], draws, logs)
+    fitted = surrogates([quadratic], draws, logs)
     x = draws[:1, 0] + 0.3
-    assert at(found, x)[0] == pytest.approx(quadratic(x[0]), abs=0.5)
+    assert at(fitted, x)[0] == pytest.approx(quadratic(x[0]), abs=0.5)
 
 
 def test_it_is_constant_beyond_the_upper_end_of_a_range_as_the_log_likelihood_is():
@@ -131,16 +131,16 @@ def test_it_is_constant_beyond_the_upper_end_of_a_range_as_the_log_likelihood_is
         return quadratic(np.minimum(x, top))
 
     draws, logs = drawn(clipped, 450)
-    found = surrogates([clipped], draws, logs, highest=float(np.logaddexp(0, top)))
+    fitted = surrogates([clipped], draws, logs, highest=float(np.logaddexp(0, top)))
     x = np.array([MIDDLE, top + 20])
-    assert at(found, x[None])[0] == pytest.approx(clipped(x), abs=0.2)
+    assert at(fitted, x[None])[0] == pytest.approx(clipped(x), abs=0.2)
 
 
 def test_it_does_not_depend_on_the_number_of_processes():
     draws, logs = drawn(bent, 300)
-    people, found = [Known(bent, wide())], []
+    people, fitted = [Known(bent, wide())], []
     for workers in (1, 2):
         with shared_map(workers, people) as over_people:
-            found.append(surrogate_of(over_people, draws, logs, stream(SEED)))
-    one, other = ([each.tobytes() for each in made.arrays] for made in found)
+            fitted.append(surrogate_of(over_people, draws, logs, stream(SEED)))
+    one, other = ([each.tobytes() for each in made.arrays] for made in fitted)
     assert one == other

@@ -79,9 +79,9 @@ def test_without_noise_it_decides_as_the_msprt():
 def test_hazards_are_means_over_runs():
     rng = np.random.default_rng(6)
     out = rng.normal(size=(2, 3, 2))
-    given = (np.zeros(3), np.zeros(2), 0.5)
-    decided, left = decisions(out, *given, np.array([0, 3]), np.array([False]))
-    alone = [decisions(each[None], *given, np.array([0, 3]), np.array([False]))[0] for each in out]
+    rule = (np.zeros(3), np.zeros(2), 0.5)
+    decided, left = decisions(out, *rule, np.array([0, 3]), np.array([False]))
+    alone = [decisions(each[None], *rule, np.array([0, 3]), np.array([False]))[0] for each in out]
     np.testing.assert_allclose(decided[0], np.mean(alone, axis=0)[0])
     assert decided.sum() + left[0] == pytest.approx(1.0)
     assert not np.allclose(decided, np.mean(alone, axis=0))
@@ -90,8 +90,8 @@ def test_hazards_are_means_over_runs():
 def test_a_response_time_is_a_decision_and_a_gaussian_delay():
     decided = np.array([[0.2, 0.1], [0.3, 0.2], [0.5, 0.4]])
     at_s, rt_s = np.array([0.1, 0.4, 0.2]), np.array([0.7, 0.5, np.nan])
-    found = delayed(decided, at_s, rt_s, np.array([0, 2, 3, 3]), 0.25, 0.06)
+    density = delayed(decided, at_s, rt_s, np.array([0, 2, 3, 3]), 0.25, 0.06)
     late = norm.pdf(0.7, at_s[:2] + 0.25, 0.06)
-    np.testing.assert_allclose(found[0], decided[:2].T @ late)
-    np.testing.assert_allclose(found[1], decided[2] * norm.pdf(0.5, 0.45, 0.06))
-    np.testing.assert_array_equal(found[2], 0.0)
+    np.testing.assert_allclose(density[0], decided[:2].T @ late)
+    np.testing.assert_allclose(density[1], decided[2] * norm.pdf(0.5, 0.45, 0.06))
+    np.testing.assert_array_equal(density[2], 0.0)

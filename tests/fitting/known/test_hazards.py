@@ -11,7 +11,7 @@ from tests.known_trials import simulated
 
 
 @pytest.fixture(scope="module")
-def found():
+def peak():
     return optimum(known_likelihood(EXACT["msprt"], simulated(400, 41)))
 
 
@@ -22,12 +22,12 @@ def scores(likelihood, vector):
     return z[np.isfinite(z)]
 
 
-def test_hazards_of_the_true_model_are_calibrated(found):
-    z = scores(found.likelihood, found.vector)
+def test_hazards_of_the_true_model_are_calibrated(peak):
+    z = scores(peak.likelihood, peak.vector)
     assert abs(z.mean()) < 0.5
     assert 0.6 < z.std() < 1.5
 
 
-def test_hazards_at_another_threshold_are_not(found):
-    factors = np.where(np.array(found.likelihood.freedom.names) == "threshold", 2.0, 1.0)
-    assert scores(found.likelihood, found.vector * factors).mean() < -1
+def test_hazards_at_another_threshold_are_not(peak):
+    factors = np.where(np.array(peak.likelihood.freedom.names) == "threshold", 2.0, 1.0)
+    assert scores(peak.likelihood, peak.vector * factors).mean() < -1

@@ -31,7 +31,7 @@ def vector_of(likelihood, values):
 def test_it_is_the_sum_over_readings_of_hazard_and_non_decision_time():
     trials = few()
     likelihood = known_likelihood(EXACT["msprt"], trials, free=list(VALUES))
-    found = likelihood.each(vector_of(likelihood, VALUES))
+    log_density = likelihood.each(vector_of(likelihood, VALUES))
     out = minus_log_softmax(0.8 * np.cumsum(trials.log_likelihood, axis=1))
     out = out - 0.1 * np.maximum(runs_of_cues(trials.log_likelihood) - 1, 0)
     for trial in range(trials.trials):
@@ -44,7 +44,7 @@ def test_it_is_the_sum_over_readings_of_hazard_and_non_decision_time():
             density += alive * hazard[trials.choice[trial]] * late
             alive *= 1 - hazard.sum()
         expected = 0.95 * density + 0.05 / (3 * trials.rt_s.max())
-        assert found[trial] == pytest.approx(np.log(expected))
+        assert log_density[trial] == pytest.approx(np.log(expected))
 
 
 def test_responses_and_none_have_probability_one_in_all():
@@ -140,21 +140,21 @@ def test_each_alternative_but_the_first_has_a_bias():
 
 def fitted(trials, model="msprt", **options):
     """Return an optimum, and each parameter with its standard error by name."""
-    found = optimum(known_likelihood(EXACT[model], trials, **options))
-    errors = directions(found.likelihood, found.vector).standard_errors
-    names = found.likelihood.freedom.names
-    return found, dict(zip(names, zip(found.vector, errors, strict=True), strict=True))
+    peak = optimum(known_likelihood(EXACT[model], trials, **options))
+    errors = directions(peak.likelihood, peak.vector).standard_errors
+    names = peak.likelihood.freedom.names
+    return peak, dict(zip(names, zip(peak.vector, errors, strict=True), strict=True))
 
 
 @pytest.mark.parametrize("channels", [2, 4])
 def test_parameters_of_the_test_are_found_again(channels):
-    found, values = fitted(simulated(300, 11, channels=channels, gain=1.0))
+    peak, values = fitted(simulated(300, 11, channels=channels, gain=1.0))
     for name, true in TRUTH.items():
         if name in values and name != "lapse":
             value, error = values[name]
             assert abs(value - true) < 3.5 * error
             assert error < 0.5 * true
-    assert found.log_likelihood >= found.likelihood(truth_of(found.likelihood)) - 1e-6
+    assert peak.log_likelihood >= peak.likelihood(truth_of(peak.likelihood)) - 1e-6
 
 
 def truth_of(likelihood):
@@ -177,9 +177,9 @@ def test_evidence_of_other_trials_has_no_gain():
 
 
 def test_an_effect_of_runs_is_found_and_is_not_where_there_is_none():
-    found = fitted(simulated(300, 14, run_effect=0.03), free=["+run_effect"])[1]["run_effect"]
+    effect = fitted(simulated(300, 14, run_effect=0.03), free=["+run_effect"])[1]["run_effect"]
     absent = fitted(simulated(300, 14), free=["+run_effect"])[1]["run_effect"]
-    assert found[0] > 3 * found[1]
+    assert effect[0] > 3 * effect[1]
     assert abs(absent[0]) < 3 * absent[1]
 
 
@@ -206,9 +206,9 @@ def misfits(channels, ended, threshold=0.12):
         if ended:
             trials = shortened(trials)
         likelihood = known_likelihood(EXACT["msprt"], trials, fixed={"threshold": threshold})
-        found = misfit(Optimum(likelihood, truth_of(likelihood), 0.0, 1))
-        zs.append([found.z_accuracy[0], found.z_mean_rt[0]])
-        ps.append(list(found.p.values()))
+        checked = misfit(Optimum(likelihood, truth_of(likelihood), 0.0, 1))
+        zs.append([checked.z_accuracy[0], checked.z_mean_rt[0]])
+        ps.append(list(checked.p.values()))
     return np.array(zs), np.array(ps)
 
 
@@ -248,11 +248,11 @@ def test_models_are_compared_by_the_trials_left_out():
     trials = simulated(200, 31, "leaky_sum", leak_hz=3.0, threshold=0.7, noise=0.05)
     fits = {name: fit_likelihood(known_likelihood(EXACT[name], trials))
             for name in ("msprt", "leaky_sum")}  # fmt: skip
-    found = compare_fits(fits)
-    assert found.best == "leaky_sum"
-    assert found.table.loc["msprt", "verdict"] == "leaky_sum predicts better"
-    own = found.table.loc["leaky_sum"]
-    assert own["log_likelihood"] - 20 < own["score"] < own["log_likelihood"]
+    comparison = compare_fits(fits)
+    assert comparison.best == "leaky_sum"
+    assert comparison.table.loc["msprt", "verdict"] == "leaky_sum predicts better"
+    leaky = comparison.table.loc["leaky_sum"]
+    assert leaky["log_likelihood"] - 20 < leaky["score"] < leaky["log_likelihood"]
 
 
 def test_a_group_is_fitted():
@@ -263,10 +263,10 @@ def test_a_group_is_fitted():
         )
         for k, level in enumerate((0.08, 0.12, 0.16))
     }
-    found = fit_group(people, most_draws=25)
-    table = found.to_dataframe().set_index(["participant", "parameter"])["median"]
+    group = fit_group(people, most_draws=25)
+    table = group.to_dataframe().set_index(["participant", "parameter"])["median"]
     assert table["p0", "threshold"] < table["p1", "threshold"] < table["p2", "threshold"]
-    assert found.cells()["participant"].tolist() == list(people)
+    assert group.cells()["participant"].tolist() == list(people)
 
 
 def test_new_trials_have_the_times_that_are_predicted():

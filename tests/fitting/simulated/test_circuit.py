@@ -19,9 +19,9 @@ GRID = Grid(100)
 ARRAYS = ("bins", "choice", "evidence", "thresholds_nats", "drifts")
 
 
-def model(folder=None, **given):
-    given = {**SMALL, **given}
-    return CircuitModel(given.pop("circuit", MACAQUE), folder=folder, **given)
+def model(folder=None, **options):
+    options = {**SMALL, **options}
+    return CircuitModel(options.pop("circuit", MACAQUE), folder=folder, **options)
 
 
 def same(one, other):
@@ -94,12 +94,12 @@ def test_two_circuits_and_their_controls_hear_the_same_evidence(monkeypatch):
     seen = []
     real = module.simulated
 
-    def watched(run, *given, **named):
+    def watched(run, *arguments, **named):
         def heard(read, first):
             seen.append(read)
             return run(read, first)
 
-        return real(heard, *given, **named)
+        return real(heard, *arguments, **named)
 
     monkeypatch.setattr(module, "simulated", watched)
     for other in (MACAQUE, load_circuit("spiking_msprt", 2)):
@@ -151,8 +151,8 @@ def test_between_values_of_axes_a_trial_decides_between_its_times(a, b):
     made = Later(MACAQUE, "rate", Mechanism((), axes))
     values = {"sensitivity": 0.0, "threshold_nats": 0.3, "a": a, "b": b}
     every = {name: np.array([float(value)]) for name, value in values.items()}
-    said = moments(made.decided(every, np.ones(1), GRID) / BIN_S, GRID)
-    assert said["mean_s"] == pytest.approx((a + b + 0.5) * BIN_S, abs=1e-6)
+    computed = moments(made.decided(every, np.ones(1), GRID) / BIN_S, GRID)
+    assert computed["mean_s"] == pytest.approx((a + b + 0.5) * BIN_S, abs=1e-6)
 
 
 def test_each_cell_has_its_own_setting_and_drift():
@@ -165,15 +165,15 @@ def test_each_cell_has_its_own_setting_and_drift():
     strength = np.array([0.1, 0.3, 0.3])
     together = made.decided(values, strength, GRID)
     for k in range(3):
-        own = {name: value[k : k + 1] for name, value in values.items()}
-        assert together[k] == pytest.approx(made.decided(own, strength[k : k + 1], GRID)[0])
+        setting = {name: value[k : k + 1] for name, value in values.items()}
+        assert together[k] == pytest.approx(made.decided(setting, strength[k : k + 1], GRID)[0])
 
 
 def test_a_higher_threshold_and_more_dopamine_decide_sooner():
     made = model(mechanism=MECHANISMS["dopamine"], trials=40)
 
-    def mean_s(**given):
-        values = {"sensitivity": 10.0, "threshold_nats": 0.3, "dopamine": 1.0, **given}
+    def mean_s(**changes):
+        values = {"sensitivity": 10.0, "threshold_nats": 0.3, "dopamine": 1.0, **changes}
         every = {name: np.array([value]) for name, value in values.items()}
         return float(moments(made.decided(every, np.array([0.2]), GRID) / BIN_S, GRID)["mean_s"][0])
 
@@ -184,10 +184,10 @@ def test_a_higher_threshold_and_more_dopamine_decide_sooner():
 def test_a_fixed_point_that_is_the_softmax_crosses_as_the_ideal_integrator():
     """Decisions and evidence, bin by bin: readings are heard when they are read."""
     made = model(circuit=load_circuit("bogacz_gurney", 2), engine="algebra", noise_nats=GAIN)
-    found = made.stored(())
+    stored = made.stored(())
     exact = simulated(ideal, made.thresholds_nats, seconds=1.0, trials=16, seed=made.seed)
     assert (exact.choice >= 0).mean() > 0.5
-    assert same(found, exact)
+    assert same(stored, exact)
 
 
 def test_what_channels_have_in_common_reaches_no_circuit_that_needs_evidence_centred():

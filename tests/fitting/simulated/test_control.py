@@ -23,49 +23,49 @@ def walks():
 @pytest.mark.parametrize("v", [0.0, 2.0, -5.0])
 @pytest.mark.parametrize("bound", [0.3, 0.9])
 def test_the_law_of_a_walk_with_drift_is_that_of_the_exact_chain(bound, v):
-    found = exact(bound, 200, (v,))[:, :, 0]
-    whole = walk(Gaussian(v * BIN_S, np.sqrt(BIN_S)), -bound, bound, t_max=200)
-    ended = whole.steps_pmf[1:].copy()
-    ended[-1] -= whole.p_forced
-    assert found.sum(axis=1) == pytest.approx(ended, abs=1e-9)
+    law = exact(bound, 200, (v,))[:, :, 0]
+    chain = walk(Gaussian(v * BIN_S, np.sqrt(BIN_S)), -bound, bound, t_max=200)
+    ended = chain.steps_pmf[1:].copy()
+    ended[-1] -= chain.p_forced
+    assert law.sum(axis=1) == pytest.approx(ended, abs=1e-9)
     endless = walk(Gaussian(v * BIN_S, np.sqrt(BIN_S)), -bound, bound)
-    forced = whole.p_forced
-    assert found[:, 1].sum() == pytest.approx(endless.p_upper, abs=forced + 1e-9)
+    forced = chain.p_forced
+    assert law[:, 1].sum() == pytest.approx(endless.p_upper, abs=forced + 1e-9)
 
 
 def test_simulated_walks_follow_the_law(walks):
     for row in (4, 15):
-        found = exact(BOUNDS[row], 200, (0.0,)).sum(axis=1)[:, 0]
+        law = exact(BOUNDS[row], 200, (0.0,)).sum(axis=1)[:, 0]
         seen = walks.bins[row, :600][walks.choice[row, :600] >= 0]
         count, few = (seen < 30).mean() * len(seen), len(seen)
-        expected = found[:30].sum() / found.sum() * few
+        expected = law[:30].sum() / law.sum() * few
         assert count == pytest.approx(expected, abs=4 * np.sqrt(few) / 2)
 
 
 def test_the_excess_of_walks_has_no_mean():
     """Over stores it is 0 within its scatter, whatever bound and lag are taken."""
-    found = []
+    excess = []
     for seed in range(40):
         walks = simulated(ideal, -BOUNDS, **{**SETUP, "seed": seed, "trials": 60})
         control = Control(walks, np.array([0.0, 0.5, 0.03]), 2.4)
-        found.append(
+        excess.append(
             control.excess(1.1, np.array([0.0, 3.0]), 100).reshape(5, 20, 2, 2).sum(axis=1)
         )
-    z = np.mean(found, axis=0) / (np.std(found, axis=0) / np.sqrt(40) + 1e-6)
+    z = np.mean(excess, axis=0) / (np.std(excess, axis=0) / np.sqrt(40) + 1e-6)
     assert np.abs(z).max() < 4
-    assert np.std(found, axis=0).max() > 0.003
+    assert np.std(excess, axis=0).max() > 0.003
 
 
 def stored(seed, *, controlled):
     """Return what an ideal integrator with log odds of twice the evidence stores."""
     setup = {**SETUP, "seed": seed, "trials": 150}
-    found = simulated(drawn.ideal, np.log1p(np.exp(-ODDS)), **setup)
+    crossings = simulated(drawn.ideal, np.log1p(np.exp(-ODDS)), **setup)
     walks = simulated(ideal, -BOUNDS, **setup)
     if not controlled:
-        return found
+        return crossings
     from dataclasses import replace
 
-    return replace(found, control=matched(found, walks))
+    return replace(crossings, control=matched(crossings, walks))
 
 
 def test_walks_are_matched_to_the_bound_of_the_circuit(walks):

@@ -48,8 +48,8 @@ def effective(stored, row, drift):
 @pytest.mark.parametrize("drift", [0.5, 1.5, 3.0, 5.5, 9.0, 13.0])
 @pytest.mark.parametrize("row", [8, 18])
 def test_a_drift_that_was_not_simulated_ends_as_the_exact_walk(stored, row, drift):
-    found = decided([(stored, 1.0)], THRESHOLDS[row], [drift], GRID)
-    said = {name: float(value[0]) for name, value in moments(found / BIN_S, GRID).items()}
+    mass = decided([(stored, 1.0)], THRESHOLDS[row], [drift], GRID)
+    computed = {name: float(value[0]) for name, value in moments(mass / BIN_S, GRID).items()}
     bound = odds(THRESHOLDS[row])
     step = Gaussian(GAIN * drift * BIN_S, GAIN * np.sqrt(BIN_S))
     exact = walk(step, -bound, bound, t_max=300)
@@ -58,19 +58,19 @@ def test_a_drift_that_was_not_simulated_ends_as_the_exact_walk(stored, row, drif
     mean = ended @ steps / ended.sum()
     sd = np.sqrt(ended @ steps**2 / ended.sum() - mean**2)
     few = effective(stored, row, drift)
-    assert said["mean_s"] + BIN_S / 2 == pytest.approx(
+    assert computed["mean_s"] + BIN_S / 2 == pytest.approx(
         mean * BIN_S, abs=3.5 * sd * BIN_S / np.sqrt(few)
     )
     wrong = 1 - walk(step, -bound, bound).p_upper
     # What is known of the bound says more of an error than its count does.
-    assert 1 - said["accuracy"] == pytest.approx(
+    assert 1 - computed["accuracy"] == pytest.approx(
         wrong, abs=max(0.003 * (wrong > 1e-3), 0.1 * wrong)
     )
-    assert 1 - said["answered"] == pytest.approx(
+    assert 1 - computed["answered"] == pytest.approx(
         exact.p_forced, abs=3.5 * np.sqrt(exact.p_forced / few) + 1e-6
     )
     level = bound / GAIN + BEYOND_A_BOUND * np.sqrt(BIN_S)
-    assert said["accuracy"] == pytest.approx(float(passage.accuracy(drift, level)), abs=0.003)
+    assert computed["accuracy"] == pytest.approx(float(passage.accuracy(drift, level)), abs=0.003)
 
 
 def test_beyond_the_drifts_simulated_few_trials_are_left(stored):
@@ -95,20 +95,20 @@ def test_evidence_for_the_other_response_exchanges_them(stored, drift, threshold
 @given(DRIFT, st.floats(THRESHOLDS[0], THRESHOLDS[-1]))
 @settings(max_examples=20)
 def test_a_longer_grid_adds_bins_and_changes_none(stored, drift, threshold):
-    whole = decided([(stored, 1.0)], threshold, [drift], GRID)
+    standard = decided([(stored, 1.0)], threshold, [drift], GRID)
     # Interpolation of noisy densities may fall a little below 0 in single bins.
-    assert whole.min() > -2e-3
+    assert standard.min() > -2e-3
     # So may the undecided, by less than one of the 900 trials: their counts are sharpened.
-    assert whole.sum() <= 1 + 1 / 900
+    assert standard.sum() <= 1 + 1 / 900
     short, long = (decided([(stored, 1.0)], threshold, [drift], Grid(n)) for n in (60, 350))
-    assert np.array_equal(short, whole[:, :, :60])
-    assert np.array_equal(long[:, :, :300], whole)
+    assert np.array_equal(short, standard[:, :, :60])
+    assert np.array_equal(long[:, :, :300], standard)
     assert long[:, :, 300:].sum() == 0
 
 
 def test_a_lenient_threshold_leaves_no_trial_undecided(stored):
-    found = decided([(stored, 1.0)], THRESHOLDS[-1], [0.0, 2.0], GRID)
-    assert found.sum(axis=(1, 2)) == pytest.approx(1, abs=1e-6)
+    mass = decided([(stored, 1.0)], THRESHOLDS[-1], [0.0, 2.0], GRID)
+    assert mass.sum(axis=(1, 2)) == pytest.approx(1, abs=1e-6)
     strict = decided([(stored, 1.0)], THRESHOLDS[0], [0.0, 2.0], GRID)
     assert (strict.sum(axis=(1, 2)) < 1).all()
 
@@ -141,8 +141,8 @@ def test_a_setting_between_two_lies_as_near_to_each_as_its_share_says(share):
     still = FirstPassageTimes(np.array([0.3]), np.zeros(1), bins, choice, np.zeros((1, 200)))
     pair = [(still, 1 - share), (shifted(still, 20), share)]
     mean = moments(decided(pair, 0.3, [0.0], GRID) / BIN_S, GRID)["mean_s"]
-    own = moments(decided([(still, 1.0)], 0.3, [0.0], GRID) / BIN_S, GRID)["mean_s"]
-    assert mean - own == pytest.approx(20 * BIN_S * share, abs=1e-6)
+    still_s = moments(decided([(still, 1.0)], 0.3, [0.0], GRID) / BIN_S, GRID)["mean_s"]
+    assert mean - still_s == pytest.approx(20 * BIN_S * share, abs=1e-6)
 
 
 @given(st.floats(0, 9), st.lists(st.floats(-5, 5), min_size=3, max_size=3))
@@ -150,8 +150,8 @@ def test_interpolation_meets_quadratics_and_its_weights_sum_to_1(place, line):
     rows = interpolated(place, 10)
     assert sum(weight for _, weight in rows) == pytest.approx(1)
     if 1 <= place <= 8:
-        found = sum(weight * np.polyval(line, row) for row, weight in rows)
-        assert found == pytest.approx(np.polyval(line, place), abs=1e-9)
+        at_place = sum(weight * np.polyval(line, row) for row, weight in rows)
+        assert at_place == pytest.approx(np.polyval(line, place), abs=1e-9)
 
 
 @pytest.mark.parametrize("row", [0, 4, 9])
@@ -161,26 +161,26 @@ def test_at_a_row_interpolation_reads_that_row_alone(row):
 
 def each_alone(stored, row, v, bins):
     """Return the probabilities of both responses, trial by trial, without any grid of evidence."""
-    found, whole = np.zeros((2, bins)), 0.0
+    mass, total = np.zeros((2, bins)), 0.0
     read_s = (stored.bins[row] + 1) * BIN_S
     mixture = log_mixture(DRIFTS, read_s, stored.evidence[row])
     for sign in (1, -1):
         weight = np.exp(sign * v * stored.evidence[row] - v**2 * read_s / 2 - mixture)
-        whole += weight.sum()
+        total += weight.sum()
         for choice in (0, 1):
             some = stored.choice[row] == choice
             response = 1 - choice if sign == 1 else choice
-            np.add.at(found[response], stored.bins[row][some], weight[some])
-    return found / whole
+            np.add.at(mass[response], stored.bins[row][some], weight[some])
+    return mass / total
 
 
 @pytest.mark.parametrize("v", [0.0, 0.7, 3.0, 9.0, 15.0])
 @pytest.mark.parametrize("row", [2, 18])
 def test_counts_on_the_grid_say_what_the_trials_say_one_by_one(stored, row, v):
     alone = each_alone(stored, row, v, GRID.bins)
-    (found,) = decided([(stored, 1.0)], THRESHOLDS[row], [v], GRID)
-    assert found.sum() == pytest.approx(alone.sum(), abs=1e-4)
-    assert found == pytest.approx(alone, rel=5e-3, abs=1e-4)
+    (mass,) = decided([(stored, 1.0)], THRESHOLDS[row], [v], GRID)
+    assert mass.sum() == pytest.approx(alone.sum(), abs=1e-4)
+    assert mass == pytest.approx(alone, rel=5e-3, abs=1e-4)
 
 
 def test_a_decision_has_heard_its_bin_and_no_later_reading():
@@ -194,12 +194,12 @@ def test_a_decision_has_heard_its_bin_and_no_later_reading():
         trace.out_nats[:, 12:, 1] = 0.1
         return trace
 
-    found = simulated(run, np.array([0.3]), seconds=0.2, trials=4, seed=1, drifts=[0.0, 2.0])
+    crossings = simulated(run, np.array([0.3]), seconds=0.2, trials=4, seed=1, drifts=[0.0, 2.0])
     assert [first for _, first in seen] == [0, 4]
     read = np.concatenate([each for each, _ in seen])
-    assert (found.bins == 12).all()
-    assert (found.choice == 1).all()
-    assert found.evidence[0] == pytest.approx(read[:, 12, 0] - read[:, 12, 1])
+    assert (crossings.bins == 12).all()
+    assert (crossings.choice == 1).all()
+    assert crossings.evidence[0] == pytest.approx(read[:, 12, 0] - read[:, 12, 1])
 
 
 def test_evidence_has_the_drift_and_the_noise_that_is_asked_for():
@@ -233,9 +233,9 @@ def test_parts_hold_every_trial_once(stored):
     """Counts of the halves add up to those of all trials."""
     even = np.array([True, False])
     first, second = (stored.part(parts).counted(8) for parts in (even, ~even))
-    whole = stored.counted(8)
-    assert first.decided + second.decided == pytest.approx(whole.decided)
-    assert first.never + second.never == pytest.approx(whole.never)
+    counted = stored.counted(8)
+    assert first.decided + second.decided == pytest.approx(counted.decided)
+    assert first.never + second.never == pytest.approx(counted.never)
     assert first.decided.sum() > 0
 
 
@@ -248,8 +248,8 @@ def waits(read, first):
 
 def test_a_circuit_that_decides_late_on_strong_evidence_has_finite_weights():
     late = simulated(waits, THRESHOLDS, seconds=3.0, trials=100, seed=7)
-    (found,) = decided([(late, 1.0)], THRESHOLDS[8], [15.0], GRID)
-    assert found[:, :280].sum() == pytest.approx(0, abs=1e-6)
-    assert found[1].sum() == pytest.approx(1, abs=1e-6)
+    (mass,) = decided([(late, 1.0)], THRESHOLDS[8], [15.0], GRID)
+    assert mass[:, :280].sum() == pytest.approx(0, abs=1e-6)
+    assert mass[1].sum() == pytest.approx(1, abs=1e-6)
     with refused("seconds"):
         decided([(late, 1.0)], THRESHOLDS[8], [30.0], GRID)

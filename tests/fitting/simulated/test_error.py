@@ -66,15 +66,15 @@ def fits():
     some = drawn(GapModel(EXPONENTIAL), [0.05, 0.3], 300, 3, seconds=2.0, sensitivity=10.0,
                  bound=0.7, fall_per_s=1.0)  # fmt: skip
     held = {name: TRUTH[name] for name in ("t0_sd_s", "lapse")}
-    found, starts = [], None
+    fitted, starts = [], None
     for seed in SEEDS:
         likelihood = likelihood_of(integrator(seed), design_of(some), fixed=held)
         # Stores differ by little: after the first, a search from its optimum finds theirs.
         best = optimum(likelihood, starts=starts)
         starts = starts or [best.vector]
         there = directions(likelihood, best.vector)
-        found.append((likelihood, best, there, simulation_error(likelihood, there)))
-    return found
+        fitted.append((likelihood, best, there, simulation_error(likelihood, there)))
+    return fitted
 
 
 def ratio(seen, stated):
@@ -94,16 +94,16 @@ def test_more_trials_have_a_smaller_error(fits):
     likelihood, _, there, few = fits[0]
     more = simulated(ideal, THRESHOLDS, seconds=2.0, trials=1920, seed=77)
     larger = replace(likelihood, model=Integrator(more, np.ones(1, dtype=bool)))
-    found = simulation_error(larger, there)
-    assert found.log_likelihood == pytest.approx(few.log_likelihood / 4, rel=0.6)
+    error = simulation_error(larger, there)
+    assert error.log_likelihood == pytest.approx(few.log_likelihood / 4, rel=0.6)
 
 
 def test_one_step_goes_where_a_search_would(fits):
     likelihood, best, there, _ = fits[1]
     left, vector = without_parts(likelihood, there)[0]
     searched = optimum(left, starts=[best.vector])
-    own = there.standard_errors
-    assert (vector - searched.vector) / own == pytest.approx(0, abs=0.12)
+    errors = there.standard_errors
+    assert (vector - searched.vector) / errors == pytest.approx(0, abs=0.12)
 
 
 def test_a_number_at_its_bound_stays_there(fits):
@@ -117,18 +117,18 @@ def test_the_error_of_a_number_at_its_bound_is_unknown(fits):
     """It used to be 0, as if other simulated trials were sure to leave the number there."""
     likelihood, best, there, _ = fits[0]
     vector = np.where([True, False, False], likelihood.freedom.high, best.vector)
-    own = simulation_error(likelihood, replace(there, vector=vector)).parameters
-    assert np.isnan(own).tolist() == [True, False, False]
-    assert (own[1:] > 0).all()
+    errors = simulation_error(likelihood, replace(there, vector=vector)).parameters
+    assert np.isnan(errors).tolist() == [True, False, False]
+    assert (errors[1:] > 0).all()
 
 
 def test_an_exact_model_has_no_error():
     some = drawn(GapModel(), [0.05, 0.3], 50, 4, seconds=2.0, sensitivity=10.0, bound=0.7)
     likelihood = likelihood_of(GapModel(), design_of(some), free=["bound"])
     there = directions(likelihood, np.array([0.7]))
-    found = simulation_error(likelihood, there)
-    assert found.log_likelihood == 0
-    assert found.parameters.tolist() == [0]
+    error = simulation_error(likelihood, there)
+    assert error.log_likelihood == 0
+    assert error.parameters.tolist() == [0]
 
 
 @given(st.lists(st.floats(-50, 50), min_size=3, max_size=40))

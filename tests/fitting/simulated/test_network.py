@@ -56,11 +56,11 @@ def test_the_graph_computes_what_the_layers_do(network, graph):
 def test_the_graph_takes_one_trial_of_concrete_dimensions(network):
     from onnx import TensorProto
 
-    (given,), (found,) = network.model.graph.input, network.model.graph.output
-    kinds = {each.type.tensor_type.elem_type for each in (given, found)}
+    (source,), (out,) = network.model.graph.input, network.model.graph.output
+    kinds = {each.type.tensor_type.elem_type for each in (source, out)}
     kinds |= {each.data_type for each in network.model.graph.initializer}
     assert kinds == {TensorProto.FLOAT}
-    shapes = [[dim.dim_value for dim in each.type.tensor_type.shape.dim] for each in (given, found)]
+    shapes = [[dim.dim_value for dim in each.type.tensor_type.shape.dim] for each in (source, out)]
     assert shapes == [[len(INPUTS)], [1]]
 
 
@@ -88,13 +88,13 @@ def test_the_network_is_near_the_circuit_that_is_simulated_anew(network):
     grid, shape = Grid(400), (0.3, network.about["t0_sd_s"], 0.0)
     t0_s, t0_sd_s, lapse = (np.full(2, value) for value in shape)
     for threshold in (0.12, 0.3):
-        found = decided([(model.stored(()), 1.0)], threshold, [1.0, 5.0], grid)
-        density = responded(found, grid, t0_s=t0_s, t0_sd_s=t0_sd_s, lapse=lapse)
-        for v, own in zip((1.0, 5.0), density, strict=True):
-            said = [network.log_density(v, threshold, 0.3, grid.middles_s, r) for r in (-1, 1)]
-            off = np.abs(said - np.log(np.maximum(own, 1e-6)))
+        mass = decided([(model.stored(()), 1.0)], threshold, [1.0, 5.0], grid)
+        density = responded(mass, grid, t0_s=t0_s, t0_sd_s=t0_sd_s, lapse=lapse)
+        for v, exact in zip((1.0, 5.0), density, strict=True):
+            learned = [network.log_density(v, threshold, 0.3, grid.middles_s, r) for r in (-1, 1)]
+            off = np.abs(learned - np.log(np.maximum(exact, 1e-6)))
             # Of that a simulation of so few trials leaves about 0.03.
-            assert (own * off).sum() / own.sum() < 0.06
+            assert (exact * off).sum() / exact.sum() < 0.06
 
 
 def test_the_network_is_that_of_todays_circuit(network):
@@ -106,8 +106,8 @@ def test_the_network_and_a_fit_of_its_circuit_have_the_same_bounds(network):
     """A user who goes from a fit to HSSM finds the same noise and spread of t0 too."""
     model = CircuitModel(load_circuit(DEFAULT, 2))
     moved = {each.name: each for each in model.parameters}
-    for name, own in (("threshold", "threshold_nats"), ("t0", "t0_s")):
-        assert network.bounds[name] == pytest.approx((moved[own].low, moved[own].high))
+    for name, parameter in (("threshold", "threshold_nats"), ("t0", "t0_s")):
+        assert network.bounds[name] == pytest.approx((moved[parameter].low, moved[parameter].high))
     assert network.bounds["v"] == (-max(DRIFTS), max(DRIFTS))
     assert network.about["noise_nats"] == model.noise_nats
     assert network.about["t0_sd_s"] == moved["t0_sd_s"].start
@@ -128,10 +128,10 @@ def test_a_network_that_is_written_is_read_back(network, tmp_path):
 
 
 def test_hssm_is_told_the_networks_own_parameters_and_bounds(network, tmp_path):
-    given = network.for_hssm()
-    assert read_network(given["loglik"]).checksum == network.checksum
-    assert given["model_config"]["list_params"] == list(PARAMETERS)
-    assert given["model_config"]["bounds"] == network.bounds
+    arguments = network.for_hssm()
+    assert read_network(arguments["loglik"]).checksum == network.checksum
+    assert arguments["model_config"]["list_params"] == list(PARAMETERS)
+    assert arguments["model_config"]["bounds"] == network.bounds
     assert network.for_hssm(tmp_path / "x.onnx")["loglik"] == str(tmp_path / "x.onnx")
 
 
@@ -146,9 +146,9 @@ def test_a_file_that_is_no_network_of_ours_is_refused_in_a_sentence(tmp_path):
 
 def test_a_network_of_ones_own_layers_needs_no_file():
     layers = ((np.eye(3), np.zeros(3)), (np.ones((3, 1)), np.full(1, 2.0)))
-    own = LikelihoodNetwork(layers, {})
+    bare = LikelihoodNetwork(layers, {})
     at = np.tanh([2.0, np.log(np.expm1(0.5)), 0.4]).sum() + 2
-    assert own.log_density(-2.0, 0.5, 0.3, [0.7], -1) == pytest.approx([at])
+    assert bare.log_density(-2.0, 0.5, 0.3, [0.7], -1) == pytest.approx([at])
 
 
 def test_reading_a_network_needs_no_torch():
@@ -159,9 +159,9 @@ def test_reading_a_network_needs_no_torch():
 
 def test_the_score_halves_the_trials_of_every_drift():
     rows = np.arange(8)[None]
-    whole = FirstPassageTimes(np.array([0.2]), np.array([0.0, 3.0]), rows, rows % 2, rows / 10)
-    assert whole.counted(0) is whole.counted(0)  # counts are kept, and halves have their own
-    halves = [likelihood.part(whole, half) for half in (0, 1)]
+    times = FirstPassageTimes(np.array([0.2]), np.array([0.0, 3.0]), rows, rows % 2, rows / 10)
+    assert times.counted(0) is times.counted(0)  # counts are kept, and halves have their own
+    halves = [likelihood.part(times, half) for half in (0, 1)]
     assert [half.parts.tolist() for half in halves] == [[True, False], [False, True]]
     first, second = (half.counted(0) for half in halves)
     assert not np.array_equal(first.decided, second.decided)

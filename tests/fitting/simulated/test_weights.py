@@ -68,5 +68,5 @@ def test_parts_add_up_to_the_whole(parts, seed):
     trials = [rng.integers(0, 30, (1, 40)), rng.integers(-1, 2, (1, 40)), [1.0]]
     evidence = rng.uniform(-3, 3, (1, 40))
     each = [counted(*trials, evidence, row) for row in np.eye(parts, dtype=bool)]
-    for some, whole in zip(zip(*each, strict=True), counted(*trials, evidence), strict=True):
-        assert np.sum(some, axis=0) == pytest.approx(whole)
+    for some, total in zip(zip(*each, strict=True), counted(*trials, evidence), strict=True):
+        assert np.sum(some, axis=0) == pytest.approx(total)

@@ -34,18 +34,18 @@ def raced(seed, trials=200, people_sd_ms=0.0, **true):
     return StopTrials(np.where(stopped, np.nan, go), ssd).to_trials(f"p{seed}")
 
 
-def values(trials, **given):
+def values(trials, **changes):
     """Return values of each parameter in every trial."""
-    every = TRUE | {"strength_nats": MOST_NATS} | given
+    every = TRUE | {"strength_nats": MOST_NATS} | changes
     return {name: np.full(trials.trials, float(value)) for name, value in every.items()}
 
 
 def test_responses_are_the_share_of_faster_go_times_without_spread_and_failures():
     trials = raced(1)
     one = StopTrials.of(trials)
-    found = ALIKE.p_respond(trials, values(trials, ssrt_sd_ms=1e-9, failures=0))
+    responded = ALIKE.p_respond(trials, values(trials, ssrt_sd_ms=1e-9, failures=0))
     ends, go = one.ssd_ms[one.stop] + 200, one.rt_ms[~one.stop]
-    assert found == pytest.approx([np.mean(go <= end) for end in ends], abs=1e-12)
+    assert responded == pytest.approx([np.mean(go <= end) for end in ends], abs=1e-12)
 
 
 def test_failures_and_spread_have_their_closed_form():
@@ -54,10 +54,10 @@ def test_failures_and_spread_have_their_closed_form():
     go = one.rt_ms[~one.stop]
     ends = one.ssd_ms[one.stop] + 200 + 40 * rng.standard_normal((4000, one.stop.sum()))
     drawn = 0.1 + 0.9 * (np.searchsorted(np.sort(go), ends, side="right") / len(go)).mean(axis=0)
-    found = ALIKE.p_respond(trials, values(trials))
-    assert found == pytest.approx(drawn, abs=0.02)
+    responded = ALIKE.p_respond(trials, values(trials))
+    assert responded == pytest.approx(drawn, abs=0.02)
     log, failed = ALIKE.log_density(trials, values(trials)), one.responded[one.stop]
-    assert log[one.stop] == pytest.approx(np.log(np.where(failed, found, 1 - found)))
+    assert log[one.stop] == pytest.approx(np.log(np.where(failed, responded, 1 - responded)))
     assert not log[~one.stop].any()
     left = (one.ssd_ms + 200 - one.rt_ms)[one.stop][failed]
     timed = replace(ALIKE, times=True).log_density(trials, values(trials))[one.stop]
@@ -89,12 +89,12 @@ def test_simulated_trials_have_the_probabilities_and_the_go_times():
 
 @pytest.mark.parametrize("times", [False, True])
 def test_known_parameters_are_found_and_the_model_fits(times):
-    found = fit_likelihood(likelihood(replace(ALIKE, times=times), raced(3, 3000)))
-    table = found.parameters().set_index("parameter")
+    fit = fit_likelihood(likelihood(replace(ALIKE, times=times), raced(3, 3000)))
+    table = fit.parameters().set_index("parameter")
     for name, value in TRUE.items():
         assert abs(table.loc[name, "value"] - value) < 3.5 * table.loc[name, "standard_error"]
     assert table.loc["ssrt_ms", "standard_error"] < 12
-    assert min(found.misfit.p.values()) > 0.001
+    assert min(fit.misfit.p.values()) > 0.001
 
 
 def test_trigger_failures_which_bias_other_estimates_are_found():
@@ -103,9 +103,9 @@ def test_trigger_failures_which_bias_other_estimates_are_found():
     ssd = drawn_delays(20_000, np.arange(50.0, 550.0, 50.0), 0.5, rng)
     stopped = (times > ssd + rng.normal(220.0, 20.0, 20_000)) & (rng.random(20_000) > 0.1)
     trials = StopTrials(np.where(stopped, np.nan, times), ssd).to_trials()
-    found = optimum(likelihood(ALIKE, trials)).values
-    assert found["ssrt_ms"] == pytest.approx(220.0, abs=5)
-    assert found["failures"] == pytest.approx(0.1, abs=0.015)
+    estimates = optimum(likelihood(ALIKE, trials)).values
+    assert estimates["ssrt_ms"] == pytest.approx(220.0, abs=5)
+    assert estimates["failures"] == pytest.approx(0.1, abs=0.015)
 
 
 def test_shuffled_delays_are_far_less_likely():
@@ -136,25 +136,25 @@ def test_a_block_changes_the_ssrt():
 
 def test_a_hierarchy_finds_the_group_and_one_standard_deviation_between_trials():
     every = [raced(100 + who, 160, 30.0) for who in range(12)]
-    found = fit_group({each.people()[0]: likelihood(ALIKE, each) for each in every})
-    table, between = found.summary(), found.between[..., 1]
-    assert found.agreement.reached
+    group = fit_group({each.people()[0]: likelihood(ALIKE, each) for each in every})
+    table, between = group.summary(), group.between[..., 1]
+    assert group.agreement.reached
     for name, value in TRUE.items():
         low, high = table.loc[name, ["low", "high"]]
         assert low - (high - low) / 2 < value < high + (high - low) / 2
     low, high = table.loc["ssrt_ms", ["between_low", "between_high"]]
     assert low < 30 < high
-    assert between.max() <= ALMOST * found.scale.unit[1]
+    assert between.max() <= ALMOST * group.scale.unit[1]
 
 
 def test_the_bias_and_the_coverage_of_estimates_over_100_people():
     """Intervals of 90 %, for people of 100 stop trials with a known stop process."""
     inside, apart = [], []
     for seed in range(1000, 1100):
-        found = fit_likelihood(likelihood(ALIKE, raced(seed)), draws=True)
-        row = found.parameters().set_index("parameter").loc["ssrt_ms"]
+        fit = fit_likelihood(likelihood(ALIKE, raced(seed)), draws=True)
+        row = fit.parameters().set_index("parameter").loc["ssrt_ms"]
         inside.append(row["low"] < TRUE["ssrt_ms"] < row["high"])
-        apart.append(np.median(found.posterior.draws[:, 0]) - TRUE["ssrt_ms"])
+        apart.append(np.median(fit.posterior.draws[:, 0]) - TRUE["ssrt_ms"])
     assert abs(np.mean(apart)) < 3.5 * np.std(apart) / 10
     error = np.sqrt(0.9 * 0.1 / 100)
     assert 0.86 - error < np.mean(inside) < 0.94 + error
@@ -179,25 +179,27 @@ def test_a_weak_stop_blocks_those_below_its_strength_and_delays_the_others():
     first, second = (replace(race, process=replace(race.process, time_ms=None)) for race in races)
 
     def p(race, strength):
-        own = {"ssrt_ms": 1.0, "ssrt_sd_ms": 5.0, "failures": 0.0, "strength_nats": strength}
-        return race.p_respond(trials, values(trials, **own))
+        theta = {"ssrt_ms": 1.0, "ssrt_sd_ms": 5.0, "failures": 0.0, "strength_nats": strength}
+        return race.p_respond(trials, values(trials, **theta))
 
     assert p(second, 0.25) == pytest.approx(p(second, MOST_NATS), abs=1e-12)
     strong, some, more, none = (p(first, strength)[-1] for strength in (0.4, 0.25, 0.1, 0.0))
     assert strong < some < more <= none + 1e-9
     many = StopTrials(np.tile(1000 * trials.rt_s, 5), np.tile(1000 * trials.ssd_s, 5)).to_trials()
-    own = values(many, ssrt_ms=1.0, ssrt_sd_ms=5.0, failures=0.0, strength_nats=0.1)
+    theta = values(many, ssrt_ms=1.0, ssrt_sd_ms=5.0, failures=0.0, strength_nats=0.1)
     rng, stop = np.random.default_rng(4), np.isfinite(many.ssd_s)
-    made = [(first.simulate(many, own, rng).response >= 0)[stop] for _ in range(40)]
-    assert np.mean(made) == pytest.approx(first.p_respond(many, own).mean(), abs=4 * 0.5 / 800**0.5)
+    made = [(first.simulate(many, theta, rng).response >= 0)[stop] for _ in range(40)]
+    assert np.mean(made) == pytest.approx(
+        first.p_respond(many, theta).mean(), abs=4 * 0.5 / 800**0.5
+    )
 
 
 def test_the_latency_of_a_stop_is_that_at_the_threshold():
     _, races = weak()
     # c rises by 0.5 % of the strength per ms.
-    found = [race.latency_ms(np.array([0.6, 0.25])) for race in races]
-    assert found[0] == pytest.approx([100.0, 100.0], abs=1.5)
-    assert found[1] == pytest.approx([0.2 / 0.6 * 200, 160.0], abs=1.5)
+    latencies_ms = [race.latency_ms(np.array([0.6, 0.25])) for race in races]
+    assert latencies_ms[0] == pytest.approx([100.0, 100.0], abs=1.5)
+    assert latencies_ms[1] == pytest.approx([0.2 / 0.6 * 200, 160.0], abs=1.5)
     assert not replace(races[0], process=TEST).latency_ms(np.array([1.0])).any()
 
 
@@ -231,10 +233,10 @@ def test_a_go_process_is_found_in_a_persons_go_trials():
         x = np.where(np.isnan(rt), x + v * dt + np.sqrt(dt) * rng.standard_normal(400), x)
         rt = np.where(np.isnan(rt) & (np.abs(x) >= a), step * dt + t0, rt)
     trials = StopTrials(1000 * rt, np.full(400, np.nan), x > 0)
-    found = go_process(trials.to_trials())
-    assert list(found) == list(GO)
-    assert found["sensitivity"] == pytest.approx(v, abs=0.5)
-    assert found["bound"] == pytest.approx(a, abs=0.07)
+    estimates = go_process(trials.to_trials())
+    assert list(estimates) == list(GO)
+    assert estimates["sensitivity"] == pytest.approx(v, abs=0.5)
+    assert estimates["bound"] == pytest.approx(a, abs=0.07)
     never = StopTrials(np.full(9, np.nan), np.full(9, np.nan), np.zeros(9, bool))
     for unknown in (replace(trials, correct=None), never):
         assert np.isnan(list(go_process(unknown.to_trials()).values())).all()

@@ -24,39 +24,39 @@ SIGNED = st.lists(
 @given(SIGNED)
 def test_a_trial_and_its_mirror_image_lie_in_one_cell_as_one(trials):
     strength, response = np.array(trials).T
-    own = design_of(choices(strength, response))
+    design = design_of(choices(strength, response))
     # At strength 0 responses have no correct side, so they are unchanged.
     image = np.where(strength == 0, response, 1 - response)
     other = design_of(choices(-strength, image))
-    assert np.array_equal(own.observed.response, other.observed.response)
-    assert np.array_equal(own.observed.cell, other.observed.cell)
-    assert np.array_equal(own.strength[own.observed.cell], np.abs(strength))
+    assert np.array_equal(design.observed.response, other.observed.response)
+    assert np.array_equal(design.observed.cell, other.observed.cell)
+    assert np.array_equal(design.strength[design.observed.cell], np.abs(strength))
     right = np.where(strength < 0, response == 0, response == 1)
-    assert np.array_equal(own.observed.response == 1, right)
+    assert np.array_equal(design.observed.response == 1, right)
 
 
 def test_a_trial_without_a_response_has_none_whatever_its_strength():
-    found = design_of(choices([-0.1, 0.1, -0.1], [-1, -1, 0], deadline_s=2.0))
-    assert found.observed.response.tolist() == [-1, -1, 1]
+    design = design_of(choices([-0.1, 0.1, -0.1], [-1, -1, 0], deadline_s=2.0))
+    assert design.observed.response.tolist() == [-1, -1, 1]
 
 
 def test_cells_are_strengths_and_levels_of_the_columns_asked_for():
     some = choices([0.1, -0.1, 0.2, 0.1], [1, 1, 0, 1], dbs=list("nfnn"), day=list("1234"))
-    found = design_of(some, ["dbs"])
-    assert found.strength.tolist() == [0.1, 0.1, 0.2]
-    assert found.conditions == {"dbs": ["f", "n", "n"]}
-    assert found.observed.cell.tolist() == [1, 0, 2, 1]
-    assert found.trials.tolist() == [1, 2, 1]
-    assert [found.label(k) for k in (0, 2)] == ["strength 0.1, dbs f", "strength 0.2, dbs n"]
+    design = design_of(some, ["dbs"])
+    assert design.strength.tolist() == [0.1, 0.1, 0.2]
+    assert design.conditions == {"dbs": ["f", "n", "n"]}
+    assert design.observed.cell.tolist() == [1, 0, 2, 1]
+    assert design.trials.tolist() == [1, 2, 1]
+    assert [design.label(k) for k in (0, 2)] == ["strength 0.1, dbs f", "strength 0.2, dbs n"]
     assert design_of(some).cells == 2
     with refused("by"):
         design_of(some, ["drug"])
 
 
 def test_without_strengths_every_trial_has_the_same_and_responses_stay():
-    found = design_of(choices(None, [1, 0, 1]))
-    assert found.strength.tolist() == [1.0]  # as the page of fits says
-    assert found.observed.response.tolist() == [1, 0, 1]
+    design = design_of(choices(None, [1, 0, 1]))
+    assert design.strength.tolist() == [1.0]  # as the page of fits says
+    assert design.observed.response.tolist() == [1, 0, 1]
 
 
 def test_the_grid_holds_every_time_and_goes_to_the_deadline():
@@ -67,12 +67,12 @@ def test_the_grid_holds_every_time_and_goes_to_the_deadline():
 
 def test_a_part_has_the_same_cells_and_its_own_trials():
     some = choices([0.1, 0.2, 0.1, 0.3], [1, 0, 1, -1], [0.3, 0.4, 0.5, 0.6], 1.0)
-    whole = design_of(some)
-    part = whole.part(np.array([2, 3]))
-    assert part.strength is whole.strength
+    design = design_of(some)
+    part = design.part(np.array([2, 3]))
+    assert part.strength is design.strength
     assert part.trials.tolist() == [1, 0, 1]
     assert part.observed.rt_s[0] == 0.5
-    assert (part.observed.deadline_s, part.grid) == (1.0, whole.grid)
+    assert (part.observed.deadline_s, part.grid) == (1.0, design.grid)
 
 
 def test_participants_are_pooled_only_where_that_is_said():

@@ -28,13 +28,13 @@ def test_z_has_variance_one_over_all_ways_to_divide_what_is_right():
     """Exactly, given the number of trials on each side and of correct responses."""
     sides, right = (5, 4), 6
     ways = np.arange(right - sides[1], sides[0] + 1)
-    found = []
+    leans = []
     for positive in ways:
         negative = right - positive
         ones = [positive, sides[0] - positive, sides[1] - negative, negative]
         response = np.repeat([1, 0, 1, 0], ones)
-        found.append(lean(choices(np.repeat([0.3, -0.3], sides), response)))
-    shares, z = np.array(found).T
+        leans.append(lean(choices(np.repeat([0.3, -0.3], sides), response)))
+    shares, z = np.array(leans).T
     weights = hypergeom.pmf(ways, sum(sides), right, sides[0])
     assert weights.sum() == pytest.approx(1)
     assert [weights @ shares, weights @ z, weights @ z**2] == pytest.approx([0, 0, 1])

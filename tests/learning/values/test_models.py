@@ -42,9 +42,9 @@ def made(model, true, people=1, seed=1, trials=60, **changes):
     return simulated(model, values, trials=trials, seed=seed).by_participant()
 
 
-def vector(own, **changes):
+def vector(fitted, **changes):
     """Return the true parameters in the order of a likelihood."""
-    return np.array([(TRUE | changes)[name] for name in own.freedom.names])
+    return np.array([(TRUE | changes)[name] for name in fitted.freedom.names])
 
 
 @pytest.fixture(scope="module")
@@ -249,26 +249,23 @@ TABLE = pd.DataFrame(
 )
 
 
+LONGER = pd.concat([TABLE.assign(rt=0.7 + 0.01 * k) for k in range(4)])
+
+
 @pytest.mark.parametrize(
-    ("change", "field"),
+    ("data", "field"),
     [
-        ({"reward": 0.5}, "reward"),
-        ({"response": 2}, "response"),
-        ({"response": np.nan}, "response"),
-        ({"rt": 0.0}, "rt"),
-        ({"pair": list("xxxxxy")}, "pair"),
+        (TABLE.assign(reward=0.5), "reward"),
+        (TABLE.assign(response=2), "response"),
+        (TABLE.assign(response=np.nan), "response"),
+        (TABLE.assign(rt=0.0), "rt"),
+        (TABLE.assign(pair=list("xxxxxy")), "pair"),
+        *((LONGER.drop(columns=column), column) for column in ("pair", "response", "reward")),
     ],
 )
-def test_a_table_with_a_wrong_value_is_refused(change, field):
+def test_a_table_with_a_wrong_value_or_without_a_column_is_refused(data, field):
     with refused(field):
-        read_pairs(TABLE.assign(**change))
-
-
-@pytest.mark.parametrize("column", ["pair", "response", "reward"])
-def test_a_table_without_a_column_is_refused(column):
-    longer = pd.concat([TABLE.assign(rt=0.7 + 0.01 * k) for k in range(4)])
-    with refused(column):
-        read_pairs(longer.drop(columns=column))
+        read_pairs(data)
 
 
 def test_other_conditions_are_read():

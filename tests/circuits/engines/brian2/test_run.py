@@ -65,10 +65,10 @@ def assert_same(a, b):
 
 
 def both(circuit, drive=DRIVE, **options):
-    given = STEPS | {"seed": 5, "spikes": cells_of(circuit)} | options
-    fast = run_brian2(circuit, drive, **given)
-    given.pop("explicit", None)
-    return fast, run_plain(circuit, drive, **given)
+    arguments = STEPS | {"seed": 5, "spikes": cells_of(circuit)} | options
+    fast = run_brian2(circuit, drive, **arguments)
+    arguments.pop("explicit", None)
+    return fast, run_plain(circuit, drive, **arguments)
 
 
 @pytest.mark.parametrize(
@@ -117,9 +117,9 @@ def test_spikes_are_those_of_the_plain_engine_on_any_grid_of_time():
 
 
 def test_a_trial_has_its_noise_whatever_runs_beside_it():
-    given = STEPS | {"seed": 5, "spikes": ("SNr",)}
-    two = run_brian2(small(), DRIVE, **given)
-    one = run_brian2(small(), DRIVE[1:], first_trial=1, **given)
+    arguments = STEPS | {"seed": 5, "spikes": ("SNr",)}
+    two = run_brian2(small(), DRIVE, **arguments)
+    one = run_brian2(small(), DRIVE[1:], first_trial=1, **arguments)
     npt.assert_array_equal(one.output_nats[0], two.output_nats[1])
     rows = two.spikes["SNr"].query("trial == 1").drop(columns="trial")
     npt.assert_array_equal(one.spikes["SNr"].drop(columns="trial"), rows)

@@ -1,4 +1,4 @@
-"""A trial as a Brian2 network and as a script to go on from: the spikes of the engine."""
+"""A trial exported as a Brian2 network and as a script has the spikes of the engine."""
 
 import ast
 import subprocess
@@ -47,7 +47,7 @@ def drive_of(circuit):
     return np.concatenate([DRIVE, more], axis=2)
 
 
-def given(circuit):
+def clocked(circuit):
     return {"step_ms": STEP_MS, "seed": SEED, "engine": engine_of(circuit)}
 
 
@@ -58,7 +58,7 @@ def ordered(spikes):
 @pytest.mark.parametrize("name", CIRCUITS)
 def test_a_script_and_a_network_have_the_spikes_and_the_out_of_the_engine(name, tmp_path):
     circuit = CIRCUITS[name]
-    drive, options = drive_of(circuit), given(circuit)
+    drive, options = drive_of(circuit), clocked(circuit)
     ran = run(circuit, drive, **options, first_trial=TRIAL)
     text = circuit.to_brian2_script(drive, **options, trial=TRIAL)
     (tmp_path / "trial.py").write_text(text)
@@ -82,12 +82,14 @@ def test_a_script_and_a_network_have_the_spikes_and_the_out_of_the_engine(name, 
         monitor = network[f"spikes_{nucleus}"]
         tick = np.round(np.array(monitor.t / monitor.clock.dt)).astype(int) - 20
         kept = (tick >= 0) & (tick < 120)
-        found = pd.DataFrame({"cell": np.array(monitor.i)[kept], "time_ms": (tick[kept] + 1) * 0.1})
+        spikes = pd.DataFrame(
+            {"cell": np.array(monitor.i)[kept], "time_ms": (tick[kept] + 1) * 0.1}
+        )
         ours = ran.spikes[nucleus]
         cells = circuit[nucleus].neurons * ours["channel"] + ours["neuron"]
         both = [
             t.sort_values(["cell", "time_ms"]).to_numpy()
-            for t in (found, ours.assign(cell=cells)[["cell", "time_ms"]])
+            for t in (spikes, ours.assign(cell=cells)[["cell", "time_ms"]])
         ]
         npt.assert_array_equal(*both)
 
@@ -127,10 +129,10 @@ def test_words_of_a_users_table_stay_text_in_a_script():
 
 
 def test_a_network_goes_on_whatever_the_users_code_generator_is():
-    """A group of the user's joins it; the run needs no preference, and leaves it as it was."""
+    """A group of the user's joins it; the run neither needs nor changes the preference."""
     before = brian2.prefs.codegen.target
     assert before != "numpy"
-    network = WHOLE.to_brian2(DRIVE, **given(WHOLE))
+    network = WHOLE.to_brian2(DRIVE, **clocked(WHOLE))
     numpy = {"codeobj_class": brian2.NumpyCodeObject}  # compiling its code takes long
     monitor = brian2.StateMonitor(network["STN"], "phi", record=[0], when="end", **numpy)
     network.add(monitor)

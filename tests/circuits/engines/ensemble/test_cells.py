@@ -19,7 +19,7 @@ from tests.circuits.spiking import (
 )
 
 
-def own(circuit):
+def registered(circuit):
     """Return a circuit whose cell types are registered anew, alike in all but their name."""
 
     @register
@@ -41,14 +41,14 @@ def own(circuit):
 def test_loops_of_their_own_give_the_spikes_of_the_tick_as_it_stands(heterogeneity):
     """The compiled engine's fast loops against its general one: the same type by another name."""
     circuit = BASE.with_heterogeneity(heterogeneity)
-    twin = own(circuit)
+    twin = registered(circuit)
     assert compiled_cells.entry(twin.population("GPe").cell) is compiled_cells.GENERAL
     assert compiled_cells.entry(circuit.population("GPe").cell) is not compiled_cells.GENERAL
     assert spikes_of(circuit, "ensemble") == spikes_of(twin, "ensemble")
 
 
 def test_types_of_ones_own_with_sparse_connections_spike_as_in_the_plain_engine():
-    twin = own(BASE.with_connections(0.25).with_heterogeneity(0.1))
+    twin = registered(BASE.with_connections(0.25).with_heterogeneity(0.1))
     fast, plain = spikes_of(twin, "ensemble"), spikes_of(twin, "plain")
     assert len(fast ^ plain) <= 0.03 * len(plain)
 
@@ -56,13 +56,13 @@ def test_types_of_ones_own_with_sparse_connections_spike_as_in_the_plain_engine(
 def test_another_window_or_recording_changes_no_spike_of_a_type_of_ones_own(monkeypatch):
     from circuits.engines.ensemble import kernel
 
-    given = GIVEN | {"step_ms": 20.1, "sample_ms": 0.3, "settle_ms": 20.3}
-    whole = run(WITH_ADEX, DRIVE, engine="ensemble", spikes=NAMES, **given)
-    unrecorded = run(WITH_ADEX, DRIVE, engine="ensemble", **given)
+    settings = GIVEN | {"step_ms": 20.1, "sample_ms": 0.3, "settle_ms": 20.3}
+    recorded = run(WITH_ADEX, DRIVE, engine="ensemble", spikes=NAMES, **settings)
+    unrecorded = run(WITH_ADEX, DRIVE, engine="ensemble", **settings)
     monkeypatch.setattr(kernel, "WINDOW", 1)
-    one = run(WITH_ADEX, DRIVE, engine="ensemble", spikes=NAMES, **given)
+    one = run(WITH_ADEX, DRIVE, engine="ensemble", spikes=NAMES, **settings)
     for other in (unrecorded, one):
-        assert other.output_nats.tobytes() == whole.output_nats.tobytes()
+        assert other.output_nats.tobytes() == recorded.output_nats.tobytes()
 
 
 @pytest.mark.parametrize(

@@ -81,9 +81,9 @@ def test_the_loop_of_lif_cells_does_what_numpy_does():
 
 def test_cells_that_fired_are_counted_and_listed():
     fired = np.array([0b1001, 1 << 63], np.uint64)
-    found = np.zeros(128, np.int32)
-    assert call(lanes.how_many, fired, 128) == call(lanes.listed, fired, 128, found) == 3
-    npt.assert_array_equal(found[:3], [0, 3, 127])
+    places = np.zeros(128, np.int32)
+    assert call(lanes.how_many, fired, 128) == call(lanes.listed, fired, 128, places) == 3
+    npt.assert_array_equal(places[:3], [0, 3, 127])
     assert call(lanes.how_many, fired, 64) == 2
 
 

@@ -33,8 +33,8 @@ def spike_set(table):
 
 
 def both(circuit, drive, **options):
-    given = {"step_ms": 40, "seed": 7, "settle_ms": 60, "spikes": NAMES} | options
-    return run_ensemble(circuit, drive, **given), run_plain(circuit, drive, **given)
+    settings = {"step_ms": 40, "seed": 7, "settle_ms": 60, "spikes": NAMES} | options
+    return run_ensemble(circuit, drive, **settings), run_plain(circuit, drive, **settings)
 
 
 @pytest.mark.parametrize(
@@ -91,22 +91,22 @@ def test_cells_differ_by_their_spread_and_channels_do_not(wiring_seed):
         npt.assert_allclose(factors.mean(axis=1), 1, rtol=1e-12)
         npt.assert_allclose(factors.std(axis=1), 0.1, rtol=0.2)
     drive = np.array([[[0.85, -0.85]], [[-0.85, 0.85]]]).repeat(8, axis=0)
-    found = run_ensemble(table, drive, step_ms=1500, seed=9, rates=False, sample_ms=5.0)
-    mean = found.output_nats[:, 100:].mean(axis=1)
+    activity = run_ensemble(table, drive, step_ms=1500, seed=9, rates=False, sample_ms=5.0)
+    mean = activity.output_nats[:, 100:].mean(axis=1)
     assert abs(mean[:8, 0].mean() - mean[8:, 1].mean()) < 0.012
 
 
 @pytest.mark.parametrize("circuit", [BASE, BASE.with_heterogeneity(0.1).with_connections(0.25)])
 def test_the_same_bytes_for_any_batch_order_and_number_of_workers(circuit):
     drive = ramp(20, 3)
-    given = {"step_ms": 20, "seed": 3, "settle_ms": 20}
-    whole = run_ensemble(circuit, drive, **given)
-    threads = run_ensemble(circuit, drive, workers=2, **given)
-    parts = [run_ensemble(circuit, drive[i : i + 7], first_trial=i, **given) for i in (14, 0, 7)]
+    settings = {"step_ms": 20, "seed": 3, "settle_ms": 20}
+    one_batch = run_ensemble(circuit, drive, **settings)
+    threads = run_ensemble(circuit, drive, workers=2, **settings)
+    parts = [run_ensemble(circuit, drive[i : i + 7], first_trial=i, **settings) for i in (14, 0, 7)]
     batches = np.concatenate([parts[1].output_nats, parts[2].output_nats, parts[0].output_nats])
-    assert whole.output_nats.tobytes() == threads.output_nats.tobytes() == batches.tobytes()
+    assert one_batch.output_nats.tobytes() == threads.output_nats.tobytes() == batches.tobytes()
     for name in NAMES:
-        assert whole.rates_hz[name].tobytes() == threads.rates_hz[name].tobytes()
+        assert one_batch.rates_hz[name].tobytes() == threads.rates_hz[name].tobytes()
 
 
 @pytest.mark.parametrize(
@@ -119,29 +119,29 @@ def test_the_same_bytes_for_any_batch_order_and_number_of_workers(circuit):
     ],
 )
 def test_neither_windows_nor_recording_change_a_spike(circuit, monkeypatch):
-    given = {"step_ms": 20.1, "sample_ms": 0.3, "seed": 3, "settle_ms": 20.3}
-    whole = run_ensemble(circuit, ramp(2, 3), spikes=NAMES, **given)
-    unrecorded = run_ensemble(circuit, ramp(2, 3), **given)
+    settings = {"step_ms": 20.1, "sample_ms": 0.3, "seed": 3, "settle_ms": 20.3}
+    recorded = run_ensemble(circuit, ramp(2, 3), spikes=NAMES, **settings)
+    unrecorded = run_ensemble(circuit, ramp(2, 3), **settings)
     monkeypatch.setattr(kernel, "WINDOW", 1)
-    one = run_ensemble(circuit, ramp(2, 3), spikes=NAMES, **given)
+    one = run_ensemble(circuit, ramp(2, 3), spikes=NAMES, **settings)
     for other in (unrecorded, one):
-        assert other.output_nats.tobytes() == whole.output_nats.tobytes()
+        assert other.output_nats.tobytes() == recorded.output_nats.tobytes()
     for name in NAMES:
-        assert one.spikes[name].equals(whole.spikes[name])
+        assert one.spikes[name].equals(recorded.spikes[name])
 
 
 def test_what_lies_downstream_never_changes_what_lies_upstream():
     drive = ramp(2, 2)
-    given = {"step_ms": 40, "seed": 3, "spikes": ("ctx", "D1", "STN", "GPe")}
-    whole = run_ensemble(BASE, drive, **given).spikes
+    settings = {"step_ms": 40, "seed": 3, "spikes": ("ctx", "D1", "STN", "GPe")}
+    intact = run_ensemble(BASE, drive, **settings).spikes
     edits = [
         BASE.with_population("SNr", neurons=10).with_cell("SNr", noise_mv=1.0),
         BASE.lesion("D1", 0.5),
         BASE.scale("STN", "SNr", 0.2),
     ]
     for edited in edits:
-        for name, table in run_ensemble(edited, drive, **given).spikes.items():
-            assert spike_set(table) == spike_set(whole[name])
+        for name, table in run_ensemble(edited, drive, **settings).spikes.items():
+            assert spike_set(table) == spike_set(intact[name])
 
 
 def test_more_spikes_than_room_are_all_there(monkeypatch):
@@ -170,10 +170,10 @@ def test_an_edit_without_a_state_of_rest_warns():
 
 
 def test_a_run_shows_a_bar_of_progress_only_on_request(capsys):
-    given = {"step_ms": 1, "seed": 7, "settle_ms": 0}
-    run_ensemble(BASE, np.zeros((9, 1, 2)), **given)
+    settings = {"step_ms": 1, "seed": 7, "settle_ms": 0}
+    run_ensemble(BASE, np.zeros((9, 1, 2)), **settings)
     assert not capsys.readouterr().err
-    run_ensemble(BASE, np.zeros((9, 1, 2)), progress=True, **given)
+    run_ensemble(BASE, np.zeros((9, 1, 2)), progress=True, **settings)
     assert "9/9" in capsys.readouterr().err
 
 

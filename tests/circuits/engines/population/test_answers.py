@@ -20,17 +20,17 @@ LIF = Mixture(GPE.cell, Straight("linear", GPE.baseline_hz, GPE.gain_hz_per_nat)
 )
 def test_filters_follow_rates_of_1_mhz_to_400_hz_and_the_law_up_to_its_limit(mixture, top_hz):
     """A cell with a refractory period of 2 ms stays below 500 Hz; its law is tabulated to 95 %."""
-    found = answers(mixture, 0.1)
-    ends = mixture.rate_hz(np.array([found.lowest, found.highest, found.top]))
+    table = answers(mixture, 0.1)
+    ends = mixture.rate_hz(np.array([table.lowest, table.highest, table.top]))
     np.testing.assert_allclose(ends, [1e-3, 400, top_hz], rtol=0.02)
-    np.testing.assert_allclose(found.hz[[0, -1]], ends[[0, 2]], rtol=1e-9)
+    np.testing.assert_allclose(table.hz[[0, -1]], ends[[0, 2]], rtol=1e-9)
 
 
 def test_a_law_that_ends_is_followed_to_a_thousandth_of_its_ends():
     """A ramp of 34 Hz between 0 and 1 nat."""
-    found = answers(Mixture(Phase(0.3), Straight("ramp", 0.0, 34.0)), 0.1)
-    np.testing.assert_allclose(found.lowest * 34, 1e-3, rtol=0.05)
-    np.testing.assert_allclose([found.highest, found.top], [0.999, 0.95], rtol=1e-5)
+    table = answers(Mixture(Phase(0.3), Straight("ramp", 0.0, 34.0)), 0.1)
+    np.testing.assert_allclose(table.lowest * 34, 1e-3, rtol=0.05)
+    np.testing.assert_allclose([table.highest, table.top], [0.999, 0.95], rtol=1e-5)
 
 
 def test_filters_go_with_the_logarithm_of_the_rate_from_a_tenth_of_a_hz_on():
@@ -40,14 +40,14 @@ def test_filters_go_with_the_logarithm_of_the_rate_from_a_tenth_of_a_hz_on():
 
 
 @pytest.mark.parametrize(
-    ("misfit", "hz", "said"),
+    ("misfit", "hz", "warned"),
     [(0.26, 1.1, True), (0.26, 119.0, True), (0.24, 40.0, False), (0.9, 0.9, False),
      (0.9, 121.0, False)],
 )  # fmt: skip
-def test_a_filter_that_errs_by_more_than_a_quarter_is_named_from_1_to_120_hz(misfit, hz, said):
+def test_a_filter_that_errs_by_more_than_a_quarter_is_named_from_1_to_120_hz(misfit, hz, warned):
     sentence = _rough(Phase(0.3), "its noise", np.array([20.0, hz]), np.array([0.1, misfit]))
-    assert (f"its noise at {hz:.0f} Hz only to within {misfit:.0%}" in sentence) == said
-    assert bool(sentence) == said
+    assert (f"its noise at {hz:.0f} Hz only to within {misfit:.0%}" in sentence) == warned
+    assert bool(sentence) == warned
 
 
 @pytest.mark.parametrize("share", [0.95, 1.05])

@@ -14,9 +14,9 @@ def test_how_a_rational_answer_follows_is_found_again():
     n1, n2, d1, d2 = 0.4, 0.02, 0.7, 0.06
     s = PER_RAD_S
     gain = 80 * (1 + n1 * s + n2 * s**2) / (1 + d1 * s + d2 * s**2)
-    found = filters.following(np.stack([gain] * 3))
-    assert found.misfit.max() < 0.01
-    np.testing.assert_allclose(found.coefficients[-1], [n1, n2, d1, d2], rtol=0.2)
+    fitted = filters.following(np.stack([gain] * 3))
+    assert fitted.misfit.max() < 0.01
+    np.testing.assert_allclose(fitted.coefficients[-1], [n1, n2, d1, d2], rtol=0.2)
 
 
 @pytest.mark.parametrize("dt_ms", [0.1, 0.5])
@@ -24,15 +24,15 @@ def test_a_tick_follows_as_the_filter_does_in_continuous_time(dt_ms):
     n1, n2, d1, d2 = coefficients = np.array([0.4, 0.02, 0.7, 0.06])
     p11, p12, p21, p22, c1, c2 = filters.propagated(coefficients[None], dt_ms)[:, 0]
     time = np.arange(0, 200, dt_ms) / 10  # in 10 ms, the unit of the coefficients
-    given = np.sin(2 * np.pi * time / 5)  # 20 Hz
+    wave = np.sin(2 * np.pi * time / 5)  # 20 Hz
     low = v = last = 0.0
     answers = []
-    for u in given:
+    for u in wave:
         middle = (u + last) / 2
         old = low - middle
         low, v, last = middle + p11 * old + p12 * v, p21 * old + p22 * v, u
         answers.append(u + c1 * (low - u) + c2 * v)
-    _, wanted, _ = signal.lsim(([n2, n1, 1], [d2, d1, 1]), given, time)
+    _, wanted, _ = signal.lsim(([n2, n1, 1], [d2, d1, 1]), wave, time)
     assert np.abs(np.array(answers) - wanted).max() < 0.02 * dt_ms**2 + 1e-6
 
 
@@ -51,9 +51,9 @@ def power_of(sections, dt_ms):
 def test_noise_has_the_colour_of_a_renewal_process(cv, dt_ms):
     rates = np.geomspace(0.5, 200, 16)
     power = phase_spectrum(Phase(cv), rates, FREQUENCIES_HZ)
-    found = filters.colour(power / rates[:, None], rates)
+    fitted = filters.colour(power / rates[:, None], rates)
     seen = FREQUENCIES_HZ <= 100
-    for sections, hz, wanted in zip(found.coefficients, rates, power, strict=True):
+    for sections, hz, wanted in zip(fitted.coefficients, rates, power, strict=True):
         off = hz * power_of(sections, dt_ms) / wanted - 1
         assert np.abs(off[seen]).max() < 0.06, hz
 
@@ -72,23 +72,23 @@ def test_an_answer_without_lag_or_colour_has_the_filter_next_to_where_the_fit_be
         optimize.brentq(lambda x, n=n, d=d: x - n + np.log(x / d) / x, d / 9, 9 * d)
         for n, d in ((0.3, 0.6), (0.03, 0.05))
     )
-    found = filters.following(flat.astype(complex)).coefficients
-    np.testing.assert_allclose(found, np.tile([first, second], (2, 2)), rtol=1e-4)
+    coefficients = filters.following(flat.astype(complex)).coefficients
+    np.testing.assert_allclose(coefficients, np.tile([first, second], (2, 2)), rtol=1e-4)
     # From the logarithms of 1, 1 over 1, 4 and of 3, 9 over 3, 9: to their means.
-    found = filters.colour(flat, hz).coefficients
-    np.testing.assert_allclose(found, np.tile([1, 2, 1, 2, 3, 9, 3, 9], (2, 1)), rtol=1e-3)
+    coefficients = filters.colour(flat, hz).coefficients
+    np.testing.assert_allclose(coefficients, np.tile([1, 2, 1, 2, 3, 9, 3, 9], (2, 1)), rtol=1e-3)
 
 
 def test_a_coefficient_that_the_answer_hardly_fixes_stays_near_the_state_before_and_the_first():
     """Where data weigh as much as what holds the coefficient, it goes to the mean of all three."""
     goals = np.array([4.0, 7.0])
-    found = filters._along(
+    coefficients = filters._along(
         2,
         lambda p, state: 0.03 * (p - goals[state]),
         lambda p, state: 0.03 * np.eye(1),
         np.array([1.0]),
     )
-    np.testing.assert_allclose(found[:, 0], [(4 + 1 + 1) / 3, (7 + 2 + 1) / 3], rtol=1e-9)
+    np.testing.assert_allclose(coefficients[:, 0], [(4 + 1 + 1) / 3, (7 + 2 + 1) / 3], rtol=1e-9)
 
 
 def test_a_misfit_is_the_largest_up_to_100_hz():
@@ -102,9 +102,9 @@ def test_a_misfit_is_the_largest_up_to_100_hz():
     assert off[~low].max() != pytest.approx(off[low].max(), rel=0.05)
     power = np.where(low, 1.0, 0.2)[None]
     fit = filters.colour(power, np.array([25.0]))
-    found = np.ones(len(s))
+    fitted_power = np.ones(len(s))
     for b1, b0, a1, a0 in fit.coefficients.reshape(-1, 4):
-        found *= np.abs((s**2 + b1 * s + b0) / (s**2 + a1 * s + a0)) ** 2
-    off = np.abs(found / power[0] - 1)
+        fitted_power *= np.abs((s**2 + b1 * s + b0) / (s**2 + a1 * s + a0)) ** 2
+    off = np.abs(fitted_power / power[0] - 1)
     assert fit.misfit[0] == pytest.approx(off[low].max(), rel=1e-9)
     assert off[~low].max() != pytest.approx(off[low].max(), rel=0.05)

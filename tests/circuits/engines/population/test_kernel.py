@@ -79,14 +79,14 @@ def test_every_tick_follows_the_scheme(name, fastest_ms):
     drive = evidence(2, 3, 3)
     clock = Clock(3, 6.0, dt_ms=0.25, sample_ms=1.5, settle_ms=4.0)
     times = {"dt_ms": 0.25, "sample_ms": 1.5, "settle_ms": 4.0}
-    found = run_rate(circuit, drive, step_ms=6.0, **times)
+    activity = run_rate(circuit, drive, step_ms=6.0, **times)
     out, means = by_the_scheme(circuit, drive[1], clock)
-    assert np.abs(found.output_nats[1] - out).max() < SINGLE
+    assert np.abs(activity.output_nats[1] - out).max() < SINGLE
     for row in circuit.populations:
         blocks = wired(circuit).blocks_of(row.name)
         near = SINGLE * np.abs(means[:, blocks]).max() + SINGLE
-        assert np.abs(found.rates_hz[row.name][1] - means[:, blocks]).max() < near
-    assert found.time_ms.tolist() == clock.time_ms.tolist()
+        assert np.abs(activity.rates_hz[row.name][1] - means[:, blocks]).max() < near
+    assert activity.time_ms.tolist() == clock.time_ms.tolist()
 
 
 @pytest.mark.parametrize("channels", [2, 10])

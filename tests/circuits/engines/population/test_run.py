@@ -103,9 +103,9 @@ def test_mean_rates_are_those_of_a_finite_number_of_cells():
 @pytest.mark.parametrize(("laws", "exact"), [("lines", "table"), ("cells", "cells")])
 def test_without_noise_it_settles_at_the_fixed_point_of_its_laws(laws, exact):
     held = np.array([0.4, -0.4])
-    found = populations(FULL, np.tile(held, (1, 10, 1)), laws=laws, noise=False)
+    activity = populations(FULL, np.tile(held, (1, 10, 1)), laws=laws, noise=False)
     known = run_algebra(FULL, held[None, None], laws=exact)
-    np.testing.assert_allclose(found.output_nats[0, -1], known.output_nats[0, 0], atol=SINGLE)
+    np.testing.assert_allclose(activity.output_nats[0, -1], known.output_nats[0, 0], atol=SINGLE)
 
 
 def test_more_cells_have_less_noise():
@@ -118,14 +118,14 @@ def test_more_cells_have_less_noise():
 
 def test_a_trial_has_its_bytes_whatever_runs_beside_it():
     drive = np.random.default_rng(1).normal(0, 0.3, (150, 4, 2))
-    given = {"step_ms": 60, "settle_ms": 40}
-    every = populations(FULL, drive, **given)
+    times = {"step_ms": 60, "settle_ms": 40}
+    every = populations(FULL, drive, **times)
     for chosen, workers in ((slice(0, 1), 1), (slice(70, 149), 1), (slice(0, 150), 2)):
-        some = populations(FULL, drive[chosen], first_trial=chosen.start, workers=workers, **given)
+        some = populations(FULL, drive[chosen], first_trial=chosen.start, workers=workers, **times)
         assert some.output_nats.tobytes() == every.output_nats[chosen].tobytes()
         for name, rates in some.rates_hz.items():
             assert rates.tobytes() == every.rates_hz[name][chosen].tobytes()
-    other = populations(FULL, drive[:1], seed=SEED + 1, **given)
+    other = populations(FULL, drive[:1], seed=SEED + 1, **times)
     assert other.output_nats.tobytes() != every.output_nats[:1].tobytes()
 
 
@@ -226,8 +226,8 @@ def test_a_transfer_of_ones_own_is_looked_up(monkeypatch):
         "ctx", transfer="softplus"
     )
     drive = np.array([[[0.5, -0.5]]])
-    found = run(circuit, drive, engine="rate", step_ms=500).output_nats[0, -1]
-    np.testing.assert_allclose(found, run_algebra(circuit, drive).output_nats[0, 0], atol=1e-3)
+    out_nats = run(circuit, drive, engine="rate", step_ms=500).output_nats[0, -1]
+    np.testing.assert_allclose(out_nats, run_algebra(circuit, drive).output_nats[0, 0], atol=1e-3)
 
 
 def test_a_transfer_that_bends_too_much_is_refused(monkeypatch):
@@ -303,14 +303,14 @@ def test_half_the_tick_quarters_the_error_of_cells_too():
 def test_lanes_that_are_used_again_change_nothing(sample_ms, settle_ms):
     drive = np.random.default_rng(1).normal(0, 1, (200, 6, 2)).cumsum(axis=1)
     drive -= drive.mean(axis=2, keepdims=True)
-    given = {"step_ms": 50, "settle_ms": settle_ms, "sample_ms": sample_ms}
-    whole = populations(FULL, drive, **given)
-    cut = populations(FULL, drive, drop_below=0.3, **given)
+    settings = {"step_ms": 50, "settle_ms": settle_ms, "sample_ms": sample_ms}
+    uncut = populations(FULL, drive, **settings)
+    cut = populations(FULL, drive, drop_below=0.3, **settings)
     kept = np.isfinite(cut.output_nats[:, :, 0])
     assert 0 < kept.sum() < 0.9 * kept.size
-    np.testing.assert_array_equal(cut.output_nats[kept], whole.output_nats[kept])
+    np.testing.assert_array_equal(cut.output_nats[kept], uncut.output_nats[kept])
     for name, rates in cut.rates_hz.items():
-        np.testing.assert_array_equal(rates[kept], whole.rates_hz[name][kept])
+        np.testing.assert_array_equal(rates[kept], uncut.rates_hz[name][kept])
 
 
 def test_rates_that_run_away_anywhere_are_said():
@@ -358,35 +358,35 @@ def test_rates_above_a_million_hz_run_away(hz, runs):
         run(circuit, np.ones((1, 1, 2)), engine="rate", step_ms=10, settle_ms=1)
 
 
-@pytest.mark.parametrize(("amplified", "said"), [(7.9, False), (8.1, True)])
+@pytest.mark.parametrize(("amplified", "warned"), [(7.9, False), (8.1, True)])
 def test_loops_that_amplify_more_than_eight_times_are_near_an_oscillation(
-    amplified, said, monkeypatch
+    amplified, warned, monkeypatch
 ):
     monkeypatch.setattr(engine, "_ringing", lambda circuit: (amplified, 20.0))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = populations(source(Phase(0.5), 40.0), np.zeros((1, 1, 2)), step_ms=10, settle_ms=0)
-    assert any("near an oscillation" in str(one.message) for one in caught) == said
-    assert found.about["seed"] == SEED
+        noisy = populations(source(Phase(0.5), 40.0), np.zeros((1, 1, 2)), step_ms=10, settle_ms=0)
+    assert any("near an oscillation" in str(one.message) for one in caught) == warned
+    assert noisy.about["seed"] == SEED
 
 
 def test_no_warning_comes_for_many_cells_or_without_noise():
-    given = {"step_ms": 10, "settle_ms": 0}
+    settings = {"step_ms": 10, "settle_ms": 0}
     with unwarned():
         warnings.filterwarnings("ignore", ".*deprecated")
-        populations(FULL, np.zeros((1, 1, 2)), **given)
-        populations(FULL.with_neurons(10), np.zeros((1, 1, 2)), noise=False, **given)
+        populations(FULL, np.zeros((1, 1, 2)), **settings)
+        populations(FULL.with_neurons(10), np.zeros((1, 1, 2)), noise=False, **settings)
 
 
 def test_coefficients_that_are_never_looked_up_anew_are_those_of_a_state_that_stays(monkeypatch):
     """Cells with lags, driven to other rates: their coefficients are looked up periodically."""
     drive = np.tile([0.8, -0.8], (1, 1, 1))
-    given = {"step_ms": 200, "settle_ms": 0, "noise": False}
-    moved = populations(FULL, drive, **given).output_nats
+    settings = {"step_ms": 200, "settle_ms": 0, "noise": False}
+    moved = populations(FULL, drive, **settings).output_nats
     with monkeypatch.context() as patch:
         patch.setattr(layout, "REFRESH_MS", 2.0**19)
-        once = populations(FULL, drive, **given).output_nats
+        once = populations(FULL, drive, **settings).output_nats
     monkeypatch.setattr(layout, "SLOW_MS", 1e12)
-    still = populations(FULL, drive, **given).output_nats
+    still = populations(FULL, drive, **settings).output_nats
     np.testing.assert_array_equal(once, still)
     assert np.abs(moved - still).max() > 1e-4

@@ -17,7 +17,7 @@ REST = np.zeros((64, 1, 2))
 
 @pytest.fixture(autouse=True)
 def folder(monkeypatch, tmp_path):
-    """Nothing is kept from earlier tests, in memory or in files."""
+    """Start without stored states, in memory or in files."""
     monkeypatch.setattr(settled, "_BANKS", type(settled._BANKS)())
     monkeypatch.setattr(store, "cache_folder", lambda _: tmp_path)
     return tmp_path
