@@ -27,9 +27,9 @@ from bgmodel.fitting.exact.responses import Grid, responded
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.control import decided
 from bgmodel.fitting.simulated.network import LikelihoodNetwork, shipped_path
-from bgmodel.integrators.given import identity
 from bgmodel.support.arrays import Array
 from bgmodel.support.files import read_table, write_table
+from circuits.declaration.table_files import identity
 from figures.data import measure_likelihood as score
 from figures.pieces import run
 from figures.rooms import OUT, table_path

@@ -89,7 +89,7 @@ class Setup:
         require(listed, "edits", "must be a list of lines", lines)
         object.__setattr__(self, "edits", Edits(lines))
         if self.edits:
-            from circuits.ignored import check_edits
+            from circuits.differences import check_edits
 
             check_edits(self.edits, self.engine)
 

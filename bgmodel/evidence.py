@@ -21,7 +21,7 @@ from bgmodel.support.checks import (
     one_per_trial,
     reals,
 )
-from bgmodel.support.reprs import Facts
+from bgmodel.support.saved import Facts
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:

@@ -223,8 +223,7 @@ def _known_model(one: Question, name: Any, folder: Path | None) -> AnyModel:
     from bgmodel.fitting.known.likelihood import OnTrials
     from bgmodel.fitting.known.models import EXACT
     from bgmodel.fitting.known.trials import known_trials
-    from bgmodel.integrators.given import checked_circuit
-    from circuits.anatomy import CIRCUITS
+    from circuits.anatomy import CIRCUITS, checked_circuit
     from circuits.declaration.table_files import is_path
 
     known = known_trials(next(iter(one.people.values())))

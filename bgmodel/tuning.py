@@ -24,7 +24,7 @@ from bgmodel.experiments.models import Model, model_of
 from bgmodel.experiments.predictions import AGREES
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range, whole
-from bgmodel.support.reprs import Facts
+from bgmodel.support.saved import Facts
 from bgmodel.support.tables import Readable
 from circuits.circuit import Circuit
 from circuits.dynamics.fixed_point import resting_hz

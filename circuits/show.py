@@ -13,10 +13,9 @@ from circuits.cells import Cell
 from circuits.declaration.courses import DOPAMINE
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import NATS, CircuitTable
-from circuits.dynamics.fixed_point import resting_hz
+from circuits.dynamics.fixed_point import off_nats, resting_hz
 from circuits.laws.family import failures
 from circuits.laws.members import loop
-from circuits.laws.posterior import off_nats
 
 ASSUMED = "assumed"
 """Source shown for rows without a citation."""

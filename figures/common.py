@@ -22,10 +22,10 @@ import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
-from bgmodel.integrators.given import identity
 from bgmodel.support.files import replacing
 from bgmodel.tactile.grating import PERIODS_MM
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.declaration.table_files import identity
 from figures.rooms import Caption, origin, rooms
 from figures.stamps import KEY, Stamp, stamp_of
 

@@ -17,9 +17,9 @@ from typing import Any
 import jinja2
 
 from bgmodel.bootstrap import shown
-from bgmodel.integrators.given import identity
 from bgmodel.support.files import read_table, replacing
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.declaration.table_files import identity
 from figures.rooms import FOLDER, ROOT, origin, rooms, table_path
 
 RESULTS = ROOT / "docs" / "results"

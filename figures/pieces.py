@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.integrators.given import identity
 from circuits.anatomy import load_circuit
+from circuits.declaration.table_files import identity
 from circuits.store import Entry
 from figures.rooms import OUT, write
 

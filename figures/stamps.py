@@ -17,9 +17,9 @@ from pathlib import Path
 
 from PIL import Image
 
-from bgmodel.integrators.given import identity
 from bgmodel.version import __version__
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.declaration.table_files import identity
 from figures.rooms import FOLDER, ROOT
 
 KEY = "bgmodel"

@@ -9,10 +9,10 @@ from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.trials.design import design_of
-from bgmodel.integrators.given import identity
 from bgmodel.support.files import read_table
 from bgmodel.trials.reading import read_trials
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.declaration.table_files import identity
 from figures.common import FAST, FULL
 from figures.data import draw_F1 as figF1
 from figures.rooms import write

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.integrators.given import identity
 from bgmodel.support.files import read_table
 from circuits.anatomy import load_circuit
+from circuits.declaration.table_files import identity
 from figures import __main__ as runner
 from figures import pages, pieces
 from figures.pieces import Piece, Score

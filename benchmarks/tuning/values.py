@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from bgmodel.learning.values.bandit import Bandit
-from bgmodel.learning.values.ideal import ideal_of
+from bgmodel.learning.values.bandit import Bandit, ideal_of
 from bgmodel.learning.values.learners import (
     Confidence,
     Learner,

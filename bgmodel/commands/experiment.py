@@ -20,9 +20,9 @@ from bgmodel.commands.output import (
     write_template,
 )
 from bgmodel.experiments.experiment import Experiment, Outcome, shipped, shipped_text
-from bgmodel.integrators.given import identity
 from bgmodel.names import EngineName
 from bgmodel.support import files
+from circuits.declaration.table_files import identity
 from circuits.errors import InputError
 
 

@@ -9,7 +9,6 @@ from bgmodel.commands.options import FLAT, MANY, like, record_of, task
 from bgmodel.commands.output import Output, check_idle, options_of, recorded, say, say_of_edits
 from bgmodel.conditions import Setup
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.given import identity
 from bgmodel.learning import from_reward
 from bgmodel.learning.dopamine_learner import LEVELS, CircuitLearned
 from bgmodel.learning.from_reward import DOPAMINE, WEIGHTS, planned
@@ -20,6 +19,7 @@ from bgmodel.support import files
 from bgmodel.tactile.task import SameDifferent
 from bgmodel.task import Task
 from circuits.declaration.edits import Edits
+from circuits.declaration.table_files import identity
 from circuits.errors import LearningWarning, quiet
 
 TOUCHED = SameDifferent(trials=4000, t_max=40)

@@ -192,7 +192,7 @@ class _Run:
             import snakemake  # noqa: F401
         except ImportError as error:
             raise ImportError('jobs need Snakemake: pip install ".[cluster]"') from error
-        from bgmodel.sweeps.cluster import check_slurm
+        from bgmodel.sweeps.shards import check_slurm
 
         if self.on == "slurm" and not self.dry_run:
             check_slurm(folder)
@@ -240,7 +240,7 @@ class _Run:
 
 def _behind(plan: Plan, points: list[Point]) -> dict[str, Any]:
     """Return the provenance of a sweep's table."""
-    from bgmodel.integrators.given import identity
+    from circuits.declaration.table_files import identity
 
     circuits = [identity(point.edited)["sha256"] for point in points]
     return {"seed": plan.seed, "sweep": recorded(plan), "circuits": circuits}

@@ -34,12 +34,12 @@ from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import BASELINES, baselines_on
 from bgmodel.integrators.deciding import CIRCUIT, HIGHEST, LOWEST, decide_at_thresholds, refined
-from bgmodel.integrators.given import checked_circuit
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_flag
-from bgmodel.support.reprs import Facts
+from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
+from circuits.anatomy import checked_circuit
 from circuits.circuit import Circuit
 from circuits.errors import DataWarning, InputError
 

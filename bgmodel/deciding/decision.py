@@ -18,7 +18,7 @@ from bgmodel.support.checks import (
     one_per_trial,
     reals,
 )
-from bgmodel.support.reprs import Facts, span
+from bgmodel.support.saved import Facts, span
 from circuits.errors import InputError
 
 if TYPE_CHECKING:

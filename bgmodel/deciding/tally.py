@@ -11,7 +11,7 @@ from bgmodel.deciding.readout import check_early_and_late
 from bgmodel.deciding.trace import Trace, check_ended, lowest, of_test, ready, sorted_levels
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import check_flag, checked_truth, known_truth
-from bgmodel.support.reprs import Facts, span
+from bgmodel.support.saved import Facts, span
 from circuits.errors import require
 
 

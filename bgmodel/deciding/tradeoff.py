@@ -15,7 +15,7 @@ from bgmodel.deciding.trace import Trace, check_trace, ready
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import reals
-from bgmodel.support.reprs import Facts, span
+from bgmodel.support.saved import Facts, span
 from circuits.errors import InputError
 
 OF_TRIALS = ("choice", "time_ms", "forced", "premature", "posterior")

@@ -17,10 +17,10 @@ from bgmodel.experiments.experiment import Experiment
 from bgmodel.experiments.models import Model
 from bgmodel.experiments.predictions import Prediction
 from bgmodel.experiments.record import Changes
-from bgmodel.integrators.given import checked_circuit
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.stopping.task import StopTask
 from bgmodel.support.arrays import Array
+from circuits.anatomy import checked_circuit
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_files import is_path
 from circuits.differences import differences

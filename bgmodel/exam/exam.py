@@ -16,10 +16,10 @@ from bgmodel.exam.record import COLUMNS, ExamRecord, scored
 from bgmodel.exam.simulation import Simulation
 from bgmodel.exam.tables import Failed, NotApplicable, read_tables
 from bgmodel.experiments.models import Model, model_of
-from bgmodel.integrators.given import identity
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum
 from circuits.circuit import Circuit
+from circuits.declaration.table_files import identity
 from circuits.errors import InputError, require
 
 __all__ = ["SEED", "Exam", "Model", "measures", "model_of", "of_circuit", "take_exam"]

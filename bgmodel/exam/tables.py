@@ -15,7 +15,7 @@ import pandas as pd
 
 from bgmodel.exam.numbers import Task
 from bgmodel.support.checks import path_of
-from bgmodel.tables.text_files import read_rows
+from bgmodel.tables.foreign import read_rows
 from circuits.errors import DataWarning, InputError, require
 
 OF_TRIALS = {

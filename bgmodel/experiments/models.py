@@ -13,10 +13,10 @@ from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import BASELINES
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.integrators.given import checked_circuit
 from bgmodel.integrators.sprt import Integrator, Msprt
 from bgmodel.stopping.circuit import receiving
 from bgmodel.stopping.inputs import StopSignal, with_stop
+from circuits.anatomy import checked_circuit
 from circuits.circuit import Circuit
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_files import digest

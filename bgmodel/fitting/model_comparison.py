@@ -18,7 +18,7 @@ from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.predicted import Predicted, better_by, by_person, predicted
 from bgmodel.support.arrays import Array, Integers
-from bgmodel.support.reprs import Facts
+from bgmodel.support.saved import Facts
 from circuits.errors import FitWarning, InputError
 
 if TYPE_CHECKING:

@@ -323,8 +323,7 @@ class FitSettings:
         from bgmodel.fitting.exact.gaps import GAPS
         from bgmodel.fitting.likelihood import TrialModel
         from bgmodel.fitting.simulated.mechanisms import MECHANISMS
-        from bgmodel.integrators.given import checked_circuit
-        from circuits.anatomy import CIRCUITS
+        from circuits.anatomy import CIRCUITS, checked_circuit
         from circuits.declaration.table_files import is_path
 
         if isinstance(model, TrialModel):

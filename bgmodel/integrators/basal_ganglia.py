@@ -26,16 +26,17 @@ from bgmodel.integrators.criterion import (
     readout_of,
     unfiltered,
 )
-from bgmodel.integrators.given import checked_circuit
 from bgmodel.integrators.session import Reader, Session
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_flag, check_positive, whole
 from bgmodel.support.memory import check_memory
 from bgmodel.support.progress import advance
-from bgmodel.support.reprs import Facts
+from bgmodel.support.saved import Facts
 from circuits.activity import RateMeans, beyond_range, checked_drive, warn_beyond_range
+from circuits.anatomy import checked_circuit
 from circuits.circuit import Circuit
 from circuits.declaration.courses import warn_of_late
+from circuits.differences import ignored_edits
 from circuits.engines import EngineOrName
 from circuits.errors import (
     BgmodelWarning,
@@ -45,7 +46,6 @@ from circuits.errors import (
     RangeWarning,
     quiet,
 )
-from circuits.ignored import ignored_edits
 
 if TYPE_CHECKING:
     from circuits.activity import Activity

@@ -22,10 +22,10 @@ from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia
 from bgmodel.integrators.criterion import check_threshold
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
-from bgmodel.integrators.given import checked_circuit
 from bgmodel.integrators.steady import leader_out
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_positive, is_number
+from circuits.anatomy import checked_circuit
 from circuits.circuit import Circuit
 from circuits.errors import InputError, NoiseWarning, RangeWarning, quiet, require
 

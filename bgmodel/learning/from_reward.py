@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import shown
-from bgmodel.deciding.reward import check_xi
+from bgmodel.deciding.measures import check_xi
 from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import threshold_from_posterior
@@ -38,7 +38,7 @@ from bgmodel.learning.weights.sources import GaussianFeatures, tap_features
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import whole
 from bgmodel.support.memory import check_learning_memory, check_memory
-from bgmodel.support.reprs import Facts
+from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
 from bgmodel.tables.given import EvidenceTable, trials_of

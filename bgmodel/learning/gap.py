@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.deciding.reward import mean_reward
+from bgmodel.deciding.measures import mean_reward
 from bgmodel.learning.policies import SEPARATIONS, GaussianPolicy, Policy
 from bgmodel.learning.reinforce import Learned, Learner, course, exhaustive_search, learn, smoothed
 from bgmodel.learning.worlds import trials_of

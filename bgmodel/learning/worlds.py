@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.deciding.decision import crossing_of_each
-from bgmodel.deciding.reward import check_xi, reward, reward_of
+from bgmodel.deciding.measures import check_xi, reward, reward_of
 from bgmodel.deciding.trace import Trace
 from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.evidence import Evidence, needed_truth

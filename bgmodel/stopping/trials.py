@@ -11,7 +11,7 @@ import numpy.typing as npt
 from bgmodel.deciding.decision import UNDECIDED, Decision
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import reals, whole
-from bgmodel.support.reprs import Facts, span
+from bgmodel.support.saved import Facts, span
 from bgmodel.support.seeds import generator
 from bgmodel.tables.columns import EVERYONE, NO_RESPONSE
 from bgmodel.trials.record import Trials

@@ -1,4 +1,4 @@
-"""Results in files: any record, saved whole and loaded again as the same record.
+"""Records, printed in short, and saved whole and loaded again as the same record.
 
 A file is an .npz without pickled objects: arrays, tables in Parquet, and the rest as JSON. Only
 records of this package are made from one, so that a file from elsewhere runs no code.
@@ -10,6 +10,7 @@ import importlib
 import io
 import json
 from dataclasses import fields, is_dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,41 @@ ENDING, TREE = ".npz", "record"
 PACKAGES = ("bgmodel.", "circuits.")
 PLAIN = (bool, int, float, str)
 """Types that JSON has."""
+
+
+class Facts:
+    """Base of records that hold arrays: readable when printed, and saved whole."""
+
+    def save(self, path: str | Path, *, force: bool = False) -> Path:
+        """Write the record to an .npz file, which ``bg.load`` reads; see ``saved.save``."""
+        return save(self, path, force=force)
+
+    def facts(self) -> dict[str, str]:
+        """Return the main facts of a record by name: shapes, units, a few means."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        """Return the facts in one line."""
+        text = ", ".join(f"{name} {value}" for name, value in self.facts().items())
+        return f"{type(self).__name__}({text})"
+
+    def _repr_html_(self) -> str:
+        """Return the facts as a table, for a notebook."""
+        rows = "".join(
+            f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>"
+            for name, value in self.facts().items()
+        )
+        return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
+
+
+def span(values: npt.ArrayLike, form: str = ".3g") -> str:
+    """Return the lowest and the highest of some numbers as text, ignoring NaN."""
+    array = np.asarray(values, dtype=np.float64)
+    known = array[np.isfinite(array)]
+    if not known.size:
+        return "unknown"
+    low, high = f"{known.min():{form}}", f"{known.max():{form}}"
+    return low if low == high else f"{low} to {high}"
 
 
 def save(record: Any, path: str | Path, *, force: bool = False) -> Path:

@@ -16,7 +16,6 @@ import numpy as np
 from bgmodel.conditions import Observed, circuit_seen_from, seen_from
 from bgmodel.deciding.measures import MEASURES, OF_STOP
 from bgmodel.integrators.criterion import fitting_gain, gain_of, largest_lead, lead_of
-from bgmodel.integrators.given import identity
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import files, toml_files
 from bgmodel.support.checks import path_of
@@ -27,6 +26,7 @@ from bgmodel.tactile.source import SHIPPED, Tactile
 from bgmodel.task import Gaussian, Task, kind_of, settings_of_tasks
 from circuits.circuit import Circuit
 from circuits.declaration.edits import VERBS, Edits, parsed
+from circuits.declaration.table_files import identity
 from circuits.errors import InputError, require, within
 
 BLOCK = 10_000

@@ -1,8 +1,12 @@
-"""Shards of a sweep: computed anywhere, stored as a unit, named by a hash of their settings."""
+"""Shards of a sweep: computed anywhere, stored as a unit, named by a hash of their settings.
+
+SLURM can compute them if it takes jobs from this machine and says how they ended.
+"""
 
 from __future__ import annotations
 
 import shutil
+import subprocess
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
 from contextlib import contextmanager
@@ -19,7 +23,7 @@ from bgmodel.support.memory import NoMemoryError
 from bgmodel.sweeps.plan import BLOCK, Point, Shard
 from bgmodel.version import __version__
 from circuits.arrays import Arrays
-from circuits.errors import collected
+from circuits.errors import InputError, collected, require
 from circuits.store import Entry, remove_partial_files
 
 TRIAL_BYTES, SHARD_BYTES = 48, 20_000
@@ -28,6 +32,17 @@ OF_DECISION = ("choice", "time_ms", "forced", "premature")
 """Columns of a shard from which decisions are restored."""
 REMARK = "remark"
 """The entry with the warnings of a run, or why it ended; usually empty."""
+QUERIES = (
+    (["sinfo", "--noheader"], "SLURM does not answer on this machine: run this on a login node"),
+    (
+        ["sacct", "--allocations", "--noheader", "--clusters", "all", "--starttime", "now"],
+        "SLURM keeps no accounts here, from which the executor learns that a job has ended",
+    ),
+)
+"""Commands that must succeed before a sweep submits jobs, and the reason if one fails."""
+TIMEOUT_S = 60
+SPECIAL = set("\"'$`\\")
+"""Characters that the executor hands to a shell unquoted."""
 
 
 def entry(shard: Shard, folder: Path) -> Entry[Arrays]:
@@ -152,3 +167,21 @@ def compute_all(shards: Iterable[Shard], folder: Path, pool: Executor) -> Iterat
     """Compute shards, and yield once for each that is stored."""
     for done in as_completed([pool.submit(compute, shard, folder) for shard in shards]):
         yield done.result()
+
+
+def check_slurm(folder: Path) -> None:
+    """Refuse a folder or a machine from which jobs can't be submitted and followed.
+
+    Without accounts (slurmdbd) the executor of Snakemake would submit jobs and wait forever.
+    """
+    for path in (folder.absolute(), Path.cwd()):
+        allowed = "must have a path without quotes, $, ` and backslashes, as SLURM's shell reads it"
+        require(not SPECIAL & set(str(path)), "folder", allowed, str(path))
+    for command, reason in QUERIES:
+        try:
+            subprocess.run(command, capture_output=True, text=True, check=True, timeout=TIMEOUT_S)
+        except (OSError, subprocess.SubprocessError) as error:
+            answer = " ".join((getattr(error, "stderr", None) or str(error)).split())
+            raise InputError(
+                f"{reason} ({command[0]}: {answer}); --part K/N needs no answers from SLURM", "on"
+            ) from None

@@ -16,7 +16,7 @@ import pandas as pd
 
 from bgmodel.support.arrays import Array
 from bgmodel.tables.columns import MISSING, refuse
-from bgmodel.tables.text_files import read_rows
+from bgmodel.tables.foreign import read_rows
 from circuits.errors import DataWarning, InputError, require, within
 
 NAMES = {

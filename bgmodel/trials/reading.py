@@ -50,9 +50,8 @@ from bgmodel.tables.columns import (
     with_times,
     withholding,
 )
-from bgmodel.tables.foreign import renamed
+from bgmodel.tables.foreign import read_rows, renamed
 from bgmodel.tables.shipped import CELLS_SET, SETS, STOP_SET, shipped_table
-from bgmodel.tables.text_files import read_rows
 from bgmodel.trials.events import is_events, read_events
 from bgmodel.trials.readings import Source, answered, read_readings, seen_sums
 from bgmodel.trials.record import Trials, is_covariate

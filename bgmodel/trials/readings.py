@@ -16,7 +16,7 @@ from bgmodel.support.checks import check_positive, path_of
 from bgmodel.tables.cautions import ENOUGH
 from bgmodel.tables.columns import names_once, numbers, refuse
 from bgmodel.tables.evidence import KEYS, read_csv_table, trials_from_table
-from bgmodel.tables.text_files import SEPARATORS, read_rows
+from bgmodel.tables.foreign import SEPARATORS, read_rows
 from circuits.errors import DataWarning, InputError, quiet, within
 
 FORMS = (

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.support.arrays import Array, Truths
-from bgmodel.support.reprs import Facts, span
+from bgmodel.support.saved import Facts, span
 from bgmodel.tables import alternatives as several
 from bgmodel.tables.columns import MISSING_RT, NO_RESPONSE
 from bgmodel.trials.readings import Readings

@@ -21,13 +21,14 @@ from circuits.anatomy.spiking_msprt import spiking_msprt
 from circuits.anatomy.stewart import stewart
 from circuits.circuit import Circuit
 from circuits.declaration import table_files
-from circuits.errors import EditWarning, require
+from circuits.errors import EditWarning, InputError, require
 
 __all__ = [
     "CIRCUITS",
     "DEFAULT",
     "appendix_b",
     "bogacz_gurney",
+    "checked_circuit",
     "gpr",
     "humphries",
     "is_included",
@@ -103,6 +104,19 @@ def load_circuit(name: str | Path, channels: int | None = None) -> Circuit:
 def _built(table: Callable[..., Circuit], channels: int) -> Circuit:
     """Return an included circuit; circuits never change, so one that was built serves again."""
     return table(channels)
+
+
+def checked_circuit(circuit: Circuit | str | Path, channels: int | None = None) -> Circuit:
+    """Return a circuit, given as such, or by name or .toml file with a number of channels."""
+    if isinstance(circuit, Circuit):
+        return circuit
+    if isinstance(circuit, (str, Path)):
+        return load_circuit(circuit, channels)
+    hint = ": give its .circuit" if isinstance(getattr(circuit, "circuit", None), Circuit) else ""
+    raise InputError(
+        f"circuit must be a Circuit, a name or a .toml file, got {type(circuit).__name__}{hint}",
+        "circuit",
+    )
 
 
 def is_included(circuit: Circuit) -> bool:

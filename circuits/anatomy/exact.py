@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from circuits.anatomy.columns import rows
 from circuits.cells import Rate
 from circuits.checks import check_channels
 from circuits.circuit import Circuit
-from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
+from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection, rows
 from circuits.errors import InputError, require
 
 BG2007 = "Bogacz & Gurney 2007"

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from circuits.anatomy.columns import rows
 from circuits.cells import Rate
 from circuits.checks import check_channels, check_range
 from circuits.circuit import Circuit
-from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
+from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection, rows
 
 GPR = "Gurney et al. 2001"
 ASSUMED = "1 is 100 Hz, assumed"

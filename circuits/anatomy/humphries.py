@@ -5,11 +5,10 @@ from __future__ import annotations
 from math import exp, log
 from typing import NamedTuple
 
-from circuits.anatomy.columns import rows
 from circuits.cells import Lif, Phase, Rate
 from circuits.checks import check_channels, check_range
 from circuits.circuit import Circuit
-from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
+from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection, rows
 
 HUMPHRIES = "Humphries et al. 2006"
 CODE = f"{HUMPHRIES}, ModelDB 83559"

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from math import exp, inf, log, log1p
 
-from circuits.anatomy.columns import rows
 from circuits.cells import Phase, Rate
 from circuits.checks import check_channels
 from circuits.circuit import Circuit
-from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
+from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection, rows
 
 LIENARD = "Lienard & Girard 2014"
 HUMPHRIES = "Humphries et al. 2006"

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from math import exp, log, log1p
 
-from circuits.anatomy.columns import rows
 from circuits.cells import Lif, Phase, Rate
 from circuits.checks import check_channels
 from circuits.circuit import Circuit
-from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
+from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection, rows
 
 HUMPHRIES = "Humphries, Stewart & Gurney 2006"
 TUNED = "tuned"

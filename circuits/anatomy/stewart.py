@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from circuits.anatomy.columns import rows
 from circuits.cells import Phase, Rate
 from circuits.checks import check_channels, check_range
 from circuits.circuit import Circuit
-from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection
+from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection, rows
 
 STEWART = "Stewart et al. 2010"
 CODE = f"{STEWART}, nengo 4.1"

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from circuits.arrays import Array
 from circuits.cells.cell import BrianText, Cell, Constants, Line, Response, register
-from circuits.cells.renewal import renewal_spectrum
+from circuits.cells.response import renewal_spectrum
 from circuits.cells.single import ONE, ZERO, choose, fused, single
 from circuits.checks import check_range, check_types
 

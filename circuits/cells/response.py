@@ -14,7 +14,6 @@ import numpy.typing as npt
 
 from circuits.arrays import Array, Complex
 from circuits.cells.membrane import Membrane
-from circuits.cells.renewal import renewal_spectrum
 
 NODES = 100
 """Steps from threshold to reset: accurate to 0.5 % up to 4 kHz, 0.2 % up to 300 Hz."""
@@ -119,3 +118,11 @@ class _Density:
     def area(self, density: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Return the total probability."""
         return np.asarray(self.step * density.sum(axis=0))
+
+
+def renewal_spectrum(rate: Array, interval: Complex) -> Array:
+    """Return the power spectrum of a renewal process from its interval transform (Cox 1962).
+
+    The intervals of a renewal process are independent of each other.
+    """
+    return np.asarray(rate * (1 - np.abs(interval) ** 2) / np.abs(1 - interval) ** 2)

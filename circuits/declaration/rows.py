@@ -1,4 +1,4 @@
-"""The rows of a circuit's two tables: populations and projections."""
+"""The rows of a circuit's two tables: populations and projections, one by one or in columns."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -228,3 +228,30 @@ def _check_name(name: str) -> None:
 def _one_of(what: str, value: str, allowed: Iterable[str]) -> None:
     names = ", ".join(repr(name) for name in allowed)
     require(value in allowed, what, f"must be one of {names}", value)
+
+
+Row = TypeVar("Row", Population, Projection)
+IDENTIFIERS: dict[type, tuple[str, ...]] = {Population: ("name",), Projection: ("source", "target")}
+"""The columns that identify a row; every part of a table in columns begins with them."""
+
+
+def rows(kind: type[Row], *parts: tuple[str | tuple[Any, ...], ...]) -> tuple[Row, ...]:
+    """Return the rows of a table in columns; each part has a header of field names, then its rows.
+
+    The first part contains all rows. Later parts contain only rows that differ from the defaults of
+    their columns, and begin with the columns that identify a row.
+    """
+    names = IDENTIFIERS[kind]
+    by_key: dict[tuple[Any, ...], dict[str, Any]] = {}
+    for number, (header, *lines) in enumerate(parts):
+        columns = tuple(str(header).split())
+        if columns[: len(names)] != names:
+            raise ValueError(f"a part must begin with {' '.join(names)}, got {header!r}")
+        for line in lines:
+            if len(line) != len(columns):
+                raise ValueError(f"{line[0]}: {len(columns)} columns, got {len(line)} values")
+            key = tuple(line[: len(names)])
+            if number and key not in by_key:
+                raise ValueError(f"{header!r} has a row {'->'.join(key)}, the first part does not")
+            by_key.setdefault(key, {}).update(zip(columns, line, strict=True))
+    return tuple(kind(**row) for row in by_key.values())

@@ -68,6 +68,11 @@ def digest(circuit: CircuitTable) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def identity(circuit: CircuitTable) -> dict[str, str]:
+    """Return the name and the hash of an edited circuit, for provenance."""
+    return {"name": circuit.name, "sha256": digest(circuit)}
+
+
 def text(circuit: CircuitTable) -> str:
     """Return a circuit as the text of a file."""
     data = plain(circuit)

@@ -20,8 +20,7 @@ import numpy.typing as npt
 from circuits.arrays import Array, Complex
 from circuits.cells.cell import Line
 from circuits.dynamics.wiring import Wiring
-from circuits.laws.mean_field import own_rates
-from circuits.laws.mixture import mean_response
+from circuits.laws.mean_field import mean_response, own_rates
 
 FREQUENCIES_HZ = np.concatenate([[1e-3], np.geomspace(0.02, 1000, 120)])
 """Range over which power is summed: below, responses are lost to cancellation; above, filtered."""

@@ -15,8 +15,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.learning.values.bandit import Bandit
-from bgmodel.learning.values.ideal import ideal_of
+from bgmodel.learning.values.bandit import Bandit, ideal_of
 from bgmodel.learning.values.in_circuit import ValueCircuit
 from bgmodel.learning.values.learners import (
     Confidence,

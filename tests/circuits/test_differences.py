@@ -1,11 +1,12 @@
-"""Edits that turn one circuit into another."""
+"""Edits that turn one circuit into another, and those that an engine does not use."""
 
 from dataclasses import replace
 
 import pytest
 
 from circuits.anatomy import load_circuit
-from circuits.differences import differences
+from circuits.declaration.edits import Edits
+from circuits.differences import check_edits, differences
 from tests.helpers import refused
 
 
@@ -44,3 +45,31 @@ def test_what_no_edit_can_do_is_refused():
     ):
         with refused("second"):
             differences(first, second)
+
+
+@pytest.mark.parametrize(
+    ("engine", "line"),
+    [
+        ("algebra", "set STN->GPe.delay_ms 4"),
+        ("algebra", "set STN.tau_ms 4"),
+        ("algebra", "set GPe.cell.tau_ms 4"),
+        ("rate", "set STN.cell.cv 0.1"),
+        ("rate", "set STN.neurons 7"),
+        ("rate", "set STN->GPe.probability 0.5"),
+        ("rate", "neurons 7"),
+        ("rate", "connections 0.5"),
+        ("algebra", "heterogeneity 0.1"),
+    ],
+)
+def test_an_edit_that_an_engine_does_not_feel_is_refused(engine, line):
+    check_edits(Edits([line]), "ensemble")
+    with refused("edits"):
+        check_edits(Edits([line]), engine)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["set STN->GPe.delay_ms 4", "set GPe.cell.tau_ms 12", "set STN.tau_ms 7", "lesion STN 1%"],
+)
+def test_rates_feel_times_and_lesions(line):
+    check_edits(Edits([line]), "rate")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bgmodel import stream
-from bgmodel.deciding.reward import mean_reward
+from bgmodel.deciding.measures import mean_reward
 from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.learning.reinforce import (

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
-from bgmodel.integrators.given import checked_circuit, identity
 from bgmodel.support.arrays import Array
+from circuits.anatomy import checked_circuit
 from circuits.circuit import Circuit
+from circuits.declaration.table_files import identity
 from circuits.dynamics.fixed_point import solve, wired
 from circuits.errors import InputError, require
 

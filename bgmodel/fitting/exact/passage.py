@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.support.arrays import Array, Integers
-from bgmodel.support.compiling import compiled
-from bgmodel.support.exponential import exponential
+from bgmodel.support.compiling import compiled, exponential
 
 TERMS = 12
 """Terms of the series of a constant bound: modes for late times, images for early ones."""

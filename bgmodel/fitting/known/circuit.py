@@ -16,8 +16,8 @@ from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.simulated.circuit import SIMULATION_SEED
 from bgmodel.integrators.basal_ganglia import REFUSED_TIMES, BasalGanglia
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.integrators.given import identity
 from bgmodel.support.arrays import Array, Integers
+from circuits.declaration.table_files import identity
 from circuits.errors import InputError, RangeWarning, quiet, require
 
 if TYPE_CHECKING:

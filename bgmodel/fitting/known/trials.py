@@ -11,7 +11,7 @@ import numpy as np
 from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
 from bgmodel.fitting.trials.design import ALONE, Design
 from bgmodel.support.arrays import Array, Integers, Truths
-from bgmodel.support.reprs import Facts, span
+from bgmodel.support.saved import Facts, span
 from bgmodel.tables.columns import EVERYONE
 from bgmodel.trials.readings import Readings
 from bgmodel.trials.record import Trials

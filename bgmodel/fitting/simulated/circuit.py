@@ -28,10 +28,10 @@ from bgmodel.fitting.simulated.crossings import (
 from bgmodel.fitting.simulated.mechanisms import MECHANISMS, NONE, Axis, Mechanism
 from bgmodel.fitting.simulated.parts import PARTS, InParts
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
-from bgmodel.integrators.given import identity
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole
 from bgmodel.version import __version__
+from circuits.declaration.table_files import identity
 from circuits.errors import RangeWarning, quiet, require
 from circuits.store import Entry
 

@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from bgmodel.support.arrays import Array
 from bgmodel.support.files import replacing
-from bgmodel.support.reprs import Facts
+from bgmodel.support.saved import Facts
 from circuits.errors import InputError
 
 INPUTS = ("v", "threshold", "t0", "rt", "response")

@@ -13,10 +13,10 @@ import numpy as np
 from bgmodel.fitting.exact.gaps import CONSTANT, GAPS
 from bgmodel.fitting.exact.raised import threshold_nats
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.given import checked_circuit
 from bgmodel.stopping.circuit import step_response
 from bgmodel.stopping.inputs import StopSignal
 from bgmodel.support.arrays import Array
+from circuits.anatomy import checked_circuit
 from circuits.circuit import Circuit
 from circuits.errors import InputError
 

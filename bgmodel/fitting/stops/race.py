@@ -36,13 +36,13 @@ from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.stops.data import KEPT, go_process, laid
 from bgmodel.fitting.stops.model import TEST, StopModel, stop_model
 from bgmodel.fitting.trials.design import design_of
-from bgmodel.integrators.given import identity
 from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
 from circuits.circuit import Circuit
+from circuits.declaration.table_files import identity
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -19,7 +19,7 @@ from bgmodel.support.checks import (
     reals,
     whole,
 )
-from bgmodel.support.reprs import Facts
+from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import generator
 from circuits.errors import DataWarning, InputError, quiet, require
 

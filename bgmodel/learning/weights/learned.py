@@ -14,7 +14,7 @@ from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.weights.features import Features
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
 from bgmodel.support.checks import check_positive, check_range, is_whole, whole
-from bgmodel.support.reprs import Facts, span
+from bgmodel.support.saved import Facts, span
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:

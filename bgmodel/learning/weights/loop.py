@@ -9,10 +9,10 @@ import numpy as np
 from bgmodel.evidence import minus_log_softmax
 from bgmodel.learning.weights.critics import Critic, Trial
 from bgmodel.learning.weights.deciders import Decider, Trials
-from bgmodel.learning.weights.drift import source_at
 from bgmodel.learning.weights.features import Features, FeatureSource, check_learnable
 from bgmodel.learning.weights.feedback import Feedback, WeightLearner
 from bgmodel.learning.weights.rules import Rule
+from bgmodel.learning.weights.sources import source_at
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole
 from bgmodel.support.progress import advance

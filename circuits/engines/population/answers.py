@@ -16,7 +16,7 @@ from circuits.declaration import transfer
 from circuits.engines.compiling import SOURCES
 from circuits.engines.population import filters
 from circuits.engines.population.kernel import COEFFICIENTS, FOLLOWING, TRANSFERS
-from circuits.laws.mixture import mean_rate_hz, mean_response
+from circuits.laws.mean_field import mean_rate_hz, mean_response
 from circuits.store import cached
 
 STATES, STEPS, POINTS = 28, 512, 8192
@@ -73,7 +73,7 @@ class Answers:
 
 @dataclass(frozen=True)
 class Mixture:
-    """Cells of a population, which may be heterogeneous (``laws.mixture``), and its line."""
+    """Cells of a population, which may be heterogeneous (``laws.mean_field``), and its line."""
 
     cell: Cell
     line: Straight

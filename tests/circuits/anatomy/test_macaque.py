@@ -14,9 +14,9 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.simulated_evidence import separated_evidence
 from circuits import anatomy
 from circuits.declaration.transfer import MOST_NATS
+from circuits.dynamics.fixed_point import off_nats
 from circuits.engines import Population, run
 from circuits.laws import stability
-from circuits.laws.posterior import off_nats
 from tests.helpers import refused
 
 ALTERNATIVES = (2, 4, 8)

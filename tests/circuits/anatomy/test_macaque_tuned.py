@@ -5,10 +5,9 @@ import pytest
 
 from circuits.anatomy import load_circuit, macaque_tuned
 from circuits.anatomy.macaque_tuned import MOST_LEAD_NATS
-from circuits.dynamics.fixed_point import resting_hz
+from circuits.dynamics.fixed_point import off_nats, resting_hz
 from circuits.engines import run
 from circuits.laws.family import failures, shift_nats
-from circuits.laws.posterior import off_nats
 from circuits.laws.spectra import rate_spectrum
 
 ALTERNATIVES = (2, 3, 4, 5, 6, 7, 8)

@@ -16,7 +16,6 @@ from circuits.anatomy import load_circuit
 from circuits.declaration.courses import Course
 from circuits.declaration.edits import FRACTION, VERBS, Edits
 from circuits.declaration.edits import parsed as parsed_line
-from circuits.ignored import check_edits
 from tests.helpers import refused
 
 TABLE = load_circuit("spiking_msprt", 2)
@@ -270,34 +269,6 @@ def test_an_edit_replaces_the_same_edit_in_any_spelling_and_no_other():
     for meets in ("add STN[0] amount=0.3", "add STN amount=0.1"):
         with refused("edits"):
             Edits([one]).replacing([meets])
-
-
-@pytest.mark.parametrize(
-    ("engine", "line"),
-    [
-        ("algebra", "set STN->GPe.delay_ms 4"),
-        ("algebra", "set STN.tau_ms 4"),
-        ("algebra", "set GPe.cell.tau_ms 4"),
-        ("rate", "set STN.cell.cv 0.1"),
-        ("rate", "set STN.neurons 7"),
-        ("rate", "set STN->GPe.probability 0.5"),
-        ("rate", "neurons 7"),
-        ("rate", "connections 0.5"),
-        ("algebra", "heterogeneity 0.1"),
-    ],
-)
-def test_an_edit_that_an_engine_does_not_feel_is_refused(engine, line):
-    check_edits(Edits([line]), "ensemble")
-    with refused("edits"):
-        check_edits(Edits([line]), engine)
-
-
-@pytest.mark.parametrize(
-    "line",
-    ["set STN->GPe.delay_ms 4", "set GPe.cell.tau_ms 12", "set STN.tau_ms 7", "lesion STN 1%"],
-)
-def test_rates_feel_times_and_lesions(line):
-    check_edits(Edits([line]), "rate")
 
 
 def test_a_rebound_compensates_the_others_too():

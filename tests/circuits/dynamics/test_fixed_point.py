@@ -1,5 +1,6 @@
-"""The fixed point: it stays, and its parts come upstream first."""
+"""The fixed point: it stays, its parts come upstream first, and OUT there is near -ln P."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from circuits.declaration.rows import Population, Projection
 from circuits.dynamics import fixed_point
 from circuits.dynamics.wiring import Wiring
 from circuits.engines import run
-from tests.circuits.helpers import evidence
+from tests.circuits.helpers import evidence, run_algebra
 
 
 @pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))
@@ -110,3 +111,44 @@ def test_the_cached_state_at_rest_is_that_of_a_fresh_solution():
             x, rates = fixed_point.resting_state(circuit)
             assert np.array_equal(x, fixed_point.rest(wiring))
             assert np.array_equal(rates, fixed_point.rest_rates(wiring))
+
+
+@pytest.mark.parametrize("make", [anatomy.bogacz_gurney, anatomy.appendix_b])
+@pytest.mark.parametrize(
+    ("channels", "competitors"), [(2, None), (2, 1), (5, None), (5, 1), (5, 3)]
+)
+def test_out_of_an_exact_table_is_off_by_nothing(make, channels, competitors):
+    for circuit in (make(channels), replace(make(channels), centred=True, max_deficit_nats=40.0)):
+        assert fixed_point.off_nats(circuit, competitors) == pytest.approx((0, 0), abs=1e-8)
+
+
+@pytest.mark.parametrize("nats", [0.05, 0.2])
+def test_out_is_off_by_as_much_as_the_read_out_is_biased(nats):
+    table = anatomy.bogacz_gurney(3)
+    bias = table.population("SNr").bias_nats + nats
+    offsets = fixed_point.off_nats(table.with_population("SNr", bias_nats=bias))
+    assert offsets == pytest.approx((nats, nats), abs=1e-8)
+
+
+def test_competitors_beyond_the_reach_of_a_centred_drive_are_cut_there():
+    """One competitor is level with the leader: OUT is ln 2. The third counts as 2 nats behind."""
+    table = replace(anatomy.bogacz_gurney(3), centred=True, max_deficit_nats=2.0)
+    table = replace(table, readable_nats=(np.log(2) - 1e-9, np.log(2)))
+    offsets = fixed_point.off_nats(table, 1)
+    drive = np.array([0.0, 0.0, -2.0])
+    out = run_algebra(table, (drive - drive.mean())[None, None]).output_nats[0, 0, 0]
+    assert offsets == pytest.approx((out - np.log(2),) * 2, abs=1e-6)
+    assert offsets[0] == pytest.approx(np.log(2 + np.exp(-2)) - np.log(2), abs=1e-6)
+
+
+@pytest.mark.parametrize("competitors", [0, 3])
+def test_as_many_competitors_as_channels_or_no_competitor_are_refused(competitors):
+    with pytest.raises(
+        ValueError, match=re.escape(f"competitors must be within 1..2, got {competitors}")
+    ):
+        fixed_point.off_nats(anatomy.bogacz_gurney(3), competitors)
+
+
+def test_a_circuit_in_saliences_has_no_distance_from_a_posterior():
+    with pytest.raises(ValueError, match="not nats: OUT as -ln P has no meaning there"):
+        fixed_point.off_nats(anatomy.gpr(3))

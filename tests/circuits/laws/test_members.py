@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from circuits.anatomy import load_circuit
-from circuits.dynamics.fixed_point import resting_hz
+from circuits.dynamics.fixed_point import off_nats, resting_hz
 from circuits.laws.family import constraints, failures, shift_nats
 from circuits.laws.members import SIGMA0, dependent, directions, loop, moved
-from circuits.laws.posterior import off_nats
 from tests.circuits.laws.test_family import above, drives
 from tests.helpers import refused
 

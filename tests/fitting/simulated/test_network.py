@@ -12,8 +12,8 @@ from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.control import decided
 from bgmodel.fitting.simulated.crossings import DRIFTS, FirstPassageTimes
 from bgmodel.fitting.simulated.network import INPUTS, PARAMETERS, LikelihoodNetwork, read_network
-from bgmodel.integrators.given import identity
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.declaration.table_files import identity
 from figures.data import measure_hssm_check as hssm_check
 from figures.data import measure_likelihood as likelihood
 from tests.helpers import refused

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import expit, logit
 
-from bgmodel.learning.values.bandit import Bandit
-from bgmodel.learning.values.ideal import IdealLearner, ideal_of
+from bgmodel.learning.values.bandit import Bandit, IdealLearner, ideal_of
 from bgmodel.learning.values.learners import (
     LEARNERS,
     Confidence,

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from bgmodel.learning.weights.drift import DriftingSensor
 from bgmodel.learning.weights.feedback import WeightLearner
 from bgmodel.learning.weights.learn import learn_weights
-from bgmodel.learning.weights.sources import GaussianFeatures, tap_features
+from bgmodel.learning.weights.sources import DriftingSensor, GaussianFeatures, tap_features
 from bgmodel.tactile.source import held_out_taps
 from bgmodel.tactile.task import Orientation, SameDifferent
 from tests.helpers import refused

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from circuits.cells import Lif, Phase
-from circuits.laws.mixture import differing, mean_rate_hz
+from circuits.laws.mean_field import differing, mean_rate_hz
 
 INPUT, LINE_HZ = np.array([0.0, 0.4, 1.1]), np.array([8.0, 20.0, 41.0])
 
