@@ -8,7 +8,7 @@ from circuits.anatomy.macaque import LIENARD, OF_TWO, SHEN, macaque
 from circuits.circuit import Circuit
 from circuits.declaration.motifs import FEEDFORWARD, striatal_fsi
 from circuits.declaration.rows import Projection
-from circuits.laws.members import moved
+from circuits.laws.members import DIGITS, moved
 
 RATES = {
     "ctx.gain_hz_per_nat": 16.0,  # 36 Hz before the evidence
@@ -60,12 +60,12 @@ def macaque_tuned(channels: int = 2) -> Circuit:
         circuit = circuit.with_population(name, neurons=neurons)
     circuit = moved(circuit, RATES | LOOP | LEGS)
     weight = next(p.weight for p in circuit.projections if p.pair == "ctx->D1")
-    circuit = circuit.with_projection("ctx", "D1", weight=weight + FROM_FSI)
+    circuit = circuit.with_projection("ctx", "D1", weight=round(weight + FROM_FSI, DIGITS))
     circuit = circuit.with_projection("GPe", "STN", cite=TUNED_LOOP)
     circuit = circuit.with_population("STN", cite=TUNED_STN, cite_more=ALIKE)
     less = FROM_FSI * circuit.rest_drive
     for name, more in (("D1", MORE_D1_NATS - less), ("SNr", MORE_D1_NATS)):
-        bias = circuit.population(name).bias_nats + more
+        bias = round(float(circuit.population(name).bias_nats + more), DIGITS)
         circuit = circuit.with_population(name, bias_nats=bias)
     cells, onto_cells, *_ = striatal_fsi(circuit)
     to_d1 = Projection("FSI", "D1", -FROM_FSI, delay_ms=1, tau_ms=4, cite=FEEDFORWARD)
@@ -73,6 +73,5 @@ def macaque_tuned(channels: int = 2) -> Circuit:
         circuit.add(cells, onto_cells, to_d1),
         about="basal ganglia of a macaque with its rates at rest and its beta without dopamine",
         unedited=None,
-        exact=True,
         max_lead_nats=MOST_LEAD_NATS[channels],
     )

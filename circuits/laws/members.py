@@ -28,6 +28,8 @@ from circuits.laws.family import BENT, constraints, failures, reduced
 SIGMA0 = "Sigma0"
 """The resting value of Sigma as a free direction, nats of STN's activity."""
 OF_GAUGE = ("baseline_hz", "gain_hz_per_nat")
+DIGITS = 12
+"""Decimal places of what follows from other numbers: how a machine rounds changes no table."""
 FREE = {"weight": "nats per nat", "baseline_hz": "Hz", "gain_hz_per_nat": "Hz per nat"}
 FREE |= dict.fromkeys(OF_TIME, "ms")
 """Fields of rows that are free, with their units."""
@@ -164,7 +166,10 @@ def _meeting(circuit: Table, name: str, source: str, target: str) -> Table:
     if factor < 0:
         problem = f"no weight of {source}->{target} of its sign meets the constraint {name!r}"
         raise InputError(f"{circuit.name}: {problem}, which is off by {now:+.3g}", "weight")
-    return circuit.scale(source, target, factor)
+    for p in circuit.pathways(source, target):
+        weight = round(p.weight * factor, DIGITS)
+        circuit = circuit.with_projection(source, target, p.synapse, weight=weight)
+    return circuit
 
 
 def _resting(circuit: Table, reference: Table, sigma0: float) -> Table:
@@ -176,8 +181,8 @@ def _resting(circuit: Table, reference: Table, sigma0: float) -> Table:
     units = after.deliver @ after.rates(x) + after.constant
     missing = x - after.inputs(units)
     for row in circuit.populations:
-        more = float(missing[after.blocks_of(row.name)].mean())
-        circuit = circuit.with_population(row.name, bias_nats=row.bias_nats + more)
+        bias = row.bias_nats + float(missing[after.blocks_of(row.name)].mean())
+        circuit = circuit.with_population(row.name, bias_nats=round(bias, DIGITS))
     for p in circuit.projections:
         # Where dopamine had no effect at rest, it still has none.
         if p.receptor and np.isclose(p.operating_point_nats, _at(before, p, old)):
@@ -190,4 +195,4 @@ def _resting(circuit: Table, reference: Table, sigma0: float) -> Table:
 def _at(wiring: Wiring, p: Projection, units: Array) -> float:
     """Return the input that a pathway adds to its target, before its weight."""
     here = [u for u, row in enumerate(wiring.projections) if row.name == p.name]
-    return float(transfer.named(p.transfer)(units[here]).mean())
+    return round(float(transfer.named(p.transfer)(units[here]).mean()), DIGITS)

@@ -200,8 +200,8 @@ class GroupFit(Facts):
             "rhat": rhat.max(axis=0),
             "effective_sample_size": effective.min(axis=0),
         }
-        table = Readable(columns, index=pd.Index(self.parameters, name="parameter"))
-        return table.with_note(self.notes())
+        index = pd.Index(self.parameters, name="parameter")
+        return Readable(columns, index=index).with_note(self.notes())
 
     def notes(self) -> str:
         """Return priors and correlations as text."""

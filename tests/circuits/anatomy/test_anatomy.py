@@ -77,7 +77,7 @@ HASHES = {
     "appendix_b": ("12ce6098", "a1483e98"),
     "linear_gpe": ("6d48e6f7", "9db5d4e9"),
     "macaque": ("dbb7b144", "e38d6ecc"),
-    "macaque_tuned": ("384871d4", "63fe5317"),
+    "macaque_tuned": ("93b2f6e6", "44d75bfd"),
     "spiking_msprt": ("0011528f", "6119a62c"),
     "gpr": ("d5cc4e41", "36a5d88f"),
     "humphries": ("e8ccb839", "f2b1d9bf"),
