@@ -44,9 +44,9 @@ ALIKE = Predictors((), np.zeros((0, 0)), np.zeros(0, np.int64))
 """No predictors: everyone has the mean of the group."""
 
 
+# Of a group, for compiled functions: inverse of the correlations, priors of means, their highest
+# values, and the parameters that are correlated, none if people are independent in all.
 Law = tuple[Array, Array, Array, Integers]
-"""Of a group, for compiled functions: inverse of the correlations, priors of means, their highest
-values, and the parameters that are correlated, none if people are independent in all."""
 
 
 @dataclass(frozen=True)
