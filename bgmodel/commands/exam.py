@@ -16,7 +16,7 @@ from circuits.declaration.edits import Edits
 from circuits.errors import InputError
 
 
-@like(Exam.take, "gain", "seed", "share")
+@like(Exam.take, "gain", "motifs", "seed", "share")
 def exam(
     circuit: str = "",
     /,

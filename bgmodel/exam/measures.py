@@ -263,7 +263,13 @@ def rate_change(
 
 
 def _check_hz(results: Results, nucleus: str) -> None:
-    if results.in_hz and nucleus in results.tables.abstract:
+    if results.in_hz:
+        check_cells(results, nucleus)
+
+
+def check_cells(results: Results, nucleus: str) -> None:
+    """Raise NotApplicable if the activity of a nucleus is not that of cells."""
+    if nucleus in results.tables.abstract:
         raise NotApplicable(f"the activity of {nucleus} is abstract, not a rate of cells in Hz")
 
 

@@ -12,7 +12,7 @@ from bgmodel.comparison import designed as designs
 from bgmodel.comparison.compare import with_other_noise
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import curve, time_at, tradeoff
-from bgmodel.exam.measures import Estimate, Results, measure, slope_over
+from bgmodel.exam.measures import Estimate, Results, check_cells, measure, slope_over
 from bgmodel.exam.numbers import Task
 from bgmodel.exam.simulation import drawn
 from bgmodel.exam.tables import NAMES, Failed, NotApplicable
@@ -47,8 +47,7 @@ def blocked(results: Results, nucleus: str, receptors: str) -> Estimate:
     was. A pathway whose receptor is not declared acts through AMPA and NMDA, or through GABA-A.
     """
     circuit = results.simulation.circuit(2).steady
-    if nucleus in results.simulation.abstract:
-        raise NotApplicable(f"the activity of {nucleus} is abstract, not a rate of cells in Hz")
+    check_cells(results, nucleus)
     names = {row.name for row in circuit.populations} & {nucleus, *NAMES.get(nucleus, ())}
     if not names:
         raise NotApplicable(f"there is no nucleus {nucleus}")

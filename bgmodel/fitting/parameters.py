@@ -359,7 +359,7 @@ class ParameterSpace:
 
 
 def told_priors(intervals: Mapping[str, tuple[float, float]]) -> str:
-    """Return priors as a line of text, "" if there are none."""
+    """Return priors as a line of text, "" without any."""
     told = [f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in intervals.items()]
     more = f", and {len(told) - MOST_TOLD} more" if len(told) > MOST_TOLD else ""
     return f"priors (central 95 %): {', '.join(told[:MOST_TOLD])}{more}" if told else ""
