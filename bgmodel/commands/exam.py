@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import pandas as pd
 
-from bgmodel.commands.options import FLAT, MANY, like
+from bgmodel.commands.options import FLAT, MANY, OFF, like
 from bgmodel.commands.output import Output, check_whole, options_of, recorded, say
 from bgmodel.exam.exam import Exam
 from bgmodel.exam.tables import OF_RATES, OF_TRIALS, WINDOWS
@@ -16,7 +16,7 @@ from circuits.declaration.edits import Edits
 from circuits.errors import InputError
 
 
-@like(Exam.take, "gain", "motifs", "seed", "share")
+@like(Exam.take, "gain", "seed", "share")
 def exam(
     circuit: str = "",
     /,
@@ -28,6 +28,7 @@ def exam(
     numbers: Annotated[tuple[Path, ...], MANY] = (),
     domains: Annotated[tuple[str, ...], MANY] = (),
     tasks: bool = False,
+    motifs: Annotated[bool, OFF] = True,
     workers: int = 2,
     output: Annotated[Output, FLAT] = Output(),  # noqa: B008
     **options: Any,
@@ -59,6 +60,9 @@ def exam(
         Domains that are asked; all by default.
     tasks
         List the tasks, and the columns of tables from elsewhere, and run nothing.
+    motifs
+        Circuits have the motifs of each task, such as a criterion that falls where difficulties are
+        interleaved.
     workers
         Threads, for engines that can use several; the results do not depend on it.
     """
@@ -77,7 +81,9 @@ def exam(
         asked.check(circuit, edits)
         count, version = len(asked.questions.numbers), asked.questions.version
         say(f"an exam of {count} numbers, list {version}; the whole list takes about a minute")
-        marked = asked.take(circuit, edits=edits, engine=engine, workers=workers, **options)
+        marked = asked.take(
+            circuit, edits=edits, engine=engine, motifs=motifs, workers=workers, **options
+        )
     else:
         marked = asked.mark(data, rates, seed=options["seed"])
     domain = marked.summary().to_dict("records")
@@ -88,7 +94,7 @@ def exam(
         output.note(f"-> {output.save}")
     else:
         settings = {"circuit": circuit, "edits": edits, "engine": engine, "data": data,
-                    "rates": rates, "domains": domains,
+                    "rates": rates, "domains": domains, "motifs": motifs,
                     "numbers": [recorded(path) for path in numbers], **options}  # fmt: skip
         output.write(marked.table, marked.seed, command=options_of(**settings), **marked.parameters)
     output.draw(marked.plot)
