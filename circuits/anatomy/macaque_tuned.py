@@ -71,7 +71,7 @@ def macaque_tuned(channels: int = 2) -> Circuit:
     to_d1 = Projection("FSI", "D1", -FROM_FSI, delay_ms=1, tau_ms=4, cite=FEEDFORWARD)
     return replace(
         circuit.add(cells, onto_cells, to_d1),
-        about="basal ganglia of a macaque with its rates at rest and its beta after dopamine loss",
+        about="basal ganglia of a macaque with its rates at rest and its beta without dopamine",
         unedited=None,
         max_lead_nats=MOST_LEAD_NATS[channels],
     )

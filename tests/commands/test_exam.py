@@ -3,6 +3,7 @@
 import json
 
 import pandas as pd
+import pytest
 
 from bgmodel.exam.exam import Exam
 from bgmodel.exam.numbers import shipped_list
@@ -61,3 +62,10 @@ def test_contradictions_are_refused_in_one_sentence(tmp_path, refusal):
         ("exam", "--numbers", tmp_path / "none.toml"),
     ):
         assert len(refusal(*arguments).splitlines()) == 1
+
+
+@pytest.mark.parametrize("motifs", [True, False])
+def test_motifs_are_left_out_on_request(motifs, capsys):
+    asked = () if motifs else ("--no-motifs",)
+    assert run("exam", "macaque", *FEW, *asked, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["motifs"] is motifs

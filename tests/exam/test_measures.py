@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from bgmodel import Msprt, first_crossing, gaussian_evidence, threshold_from_posterior
+from bgmodel.exam import of_circuit
 from bgmodel.exam.measures import MEASURES, Estimate, Results
 from bgmodel.exam.numbers import shipped_list
 from bgmodel.exam.simulation import Simulation
@@ -124,8 +125,8 @@ def test_abstract_rates_have_a_sign_and_no_hz():
 
 
 def blocked(circuit, nucleus, receptors):
-    asked = Simulation(Model("own", lambda _: circuit), TASKS, 1)
-    return MEASURES["blocked"](Results(asked, TASKS, 1), nucleus, receptors)
+    runs = Simulation(Model("own", lambda _: circuit), TASKS, 1)
+    return of_circuit.blocked(Results(runs, TASKS, 1), nucleus, receptors)
 
 
 def test_a_block_takes_signal_and_tone_of_a_receptor_from_a_cell_alone():
