@@ -179,7 +179,7 @@ def _outside(circuit: CircuitTable, resting: Mapping[str, float]) -> str:
         hz = resting.get(row.name, math.nan)
         low, high = row.published_hz or (-math.inf, math.inf)
         if hz < low or hz > high:
-            rows.append(f"{row.name} {hz:.0f} ({low:.0f} to {high:.0f})")
+            rows.append(f"{row.name} {hz:.3g} ({low:.3g} to {high:.3g})")
     return f"\nresting rates outside the published range, Hz: {', '.join(rows)}" if rows else ""
 
 

@@ -50,7 +50,7 @@ def test_half_of_the_axons_take_the_tone_and_half_the_weight_leaves_it():
     scaled, cut = table.scale("GPe", "STN", 0.5), table.cut("GPe", "STN", 0.5)
     before = resting_hz(table)
     assert resting_hz(scaled) == pytest.approx(before, abs=1e-9)
-    weight, tone = table.projection("GPe", "STN").weight, 58 / 50
+    weight, tone = table.projection("GPe", "STN").weight, 58 / 20
     by_hand = table.scale("GPe", "STN", 0.5).with_population(
         "STN", bias_nats=table.population("STN").bias_nats - 0.5 * weight * tone
     )

@@ -135,7 +135,7 @@ def test_what_newcomers_try_is_refused_with_the_next_step(call, wanted):
 
 
 def test_a_warning_points_at_the_line_that_called():
-    strong = bg.gaussian_evidence(40, d_prime=2, seed=1)
+    strong = bg.gaussian_evidence(40, d_prime=4, seed=1)
     model = bg.BasalGanglia("macaque", gain=0.55, seed=1)
     for call in (model.activity, model.run):
         with pytest.warns(RangeWarning) as caught:

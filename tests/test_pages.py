@@ -45,7 +45,7 @@ PARSED = {
     "bgmodel fit theirs.csv": "there is no such table; a test of the command writes one",
     "bgmodel compare": "1 000 trials take minutes; a test of the command compares a hundred",
     "bgmodel fit clicks": "there is no such table; a test of the command writes one",
-    "bgmodel exam macaque_tuned    #": "the whole exam takes a minute; a guide asks for one domain",
+    "bgmodel exam    #": "the whole exam takes a minute; a guide asks for one domain",
     "bgmodel exam macaque --plot": "the whole exam takes a minute; a line below asks less",
     "bgmodel exam mine.toml": "there is no such file; a test of the exam takes a circuit",
     "bgmodel exam --data": "there are no such tables; a test of the exam writes them",

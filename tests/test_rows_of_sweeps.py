@@ -202,7 +202,7 @@ def test_a_row_decides_as_the_single_run_does(base, point, tmp_path):
         (["lesion STN 10%"], {"compensate": (True,)}, ["lesion STN 10%", "compensate"]),
         (["lesion STN 10%"], {"lesion STN": (False,)}, []),
         (["lesion STN 10%"], {"lesion STN": (True,)}, ["lesion STN"]),
-        ([], {"add striatal_FSI": (True,)}, ["add striatal_FSI"]),
+        ([], {"add striatal_FSI": (True,), "circuit": ("macaque_small",)}, ["add striatal_FSI"]),
         ([], {"set common.pooled": (True,), "circuit": ("spiking_msprt",)}, []),
         # What is lost, scaled or set of a row that is added.
         (
@@ -213,7 +213,11 @@ def test_a_row_decides_as_the_single_run_does(base, point, tmp_path):
                 "lesion TRN 50%", "scale TRN->GPe 0.5",
             ],
         ),
-        (["add striatal_FSI"], {"lesion FSI": (0.5,)}, ["add striatal_FSI", "lesion FSI 50%"]),
+        (
+            ["add striatal_FSI"],
+            {"lesion FSI": (0.5,), "circuit": ("macaque_small",)},
+            ["add striatal_FSI", "lesion FSI 50%"],
+        ),
     ],
 )  # fmt: skip
 def test_a_point_replaces_the_same_edit_in_any_spelling(edits, grid, rows):

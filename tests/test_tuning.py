@@ -84,7 +84,7 @@ def test_a_tuning_that_could_not_be_judged_is_refused(field, wrong):
 def test_numbers_that_are_not_answered_weigh_the_same_wherever_the_circuit_is():
     exam = Exam.shipped()
     rows = tuning._scores(
-        tuning.model_of("macaque"), tuning._only(exam, ["rest.fsi"]), 1, 1.0, 1, closed=True
+        tuning.model_of("macaque_small"), tuning._only(exam, ["rest.fsi"]), 1, 1.0, 1, closed=True
     )
     assert [row["outcome"] for row in rows] == ["not answered"]
     assert tuning._loss(rows) == tuning.UNMET

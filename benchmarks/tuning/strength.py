@@ -3,7 +3,7 @@
 ``python -m benchmarks.tuning.strength [--circuit macaque] [--trials 200]`` prints three tables: the
 stability of the loop of STN and GPe against its activity, decision times against d' with one part
 of the circuit changed at a time, and the share of late decisions by number of alternatives, from
-which ``MOST_LEAD_NATS`` of ``macaque`` and ``macaque_tuned`` is taken.
+which ``MOST_LEAD_NATS`` of ``macaque`` and ``macaque_small`` is taken.
 """
 
 from __future__ import annotations

@@ -16,7 +16,6 @@ EXAMPLES = {
     "add dopamine amount=0.2 to_ms=300": "course: more dopamine during part of each trial",
     "add STN amount=0.5 from_ms=100": "course: more input to a nucleus from a time on",
     "add D2[0] amount=-2 from_ms=200 to_ms=400": "course: light on one channel of a nucleus",
-    "add striatal_FSI": "motif: fast-spiking interneurons of the striatum",
     "add urgency": "motif: OUT falls with time, as a criterion does",
     "add onset_transient": "motif: a burst of all cortex at the onset of the evidence",
 }

@@ -16,7 +16,7 @@ from circuits.anatomy.exact import appendix_b, bogacz_gurney, linear_gpe
 from circuits.anatomy.gpr import gpr
 from circuits.anatomy.humphries import humphries
 from circuits.anatomy.macaque import macaque
-from circuits.anatomy.macaque_tuned import macaque_tuned
+from circuits.anatomy.macaque_small import macaque_small
 from circuits.anatomy.spiking_msprt import spiking_msprt
 from circuits.anatomy.stewart import stewart
 from circuits.circuit import Circuit
@@ -35,7 +35,7 @@ __all__ = [
     "linear_gpe",
     "load_circuit",
     "macaque",
-    "macaque_tuned",
+    "macaque_small",
     "spiking_msprt",
     "stewart",
 ]
@@ -45,7 +45,7 @@ _TABLES = (
     appendix_b,
     linear_gpe,
     macaque,
-    macaque_tuned,
+    macaque_small,
     spiking_msprt,
     gpr,
     humphries,
@@ -66,7 +66,7 @@ def load_circuit(name: str | Path, channels: int | None = None) -> Circuit:
         The path of a .toml file, or the name of a circuit:
 
         - "macaque": spiking basal ganglia of the macaque, driven by raw evidence;
-        - "macaque_tuned": the same computation with the animal's resting rates and beta;
+        - "macaque_small": the same computation in a third of the cells, without its resting rates;
         - "spiking_msprt": spiking cells that compute the MSPRT;
         - "bogacz_gurney": the exact circuit of Bogacz & Gurney (2007), where OUT = -ln P;
         - "appendix_b": the exact circuit with all pathways (their appendix B);

@@ -7,6 +7,7 @@ from math import exp, inf, log, log1p
 from circuits.cells import Phase, Rate
 from circuits.checks import check_channels
 from circuits.circuit import Circuit
+from circuits.declaration.motifs import DRIVEN, FEEDFORWARD, FSI
 from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection, rows
 
 LIENARD = "Lienard & Girard 2014"
@@ -28,24 +29,25 @@ EXACT = "weight derived"
 """From OUT = -ln P, given the weights that are tuned or assumed."""
 BENT = f"{EXACT}; pivot assumed"
 GUESSED = "weight assumed"
+TIMED = "weight, tau assumed"
 WIRE = "weight, delay assumed"
 D2_BENT = f"{KERNEL}; D2 {HERNANDEZ}"
-D2_GABA = f"{SHARED}; D2 {SHEN}"
+D2_GABA = f"delay {LIENARD}; tau, share tuned; D2 {SHEN}"
 MOST_LEAD_NATS = {
-    2: 1.2, 3: 2.4, 4: 2.4, 5: 1.5, 6: 1.1, 7: 0.65, 8: 0.6, 9: 0.5, 10: 0.4, 11: 0.33, 12: 0.28,
+    2: 3.4, 3: 3.1, 4: 2.5, 5: 1.5, 6: 0.95, 7: 0.7, 8: 0.65, 9: 0.5, 10: 0.36, 11: 0.32, 12: 0.29,
 }  # fmt: skip
 """Largest lead per 100 ms by number of alternatives, measured (benchmarks/tuning/strength.py).
 
 Up to this lead, at most 2.5 % of decisions come 400 ms or more after those of the fixed point, at
-a posterior of 0.9. With few alternatives the limit is set by the delays of the STN-GPe loop, which
-oscillates above Sigma = 5.1; with many, by the highest cortical rate.
+a posterior of 0.9; with two and three alternatives it is the largest that was tried. With many the
+limit is set by the highest cortical rate.
 """
 SLOW = "GPe to frontal cortex, Saunders et al. 2015, mouse; rest assumed"
 TO_SLOW = "input from STN, gain, time assumed"
 TO_CTX = "GPe to frontal cortex, Saunders et al. 2015, mouse; delay assumed"
 
 
-def macaque(channels: int = 2, *, name: str = "macaque") -> Circuit:
+def macaque(channels: int = 2) -> Circuit:
     """Return the circuit driven by raw evidence, which cancels input common to all channels.
 
     The cortex of each channel receives that channel's evidence. Input common to all channels moves
@@ -57,55 +59,62 @@ def macaque(channels: int = 2, *, name: str = "macaque") -> Circuit:
     ``1 / (1 + 1.25)`` of its size. (3) GPe cells that project to cortex return Sigma to its resting
     value, with a gain of 10 and within 500 ms.
 
-    At rest D1 is 0.4 nats above the point where it falls silent, for any number of channels, so
-    that it can follow when all channels fall together. STN->SNr is slow, so that a step in all
-    channels reaches SNr through STN at about the same time as through D1. All cells are renewal
-    processes whose rate follows their line, so at the fixed point OUT is -ln P wherever no cortical
-    channel is silent. Silent competitors count as if they were at 0, which makes OUT too high by
-    about ``(N - 2) / N exp(-2.2)`` nats, 0.055 for N = 4; only higher resting rates of cortex
-    would correct this.
+    At rest D1 is half a nat above the point where it falls silent, for any number of channels, so
+    that it can follow when all channels fall together. The striatal fast-spiking interneurons (FSI)
+    of a channel take from D1 a part of the cortical input, which the weight ctx->D1 restores.
+    STN->SNr is slow, so that a step in all channels reaches SNr through STN at about the same time
+    as through D1. All cells are renewal processes whose rate follows their line, so at the fixed
+    point OUT is -ln P wherever no cortical channel is silent. Silent competitors count as if they
+    were at 0, which makes OUT too high by about ``(N - 2) / N exp(-2.2)`` nats, 0.055 for N = 4;
+    only higher resting rates of cortex would correct this.
 
     Dopamine makes D1's line steeper and D2's flatter about rest, and weakens the STN-GPe loop at
     its terminals: the less dopamine, the closer the loop is to oscillation (Lindahl & Hellgren
     Kotaleski 2016).
 
-    Some resting rates lie outside those published for the macaque (Lienard & Girard 2014: MSN 0-1,
-    STN 15-23, GPe 56-75, GPi and SNr 59-80 Hz): MSN at 3 and 5 Hz, because silent ones cannot
-    follow a fall; STN at 44 / N and SNr at 20 + 36 ln N Hz, which depend on the number of
-    alternatives as -ln P does. Tuned on separate seeds. ``macaque_tuned`` has the animal's rates.
+    OUT at the fixed point depends on no rate in Hz, no time constant, and not on the loop's share
+    and Sigma at rest (``circuits.laws.family``). These are tuned, on separate seeds, to resting
+    rates of two alternatives, also with receptors blocked (Lienard & Girard 2014: MSN 0-1, STN
+    15-23, GPe 56-75, GPi and SNr 59-80 Hz), to the beta rhythm after dopamine loss, and to the
+    cortical rate of alternatives that are not chosen. STN's rate at rest, 32 / N Hz, and SNr's
+    depend on the number of alternatives as -ln P does.
     """
     check_channels(channels)
     log_n = log(channels)
-    rest, tone, above_floor = 2.2, 3.0, 0.4
-    sigma, share, indirect, fast = 2.2, 0.35, 0.1, 1.25
+    rest, tone, above_floor = 2.2, 3.0, 0.5
+    sigma, share, indirect, fast = 2.6, 0.45, 0.1, 1.25
+    from_fsi = 0.15
     # The exponent of STN still sums to y: the remainder arrives through D2 and GPe. D1 subtracts
-    # what D2 adds to OUT through GPe->SNr.
+    # what D2 adds to OUT through GPe->SNr; at rest FSI's activity is 0.
     direct = 1 - indirect * share
-    to_d1 = (1 + indirect * (1 - share)) * rest
+    to_d1 = 1 + from_fsi + indirect - indirect * share
     top = rest + log_n
     from_stn = sigma - log(sigma)  # GPe's resting input, unchanged by dopamine
     # fmt: off
     populations = rows(Population, (
         "name       cell        neurons pooled baseline_hz gain_hz_per_nat transmitter cite",
-        ("ctx",     Phase(0.5), 600,    False, 0.8,        11,             GLUTAMATE,  CORTEX),
+        ("ctx",     Phase(0.5), 2000,   False, 0.8,        16,             GLUTAMATE,  CORTEX),
         ("ctx_inh", Rate(),     1,      True,  0,          5,              GABA,       FAST),
-        ("D1",      Phase(0.5), 5000,   False, 0,          12,             GABA,       MSN),
-        ("D2",      Phase(0.5), 600,    False, 3,          2,              GABA,       MSN),
-        ("STN",     Phase(0.3), 300,    False, 0,          20,             GLUTAMATE,  OF_TWO),
-        ("GPe",     Phase(0.3), 300,    False, 58,         50,             GABA,       PACEMAKER),
+        ("D1",      Phase(0.5), 10000,  False, 0,          2.56,           GABA,       MSN),
+        ("D2",      Phase(0.5), 2800,   False, 0.5,        0.3,            GABA,       MSN),
+        ("STN",     Phase(0.3), 1500,   False, 0,          12.44,          GLUTAMATE,  OF_TWO),
+        ("GPe",     Phase(0.3), 1500,   False, 58,         20,             GABA,       PACEMAKER),
         ("GPe_ctx", Rate(),     1,      True,  0,          20,             GABA,       SLOW),
-        ("SNr",     Phase(0.3), 600,    False, 20,         36,             GABA,       OUTPUT),
+        # SNr fires without STN's input, 2.6 nats at rest, too, and at 54 Hz without any input.
+        ("SNr",     Phase(0.3), 3100,   False, 54,         20,             GABA,       OUTPUT),
+        ("FSI",     Phase(0.5), 1000,   False, 11,         4,              GABA,       FSI),
     ), (
         "name       transfer      tau_ms  receptor  operating_point_nats  bias_nats",
         ("ctx",     "saturating", 2,     "",       0.0,        tone + fast * rest),
         ("ctx_inh", "linear",     5,      "",       0.0,        0.0),
         # Dopamine rotates the lines about the resting input, so resting rates do not change.
-        ("D1",      "linear",     0.0,    "D1",     rest,       above_floor - to_d1),
+        ("D1",      "linear",     0.0,    "D1",     rest,       above_floor - rest * to_d1),
         ("D2",      "linear",     0.0,    "D2",     rest,       -rest),
-        ("STN",     "exp",        5,      "",       0.0,        log(sigma) - rest * direct - log_n),
+        ("STN",     "exp",        14,     "",       0.0,        log(sigma) - rest * direct - log_n),
         ("GPe",     "linear",     0.0,    "",       0.0,        -from_stn),
         ("GPe_ctx", "linear",     5000,   "",       0.0,        tone - 10 * sigma),
         ("SNr",     "linear",     0.0,    "",       0.0,        log_n + above_floor - sigma),
+        ("FSI",     "linear",     0.0,    "",       0.0,        -rest),
     ), (
         # The mean of the cells' rates is that of the line.
         "name       heterogeneity published_hz  cite_more",
@@ -113,26 +122,29 @@ def macaque(channels: int = 2, *, name: str = "macaque") -> Circuit:
         ("ctx_inh", 0.0,   (),           "tau assumed"),
         ("D1",      0.3,   (0.0, 1.0),   "heterogeneity, pivot assumed"),
         ("D2",      0.3,   (0.0, 1.0),   "heterogeneity, pivot assumed"),
-        ("STN",     0.3,   (15.2, 22.8), "heterogeneity, cells, tau assumed"),
+        ("STN",     0.3,   (15.2, 22.8), "heterogeneity assumed; tau, cells tuned"),
         ("GPe",     0.3,   (55.7, 74.5), "heterogeneity, cells assumed"),
         ("GPe_ctx", 0.0,   (),           "tau tuned"),
         ("SNr",     0.3,   (59.1, 79.5), "heterogeneity assumed; cells tuned"),
+        ("FSI",     0.3,   (7.8, 14.0),  ""),
     ))
     projections = rows(Projection, (
         "source     target     weight        pattern    delay_ms  tau_ms  cite     cite_more",
-        ("ctx",     "D1",      to_d1 / rest, "channel", 7,        4,      AMPA,    EXACT),
-        ("ctx",     "D2",      1,            "channel", 7,        4,      AMPA,    GUESSED),
-        ("ctx",     "STN",     direct,       "channel", 3,        4,      AMPA,    EXACT),
+        ("ctx",     "D1",      to_d1,        "channel", 7,        2,      AMPA,    EXACT),
+        ("ctx",     "D2",      1,            "channel", 7,        2,      AMPA,    GUESSED),
+        ("ctx",     "STN",     direct,       "channel", 3,        2,      AMPA,    EXACT),
         ("ctx",     "ctx_inh", 1 / channels, "diffuse", 1,        2,      ASSUMED, ""),
         ("ctx_inh", "ctx",     -fast,        "diffuse", 1,        3,      ASSUMED, ""),
-        ("D1",      "SNr",     -1,           "channel", 11,       6,      KERNEL,  EXACT),
+        ("D1",      "SNr",     -1,           "channel", 11,       4,      KERNEL,  EXACT),
         ("D2",      "GPe",     -indirect,    "channel", 7,        4,      GABA_A,  GUESSED),
         ("STN",     "GPe",     1,            "diffuse", 3,        3,      D2_BENT, BENT),
-        ("STN",     "SNr",     1,            "diffuse", 3,        19,     KERNEL,  EXACT),
+        ("STN",     "SNr",     1,            "diffuse", 3,        18,     KERNEL,  EXACT),
         ("STN",     "GPe_ctx", 10,           "diffuse", 3,        5,      TO_SLOW, WIRE),
-        ("GPe",     "STN",     -share,       "channel", 10,       4,      D2_GABA, ""),
+        ("GPe",     "STN",     -share,       "channel", 10,       12,     D2_GABA, ""),
         ("GPe",     "SNr",     share - 1,    "channel", 3,        4,      SHARED,  ""),
         ("GPe_ctx", "ctx",     -1,           "diffuse", 2,        0.0,    TO_CTX,  GUESSED),
+        ("ctx",     "FSI",     1,            "channel", 7,        4,      DRIVEN,  TIMED),
+        ("FSI",     "D1",      -from_fsi,    "channel", 1,        4,      FEEDFORWARD, GUESSED),
     ), (
         # Dopamine weakens the loop at its terminals; GPe's activity is 0 at rest.
         "source target receptor operating_point_nats transfer",
@@ -141,7 +153,7 @@ def macaque(channels: int = 2, *, name: str = "macaque") -> Circuit:
     ))
     # fmt: on
     return Circuit(
-        name=name,
+        name="macaque",
         populations=populations,
         projections=projections,
         channels=channels,

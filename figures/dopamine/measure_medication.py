@@ -21,10 +21,9 @@ from scipy.stats import norm
 
 from bgmodel import stream
 from bgmodel.tables.shipped import SIMON_SET, shipped_table
-from circuits.anatomy import DEFAULT
 from circuits.errors import require
 from figures.dopamine.simon import between, by_order, means, named, of_people, within
-from figures.dopamine.simon_model import Simon
+from figures.dopamine.simon_model import CIRCUIT, Simon
 from figures.dopamine.simon_predictions import (
     CONTROLS,
     KINDS,
@@ -175,7 +174,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     return every | {"outcomes": ("people", outcomes(made["people"]))}
 
 
-SCORE = Score("medication", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
+SCORE = Score("medication", SCORING_SEED, (2,), pieces, tables, circuit=CIRCUIT)
 
 if __name__ == "__main__":
     main(SCORE)

@@ -24,8 +24,10 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import threshold_from_posterior
 from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.support.arrays import Array
-from circuits.anatomy import DEFAULT, load_circuit
+from circuits.anatomy import load_circuit
 
+CIRCUIT = "macaque_small"
+"""The circuit with which the predictions were made, before the analysis."""
 STEP_MS = 10.0
 STEPS, TEST_STEPS = 60, 300
 """Readings of a trial in training, which lasts until the deadline, and in the test."""
@@ -102,7 +104,7 @@ def items(simon: Simon, trials: int, seed: int) -> tuple[Evidence, list[str]]:
 
 def circuit_at(dopamine: float, seed: int) -> BasalGanglia:
     """Return the default circuit by populations at a level of dopamine."""
-    return BasalGanglia(load_circuit(DEFAULT, 2).dopamine(dopamine), "population", seed=seed)
+    return BasalGanglia(load_circuit(CIRCUIT, 2).dopamine(dopamine), "population", seed=seed)
 
 
 def crossings(model: BasalGanglia, evidence: Evidence, levels: Array) -> tuple[Array, Array]:

@@ -24,7 +24,7 @@ COLOURS = {
 }
 """Colour of each outcome."""
 FIRST = (
-    "macaque_tuned", "macaque_tuned, no motifs", "macaque", "macaque, no motifs", "spiking_msprt",
+    "macaque", "macaque, no motifs", "macaque_small", "macaque_small, no motifs", "spiking_msprt",
     "bogacz_gurney",
 )  # fmt: skip
 """Circuits drawn first; others follow in the order of the table."""

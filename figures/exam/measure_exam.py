@@ -57,13 +57,12 @@ CONTROLS: dict[str, tuple[str, Callable[[Circuit], Circuit]]] = {
 nuclei fire at their resting rates."""
 
 
-NO_MOTIFS = ("macaque", "macaque_tuned")
+NO_MOTIFS = ("macaque", "macaque_small")
 """Circuits that also sit without the motifs of tasks, with a constant criterion."""
 WITHOUT = ", no motifs"
 """What their names then end with."""
 OTHERS_RATES = Path(__file__).parent / "others"
 """Rates of circuits of other people, a table each; SOURCES.md says whose."""
-TUNED = "macaque_tuned"
 GAMES = {
     "SNr barely changes its rate": ("set SNr.gain_hz_per_nat 6", "set SNr.baseline_hz 63.7"),
     "D2 barely changes its rate": ("set D2.gain_hz_per_nat 0.05",),
@@ -71,7 +70,7 @@ GAMES = {
     "OUT falls in every task": ("add SNr amount=-0.5 rise_ms=1000",),
     "cortex bursts in every task": ("add ctx amount=1.2 to_ms=120 rise_ms=20 decay_ms=120",),
 }
-"""Edits of ``macaque_tuned`` that might raise its score without a meaning."""
+"""Edits of the default circuit that might raise its score without a meaning."""
 
 
 def examinees() -> dict[str, Examinee]:
@@ -116,9 +115,9 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def gamed(name: str, seed: int, share: float, workers: int) -> pd.DataFrame:
-    """Return the rows of an exam of ``macaque_tuned`` with edits that might raise its score."""
+    """Return the rows of an exam of the default circuit with edits that might raise its score."""
     exam = Exam.shipped()
-    record = exam.take(TUNED, edits=GAMES[name], seed=seed, share=share, workers=workers)
+    record = exam.take(DEFAULT, edits=GAMES[name], seed=seed, share=share, workers=workers)
     return record.table.assign(edit=name)
 
 
@@ -177,7 +176,7 @@ def ranks(domains: pd.DataFrame) -> pd.DataFrame:
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return the list, all answers, domains, stability, controls, cost, games, others' rates."""
     answers = made["exam"]
-    plain = answers[(answers["examinee"] == TUNED) & (answers["sitting"] == SEED)]
+    plain = answers[(answers["examinee"] == DEFAULT) & (answers["sitting"] == SEED)]
     asked = made["others"][made["others"]["outcome"] != "not answered"]
     about = [
         (one.id, one.domain, one.about, one.published(), one.unit, one.species, one.mark,

@@ -117,12 +117,14 @@ def test_a_lesion_in_one_channel_takes_the_tone_of_that_channel_alone():
     assert lost.unlesioned == table
     intact, part = wire(table), wire(lost)
     left = np.where(np.arange(intact.blocks) == intact.blocks_of("GPe")[1], 0.375, 1)
-    np.testing.assert_array_equal(part.deliver, intact.deliver * left)
+    np.testing.assert_allclose(part.deliver, intact.deliver * left, rtol=1e-12)
     np.testing.assert_array_equal(part.constant, intact.constant)
     each = table
     for channel in range(3):
         each = each.lesion("GPe", 0.25, channel=channel)
-    np.testing.assert_array_equal(wire(each).deliver, wire(table.lesion("GPe", 0.25)).deliver)
+    np.testing.assert_allclose(
+        wire(each).deliver, wire(table.lesion("GPe", 0.25)).deliver, rtol=1e-12
+    )
 
 
 def test_a_replaced_lesion_in_one_channel_leaves_the_rest_and_takes_the_changes():

@@ -135,7 +135,7 @@ def test_run_writes_the_spikes_of_the_first_trials_and_rates_count_them(tmp_path
     fired = pd.read_csv(spikes, comment="#")
     assert list(fired) == ["population", "trial", "channel", "neuron", "time_ms"]
     assert set(fired["trial"]) == {0, 1}
-    assert {"ctx", "D1", "D2", "STN", "GPe", "SNr"} == set(fired["population"])
+    assert {"ctx", "D1", "D2", "STN", "GPe", "SNr", "FSI"} == set(fired["population"])
     every = [*options[:-1], 3]
     assert run("circuit", "run", "--save", table, *every, "--save-spikes", spikes, "--force") == 0
     fired, mean = pd.read_csv(spikes, comment="#"), pd.read_csv(rates, comment="#")

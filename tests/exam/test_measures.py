@@ -131,7 +131,7 @@ def blocked(circuit, nucleus, receptors):
 
 def test_a_block_takes_signal_and_tone_of_a_receptor_from_a_cell_alone():
     """Rates on a straight line: what is lost is weight times the source's rate over its gain."""
-    circuit = load_circuit("macaque_tuned")
+    circuit = load_circuit("macaque")
     rest = resting_hz(circuit)
 
     def nats(name):
@@ -150,7 +150,7 @@ def test_a_block_takes_signal_and_tone_of_a_receptor_from_a_cell_alone():
 
 
 def test_a_block_needs_cells_and_receptors_that_are_told_apart():
-    circuit = load_circuit("macaque_tuned")
+    circuit = load_circuit("macaque")
     for nucleus, receptors in (("SNr", "NMDA"), ("SNr", "mGluR"), ("nobody", "GABA-A")):
         with pytest.raises(NotApplicable):
             blocked(circuit, nucleus, receptors)

@@ -20,7 +20,7 @@ from tests.helpers import run, unwarned
 
 TABLE = macaque(2)
 WEAK = bg.gaussian_evidence(60, d_prime=0.5, t_max=20, seed=1)
-STRONG = bg.gaussian_evidence(60, d_prime=2, t_max=20, seed=1)
+STRONG = bg.gaussian_evidence(60, d_prime=4, t_max=20, seed=1)
 
 
 @given(st.floats(0.2, 1), st.floats(0.2, 3), st.floats(-3, 3))
@@ -67,7 +67,6 @@ def test_evidence_ten_times_as_strong_is_decided_alike(engine):
 
 
 def test_stronger_evidence_is_decided_sooner_at_any_strength():
-    """At the default gain, evidence of d' = 3 takes 1 s at a posterior of 0.9."""
     every = [bg.gaussian_evidence(400, d_prime=d, t_max=30, seed=2) for d in (1, 1.5, 2, 3, 5)]
     with unwarned():
         decisions = [BasalGanglia(TABLE, seed=1).decide(each, posterior=0.9) for each in every]
@@ -82,10 +81,10 @@ def test_the_gain_is_that_of_all_trials_however_they_are_batched(monkeypatch):
     monkeypatch.setattr(basal_ganglia, "BATCH", 7)
     monkeypatch.setattr(basal_ganglia, "WIDE_BATCH", 7)
     np.testing.assert_array_equal(model.decide(STRONG, posterior=0.8).time_ms, in_one.time_ms)
-    part = model.adapted_to(STRONG).decided(STRONG[:9], -np.log(0.8))
-    np.testing.assert_array_equal(part.time_ms, in_one.time_ms[:9])
-    # The nine alone are other evidence.
-    assert model.adapted_to(STRONG[:9]).gain != in_one.gain
+    part = model.adapted_to(STRONG).decided(STRONG[:5], -np.log(0.8))
+    np.testing.assert_array_equal(part.time_ms, in_one.time_ms[:5])
+    # The five alone are other evidence.
+    assert model.adapted_to(STRONG[:5]).gain != in_one.gain
 
 
 @pytest.mark.parametrize(
@@ -125,7 +124,7 @@ def test_a_session_has_the_default_gain_since_its_evidence_is_unknown():
 
 
 def test_python_a_file_and_the_terminal_use_one_gain_and_say_it(tmp_path, capsys):
-    task = {"d_prime": 2, "trials": 100, "t_max": 20}
+    task = {"d_prime": 4, "trials": 100, "t_max": 20}
     text = "\n".join(
         ['name = "a"', "seed = 4", 'published = "a"', 'source = "a"', 'note = "a"', "[task]"]
         + [f"{key} = {value}" for key, value in task.items()]
@@ -136,7 +135,7 @@ def test_python_a_file_and_the_terminal_use_one_gain_and_say_it(tmp_path, capsys
     gain = BasalGanglia(TABLE).adapted_to(outcome.given.evidence).gain
     assert {model.gain for model in outcome.models} == {gain}
     assert f"; gain {gain:g};" in outcome.text()
-    out, terminal = tmp_path / "o.csv", ["--task", "d_prime=2", "trials=100", "t_max=20"]
+    out, terminal = tmp_path / "o.csv", ["--task", "d_prime=4", "trials=100", "t_max=20"]
     assert run("experiment", tmp_path / "a.toml", "--save", out) == 0
     assert read_provenance(out)["parameters"]["experiment"]["gain"] == gain
     for command in (["circuit", "run"], ["compare"]):
@@ -151,13 +150,13 @@ def test_python_a_file_and_the_terminal_use_one_gain_and_say_it(tmp_path, capsys
 def test_a_sweep_gives_each_task_its_gain_and_all_edits_of_it_one(tmp_path):
     (tmp_path / "s.toml").write_text(
         "[task]\ntrials = 60\nt_max = 15\n[grid]\n"
-        '"task.d_prime" = [0.5, 2.0]\n"set STN->GPe.delay_ms" = [3, 4]\n'
+        '"task.d_prime" = [0.5, 4.0]\n"set STN->GPe.delay_ms" = [3, 4]\n'
     )
     table = Sweep.from_toml(tmp_path / "s.toml").run().table
     gains = table.groupby("task.d_prime")["gain"].agg(["min", "max"])
     assert (gains["min"] == gains["max"]).all()
     assert gains.loc[0.5, "min"] == TABLE.default_gain
-    assert gains.loc[2.0, "min"] < TABLE.default_gain
+    assert gains.loc[4.0, "min"] < TABLE.default_gain
 
 
 @pytest.mark.parametrize(

@@ -385,7 +385,7 @@ def test_an_exact_circuit_learns_the_threshold_of_the_test():
 
 
 def test_a_cause_is_warned_of_once_however_many_levels_are_run():
-    evidence, fresh = (gaussian_evidence(60, d_prime=2, t_max=15, seed=seed) for seed in (1, 2))
+    evidence, fresh = (gaussian_evidence(60, d_prime=4, t_max=15, seed=seed) for seed in (1, 2))
     for gain, strong in ((None, 0), (0.55, 1)):
         model = BasalGanglia(DEFAULT, Rate().coarse(), gain)
         texts = told(

@@ -108,7 +108,7 @@ def test_dopamine_without_a_circuit_is_that_of_the_default_one():
 @pytest.mark.filterwarnings("ignore::circuits.errors.BgmodelWarning")
 def test_that_nothing_was_learned_is_said():
     still = Learner(600, rate=1e-9)
-    learned = learn(SameDifferent(2.0), RATE, runs=2, trials=400, learner=still, start=0.8)
+    learned = learn(SameDifferent(2.0), RATE, runs=2, trials=400, learner=still, start=1.1)
     assert "learning had no effect" in learned.verdict() + " ".join(learned.cautions)
 
 

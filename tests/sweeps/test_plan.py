@@ -316,7 +316,7 @@ def test_the_name_of_a_shard_follows_every_setting_of_its_point():
 
 
 def test_a_grid_lesions_a_nucleus_that_a_motif_adds():
-    plan = Plan(edits=Edits(["add striatal_FSI"]), grid={"lesion FSI": (0.0, 0.5)})
+    plan = Plan("macaque_small", edits=Edits(["add striatal_FSI"]), grid={"lesion FSI": (0.0, 0.5)})
     intact, half = (setting.edited for setting in plan.all_points())
-    assert intact == load_circuit("macaque").add("striatal_FSI")
+    assert intact == load_circuit("macaque_small").add("striatal_FSI")
     assert half == intact.lesion("FSI", 0.5)

@@ -17,7 +17,7 @@ CORTEX = ("ctx", "ctx_inh")
 INTERNEURONS = "striatal_FSI"
 
 
-@pytest.mark.parametrize("name", ["macaque", "spiking_msprt", "appendix_b"])
+@pytest.mark.parametrize("name", ["macaque_small", "spiking_msprt", "appendix_b"])
 @pytest.mark.parametrize("channels", [2, 4])
 def test_adding_striatal_interneurons_leaves_all_rates_resting_hz(name, channels):
     table = anatomy.load_circuit(name, channels)
@@ -34,20 +34,20 @@ def test_adding_striatal_interneurons_leaves_all_rates_resting_hz(name, channels
 
 
 def test_a_motif_is_added_by_its_name_as_by_its_rows():
-    table = anatomy.macaque(2)
+    table = anatomy.macaque_small(2)
     added = table.add(INTERNEURONS)
     assert added == table.add(*MOTIFS[INTERNEURONS](table))
     assert added == table.edited(f"add {INTERNEURONS}")
     assert added != table
     like = table.add(INTERNEURONS, "other like=FSI", "ctx->other like=ctx->FSI")
     assert like.population("other").baseline_hz == added.population("FSI").baseline_hz
-    for wrong in (added, anatomy.gpr(2)):
+    for wrong in (added, anatomy.macaque(2), anatomy.gpr(2)):
         with pytest.raises(ValueError, match=INTERNEURONS):
             wrong.add(INTERNEURONS)
 
 
 def test_a_loss_of_half_of_them_frees_d1_and_d2_and_leaves_cortex():
-    added = anatomy.macaque(2).add(INTERNEURONS)
+    added = anatomy.macaque_small(2).add(INTERNEURONS)
     before, after = resting_hz(added), resting_hz(added.lesion("FSI", 0.5))
     assert after["D1"] > before["D1"] + 1
     assert after["D2"] > before["D2"] + 0.1
@@ -56,7 +56,7 @@ def test_a_loss_of_half_of_them_frees_d1_and_d2_and_leaves_cortex():
 
 
 def test_with_them_the_circuit_still_decides_and_without_half_of_them_it_decides_too_early():
-    table = anatomy.macaque(2)
+    table = anatomy.macaque_small(2)
     added = table.add(INTERNEURONS)
     rng = stream(31, "motif")
     evidence = separated_evidence(300, 40, 0.7, rng=rng, step_ms=50.0)

@@ -258,7 +258,7 @@ def test_on_every_engine_a_window_on_all_channels_is_one_on_each(engine):
 
 @pytest.mark.parametrize("engine", ["rate", "population", "ensemble"])
 def test_a_window_on_one_channel_is_less_than_one_on_all_and_more_than_none(engine):
-    table = TABLES["macaque"].with_neurons(20)
+    table = TABLES["macaque"].with_neurons(100)
     options = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0, "seed": 4}
     lines = (["STN amount=-2 to_ms=12"], ["STN[0] amount=-2 to_ms=12"], [])
     lowest = [run(table.add(*rows), HELD[:, :2], **options).output_nats.min() for rows in lines]

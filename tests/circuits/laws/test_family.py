@@ -63,7 +63,7 @@ def test_a_weight_off_the_family_is_reported_with_the_size_of_its_error(factor):
     circuit = load_circuit("macaque", 2)
     edited = circuit.scale("ctx", "D1", factor)
     (direct,) = [one for one in constraints(edited) if not one.holds and one.name != "offset"]
-    a = 1 + 0.1 * 0.65
+    a = 1 + 0.1 * 0.55 + 0.15
     assert direct.name == "direct"
     assert direct.fails_by == pytest.approx(-a * (factor - 1))
     assert any(f"off by {direct.fails_by:+.3g}" in text for text in failures(edited))

@@ -100,3 +100,44 @@ def test_means_stay_within_their_range(guide):
         group, scaled, _ = guide.all_moved(group, scaled, VAGUE, rng)
         seen.append(group.mean)
     assert max(mean[0] for mean in seen) <= 5.3 < max(mean[1] for mean in seen)
+
+
+class Scripted:
+    """Numbers that a move draws, in order."""
+
+    def __init__(self, uniforms, normals):
+        self.uniforms, self.normals = iter(uniforms), iter(normals)
+
+    def random(self):
+        return next(self.uniforms)
+
+    def normal(self):
+        return next(self.normals)
+
+
+@pytest.mark.parametrize("normals", [(0.4, 0.3), (-0.5, 0.2), (0.2, -6.0)])
+def test_mean_and_spread_move_with_the_probability_of_the_posterior(guide, normals):
+    """People keep their standard scores; the ratio is that of likelihoods times priors."""
+    group, arrays = Group(np.full(2, 5.0), np.ones(2)), guide.surrogate.arrays
+    scaled = np.tile(MIDDLES[:, None], 2).astype(float)
+    reach = moves.LONGEST * moves.SHORTEST**0.5
+    middle = 5.0 + reach * guide.step[0, 0] * normals[0]
+    spread = 1.0 + reach * guide.step[1, 0] * normals[1]
+    moved = scaled.copy()
+    moved[:, 0] = middle + spread * (scaled[:, 0] - 5.0)
+    inverse, prior, _, correlated = group.law
+    own, count = inverse[0, 0], len(correlated)
+    gain = (values(moved, arrays) - values(scaled, arrays)).sum()
+    gain += moves.log_mean(middle, prior[0]) - moves.log_mean(5.0, prior[0])
+    gain += moves.log_sd(spread, own, count) - moves.log_sd(1.0, own, count)
+    assert gain < -0.01
+    for below in (True, False):
+        mean, sd, now = group.mean.copy(), np.sqrt(group.variance), scaled.copy()
+        rng = Scripted([0.0, 0.5, np.exp(gain - 1e-6 if below else gain + 1e-6)], normals)
+        law = (inverse.copy(), *group.law[1:])
+        moves._move_together.py_func(
+            mean, sd, now, np.zeros(now.shape), values(now, arrays), guide.step,
+            np.cumsum(VAGUE)[:-1], law, arrays, rng,
+        )  # fmt: skip
+        assert np.allclose(now, moved if below else scaled)
+        assert (mean[0], sd[0]) == pytest.approx((middle, abs(spread)) if below else (5.0, 1.0))
