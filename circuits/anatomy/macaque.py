@@ -74,9 +74,9 @@ def macaque(channels: int = 2) -> Circuit:
 
     OUT at the fixed point depends on no rate in Hz, no time constant, and not on the loop's share
     and Sigma at rest (``circuits.laws.family``). These are tuned, on separate seeds, to resting
-    rates of two alternatives, also with receptors blocked (Lienard & Girard 2014: MSN 0-1, STN
-    15-23, GPe 56-75, GPi and SNr 59-80 Hz), to the beta rhythm after dopamine loss, and to the
-    cortical rate of alternatives that are not chosen. STN's rate at rest, 32 / N Hz, and SNr's
+    rates of two alternatives (Lienard & Girard 2014: MSN 0-1, STN 15-23, GPe 56-75, GPi and SNr
+    59-80 Hz), to the beta rhythm after dopamine loss, and to the cortical rate of alternatives that
+    are not chosen. SNr of the chosen channel pauses to about 44 Hz. STN's rate at rest, 32 / N Hz, and SNr's
     depend on the number of alternatives as -ln P does.
     """
     check_channels(channels)
@@ -100,8 +100,7 @@ def macaque(channels: int = 2) -> Circuit:
         ("STN",     Phase(0.3), 1500,   False, 0,          12.44,          GLUTAMATE,  OF_TWO),
         ("GPe",     Phase(0.3), 1500,   False, 58,         20,             GABA,       PACEMAKER),
         ("GPe_ctx", Rate(),     1,      True,  0,          20,             GABA,       SLOW),
-        # SNr fires without STN's input, 2.6 nats at rest, too, and at 54 Hz without any input.
-        ("SNr",     Phase(0.3), 3100,   False, 54,         20,             GABA,       OUTPUT),
+        ("SNr",     Phase(0.3), 1600,   False, 40,         40,             GABA,       OUTPUT),
         ("FSI",     Phase(0.5), 1000,   False, 11,         4,              GABA,       FSI),
     ), (
         "name       transfer      tau_ms  receptor  operating_point_nats  bias_nats",

@@ -82,8 +82,8 @@ def test_the_notebook_shows_both_tables_and_escapes_their_words():
 
 @pytest.mark.parametrize("channels", range(2, 9))
 def test_the_macaque_names_the_nuclei_that_rest_outside_the_published_range(channels):
-    """STN rests at 32 / N and SNr at 54 + 20 ln N Hz: which of them is outside turns on N."""
-    rates = {"D1": 1.28, "D2": 0.5, "STN": 32.3 / channels, "SNr": 54 + 20 * np.log(channels)}
+    """STN rests at 32 / N and SNr at 40 + 40 ln N Hz: which of them is outside turns on N."""
+    rates = {"D1": 1.28, "D2": 0.5, "STN": 32.3 / channels, "SNr": 40 + 40 * np.log(channels)}
     outside = {
         name: f"{low:.3g} to {high:.3g}"
         for name, (low, high) in PUBLISHED.items()

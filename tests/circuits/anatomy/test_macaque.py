@@ -142,9 +142,9 @@ def test_rates_where_a_decision_falls_are_those_of_the_animal(channels):
     winner, losers = (lambda name: rates_hz[name][0, 0, 0]), (lambda name: rates_hz[name][0, 0, 1:])
     assert winner("ctx") < 60
     assert winner("D1") < 30
-    assert losers("SNr").max() < 110
+    assert losers("SNr").max() < 120
     assert losers("ctx").min() > 1.5
-    assert winner("SNr") < resting_hz(anatomy.macaque(channels))["SNr"] - 10 < losers("SNr").min()
+    assert winner("SNr") < resting_hz(anatomy.macaque(channels))["SNr"] - 20 < losers("SNr").min()
 
 
 @pytest.mark.parametrize("channels", ALTERNATIVES)
