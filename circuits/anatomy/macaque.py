@@ -76,8 +76,8 @@ def macaque(channels: int = 2) -> Circuit:
     and Sigma at rest (``circuits.laws.family``). These are tuned, on separate seeds, to resting
     rates of two alternatives (Lienard & Girard 2014: MSN 0-1, STN 15-23, GPe 56-75, GPi and SNr
     59-80 Hz), to the beta rhythm after dopamine loss, and to the cortical rate of alternatives that
-    are not chosen. SNr of the chosen channel pauses to about 44 Hz. STN's rate at rest, 32 / N Hz, and SNr's
-    depend on the number of alternatives as -ln P does.
+    are not chosen. SNr of the chosen channel pauses to about 44 Hz. Rates at rest of STN, 32 / N
+    Hz, and of SNr depend on the number of alternatives as -ln P does.
     """
     check_channels(channels)
     log_n = log(channels)
