@@ -29,7 +29,7 @@ from bgmodel.fitting.simulated.control import decided
 from bgmodel.fitting.simulated.network import LikelihoodNetwork, shipped_path
 from bgmodel.support.arrays import Array
 from bgmodel.support.files import read_table, write_table
-from circuits.declaration.table_files import identity
+from circuits.declaration.table_writer import identity
 from figures.data import measure_likelihood as score
 from figures.pieces import run
 from figures.rooms import OUT, table_path

@@ -273,7 +273,7 @@ class Observed(Condition):
 
 def circuit_seen_from(folder: Path, name: str) -> str:
     """Return a circuit's name unchanged, or its path relative to the folder of the naming file."""
-    from circuits.declaration.table_files import is_path
+    from circuits.declaration.table_writer import is_path
 
     return str(folder / name) if is_path(name) else name
 

@@ -224,7 +224,7 @@ def _known_model(one: Question, name: Any, folder: Path | None) -> AnyModel:
     from bgmodel.fitting.known.models import EXACT
     from bgmodel.fitting.known.trials import known_trials
     from circuits.anatomy import CIRCUITS, checked_circuit
-    from circuits.declaration.table_files import is_path
+    from circuits.declaration.table_writer import is_path
 
     known = known_trials(next(iter(one.people.values())))
     if isinstance(name, str) and name in EXACT:
@@ -238,7 +238,7 @@ def _known_model(one: Question, name: Any, folder: Path | None) -> AnyModel:
 
 
 def _of_known(asked: FitSettings, one: Question, model: Any) -> dict[str, Likelihood]:
-    """Return the likelihood of each person's trials, the evidence of which is known."""
+    """Return the likelihood of each person's trials with known evidence."""
     from bgmodel.fitting.known.trials import known_trials
 
     every = {who: known_trials(some) for who, some in one.people.items()}

@@ -61,7 +61,7 @@ else:
         @classmethod
         def parse(cls, text: str) -> Self:
             """Return the name or the path; ValueError for an unknown name."""
-            from circuits.declaration.table_files import is_path
+            from circuits.declaration.table_writer import is_path
 
             return cls(text) if is_path(text) else super().parse(text)
 

@@ -11,7 +11,7 @@ from circuits.declaration.edits import VERBS, Edit, Edits
 from circuits.declaration.row_edits import naming
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import CircuitTable
-from circuits.declaration.table_files import digest
+from circuits.declaration.table_writer import digest
 from circuits.declaration.verbs import EditableTable
 from circuits.drawing import draw
 from circuits.errors import InputError

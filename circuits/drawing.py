@@ -171,7 +171,7 @@ def routes(circuit: CircuitTable, placed: dict[str, Box]) -> dict[tuple[str, str
 def _routed(
     ends: tuple[tuple[str, str], ...], boxes_by_name: tuple[tuple[str, Box], ...]
 ) -> dict[tuple[str, str], Curve]:
-    """Return the way of each pathway; cached, because most edits leave the anatomy."""
+    """Return the route of each pathway; cached, because most edits keep the anatomy."""
     placed = dict(boxes_by_name)
     taken: dict[tuple[str, str], Curve] = {}
     points: list[Array] = []

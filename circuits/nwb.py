@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from circuits.activity import Activity
-from circuits.declaration.table_files import digest
+from circuits.declaration.table_writer import digest
 from circuits.errors import require
 from circuits.show import text
 from circuits.store import replacing

@@ -1,4 +1,4 @@
-"""Reader of circuit files, written by ``table_files`` or by hand; errors name the line."""
+"""Reader of circuit files, written by ``table_writer`` or by hand; errors name the line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from circuits.circuit import Circuit
 from circuits.declaration.courses import Course
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import NOT_WRITTEN
-from circuits.declaration.table_files import FORMAT, SPARE, TABLES, TYPE
+from circuits.declaration.table_writer import FORMAT, SPARE, TABLES, TYPE
 from circuits.errors import InputError, within
 
 OWN_KEYS = (f.name for f in fields(Circuit) if f.init and f.name not in NOT_WRITTEN)
@@ -25,7 +25,7 @@ NEEDED = ("format", "channels", "reference_nats", *(name for name in TABLES if n
 
 
 def read(path: str | Path, channels: int | None = None) -> Circuit:
-    """Read a circuit from a file written by ``table_files.write`` or by hand.
+    """Read a circuit from a file written by ``table_writer.write`` or by hand.
 
     If ``channels`` is given, it must be that of the file. Errors name the file and the line.
     """

@@ -1,1 +1,1 @@
-"""One script per figure: each computes a tidy table and then draws it."""
+"""One folder per question, a room: scripts that measure and draw, their tables, and the page."""

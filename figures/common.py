@@ -25,7 +25,7 @@ from matplotlib.figure import Figure
 from bgmodel.support.files import replacing
 from bgmodel.tactile.grating import PERIODS_MM
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.table_files import identity
+from circuits.declaration.table_writer import identity
 from figures.rooms import Caption, origin, rooms
 from figures.stamps import KEY, Stamp, stamp_of
 

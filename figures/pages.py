@@ -19,7 +19,7 @@ import jinja2
 from bgmodel.bootstrap import shown
 from bgmodel.support.files import read_table, replacing
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.table_files import identity
+from circuits.declaration.table_writer import identity
 from figures.rooms import FOLDER, ROOT, origin, rooms, table_path
 
 RESULTS = ROOT / "docs" / "results"

@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from circuits.anatomy import load_circuit
-from circuits.declaration.table_files import identity
+from circuits.declaration.table_writer import identity
 from circuits.store import Entry
 from figures.rooms import OUT, write
 

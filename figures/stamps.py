@@ -19,7 +19,7 @@ from PIL import Image
 
 from bgmodel.version import __version__
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.table_files import identity
+from circuits.declaration.table_writer import identity
 from figures.rooms import FOLDER, ROOT
 
 KEY = "bgmodel"

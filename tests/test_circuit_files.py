@@ -8,8 +8,8 @@ import pytest
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.support.files import provenance_path
 from circuits import anatomy
-from circuits.declaration import table_files
-from circuits.declaration.table_files import digest
+from circuits.declaration import table_writer
+from circuits.declaration.table_writer import digest
 from tests.helpers import run
 
 SMALL = ["--task", "trials=100", "t_max=6", "--engine", "rate"]
@@ -52,7 +52,7 @@ def test_a_saved_table_is_written_over_only_when_forced_and_never_while_it_is_re
 
 @pytest.mark.parametrize(("command", "edits"), [("circuit run", []), ("compare", [])])
 def test_a_file_runs_as_the_table_that_it_was_written_from(here, command, edits):
-    table_files.write(anatomy.spiking_msprt(2), "mine.toml")
+    table_writer.write(anatomy.spiking_msprt(2), "mine.toml")
     for name, output in (("spiking_msprt", "a.csv"), ("mine.toml", "b.csv")):
         assert run(*command.split(), "--save", output, *edits, "--circuit", name, *SMALL) == 0
     assert (here / "a.csv").read_bytes() == (here / "b.csv").read_bytes()
@@ -89,7 +89,7 @@ at_least = 20
 
 def test_an_experiment_names_a_file_as_seen_from_its_own(here, refusal):
     (here / "in" / "tables").mkdir(parents=True)
-    table_files.write(anatomy.spiking_msprt(2), here / "in" / "tables" / "mine.toml")
+    table_writer.write(anatomy.spiking_msprt(2), here / "in" / "tables" / "mine.toml")
     (here / "in" / "experiment.toml").write_text(EXPERIMENT)
     assert run("experiment", "in/experiment.toml", "--save", "a.csv") == 0
     behind = about(here / "a.csv")
@@ -133,7 +133,7 @@ def test_an_experiment_needs_nats_and_a_gain(here, name, says):
     ],
 )
 def test_a_circuit_that_is_not_there_or_wrong_gets_one_sentence(here, command, name, says, refusal):
-    text = table_files.text(anatomy.bogacz_gurney())
+    text = table_writer.text(anatomy.bogacz_gurney())
     row = next(line for line in text.splitlines() if '["STN", ' in line)
     (here / "bad.toml").write_text(text.replace(row, row.replace("8,", '"x",')))
     name = [name] if command[-1] == "show" else ["--circuit", name]

@@ -12,7 +12,7 @@ from bgmodel.fitting.trials.design import design_of
 from bgmodel.support.files import read_table
 from bgmodel.trials.reading import read_trials
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.table_files import identity
+from circuits.declaration.table_writer import identity
 from figures.common import FAST, FULL
 from figures.data import draw_F1 as figF1
 from figures.rooms import write

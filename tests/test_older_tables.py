@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.table_files import identity
+from circuits.declaration.table_writer import identity
 from figures.common import FAST, OLDER, older, say_if_older
 from figures.lesions import draw_A4 as figA4
 from figures.rooms import METADATA, read_metadata, table_path, write

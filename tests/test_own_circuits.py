@@ -17,7 +17,7 @@ from circuits.anatomy import CIRCUITS, load_circuit
 from circuits.cells import Phase, Rate
 from circuits.circuit import Circuit
 from circuits.declaration.rows import Population, Projection
-from circuits.declaration.table_files import write
+from circuits.declaration.table_writer import write
 from circuits.dynamics.fixed_point import resting_hz, resting_state, wired
 from circuits.dynamics.loops import amplifying
 from circuits.engines import run

@@ -12,7 +12,7 @@ from circuits import anatomy, show, table_reader
 from circuits.anatomy import CIRCUITS, load_circuit
 from circuits.cells import Rate
 from circuits.circuit import Circuit
-from circuits.declaration import table_files
+from circuits.declaration import table_writer
 from circuits.declaration.edits import Edits
 from circuits.declaration.rows import Population, Projection
 from circuits.differences import differences
@@ -193,15 +193,15 @@ def test_a_step_through_two_receptors_is_the_sum_of_two_filters(fast_ms, slow_ms
 def test_a_circuit_without_receptors_has_the_file_and_the_hash_that_it_had():
     for name in CIRCUITS:
         table = load_circuit(name, 2)
-        assert not any("synapse" in row for row in table_files.plain(table)["projections"])
-        assert '"synapse"' not in table_files.text(table)
+        assert not any("synapse" in row for row in table_writer.plain(table)["projections"])
+        assert '"synapse"' not in table_writer.text(table)
         assert "synapse" not in show.pathways(table).columns
 
 
 def test_receptors_are_kept_by_files_and_shown():
     two = split(MACAQUE, "STN", "SNr", 0.7, tau_ms=100.0)
-    assert table_reader.parse(table_files.text(two), "two.toml") == two
-    assert table_files.digest(two) != table_files.digest(MACAQUE)
+    assert table_reader.parse(table_writer.text(two), "two.toml") == two
+    assert table_writer.digest(two) != table_writer.digest(MACAQUE)
     (line,) = (
         line for line in show.text(two).splitlines() if "STN -> SNr" in line and "NMDA" in line
     )
@@ -309,7 +309,7 @@ def test_edits_of_two_receptors_or_of_a_nucleus_and_a_receptor_are_not_of_one_nu
 
 
 def test_two_rows_of_one_receptor_in_a_file_are_refused_at_their_line():
-    text = table_files.text(split(MACAQUE, "STN", "SNr", 0.7))
+    text = table_writer.text(split(MACAQUE, "STN", "SNr", 0.7))
     with refused("synapse line"):
         table_reader.parse(text.replace('"NMDA"', '"AMPA"'), "two.toml")
 

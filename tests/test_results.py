@@ -10,7 +10,7 @@ import pytest
 
 from bgmodel.support.files import read_table
 from circuits.anatomy import load_circuit
-from circuits.declaration.table_files import identity
+from circuits.declaration.table_writer import identity
 from figures import __main__ as runner
 from figures import pages, pieces
 from figures.pieces import Piece, Score

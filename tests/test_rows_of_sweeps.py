@@ -16,7 +16,7 @@ from bgmodel.sweeps.plan import Plan
 from bgmodel.task import Gaussian
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
-from circuits.declaration.table_files import digest
+from circuits.declaration.table_writer import digest
 from circuits.engines import Population
 from tests.helpers import refused
 

@@ -88,7 +88,7 @@ def show(
         print(f"\n{scatter}")
     output.draw(lambda: table.plot(reference=before))
     if output.save is not None:
-        from circuits.declaration.table_files import write
+        from circuits.declaration.table_writer import write
 
         print(f"\n{table.name}, {table.channels} channels -> {write(table, output.save)}")
 

@@ -22,7 +22,7 @@ from bgmodel.commands.output import (
 from bgmodel.experiments.experiment import Experiment, Outcome, shipped, shipped_text
 from bgmodel.names import EngineName
 from bgmodel.support import files
-from circuits.declaration.table_files import identity
+from circuits.declaration.table_writer import identity
 from circuits.errors import InputError
 
 

@@ -19,7 +19,7 @@ from bgmodel.support import files
 from bgmodel.tactile.task import SameDifferent
 from bgmodel.task import Task
 from circuits.declaration.edits import Edits
-from circuits.declaration.table_files import identity
+from circuits.declaration.table_writer import identity
 from circuits.errors import LearningWarning, quiet
 
 TOUCHED = SameDifferent(trials=4000, t_max=40)

@@ -159,7 +159,7 @@ def options_of(**options: Any) -> dict[str, Any]:
 
 def made_with(model: BasalGanglia, **options: Any) -> dict[str, Any]:
     """Return the options and the circuit of a result, for its provenance; see ``options_of``."""
-    from circuits.declaration.table_files import identity
+    from circuits.declaration.table_writer import identity
 
     return {"command": options_of(**options), "circuit": identity(model.circuit)}
 

@@ -240,7 +240,7 @@ class _Run:
 
 def _behind(plan: Plan, points: list[Point]) -> dict[str, Any]:
     """Return the provenance of a sweep's table."""
-    from circuits.declaration.table_files import identity
+    from circuits.declaration.table_writer import identity
 
     circuits = [identity(point.edited)["sha256"] for point in points]
     return {"seed": plan.seed, "sweep": recorded(plan), "circuits": circuits}

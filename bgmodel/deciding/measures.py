@@ -1,4 +1,4 @@
-"""Behavioural measures of decisions at one threshold, as reported by experiments, and rewards.
+"""Behavioural measures of decisions at one threshold, as reported by experiments.
 
 Each behavioural measure is written in terms of weights of trials, so that one call gives its value
 and its bootstrap resamples, as in ``bgmodel.comparison.matched``.
@@ -13,9 +13,7 @@ import numpy.typing as npt
 
 from bgmodel.deciding.calibration import against_evidence
 from bgmodel.deciding.decision import UNDECIDED, Decision
-from bgmodel.deciding.tally import Tally
-from bgmodel.support.arrays import Array, Integers, Truths
-from bgmodel.support.checks import check_positive, one_per_trial
+from bgmodel.support.arrays import Array, Truths
 
 DIFFUSION_S = 0.1
 """Noise of the diffusion, s: the scale in which EZ parameters are stated."""
@@ -257,30 +255,3 @@ def ez_diffusion(
         y = -drift * bound / DIFFUSION_S**2
         time_s = bound / (2 * drift) * (1 - np.exp(y)) / (1 + np.exp(y))
     return drift, bound, mean_s - time_s
-
-
-def reward_of(error: npt.ArrayLike, steps: npt.ArrayLike, xi: float) -> Array:
-    """Return ``xi W - T`` in readings, W = -1 for errors, of single trials or of means."""
-    check_xi(xi)
-    rewards: Array = -xi * np.asarray(error) - np.asarray(steps)
-    return rewards
-
-
-def reward(decision: Decision, truth: Integers, xi: float) -> Array:
-    """Return the reward of every trial, ``r = xi W - T`` (Burguete, Griffith & Lepora 2023).
-
-    An omission is an error, and its T is the number of readings of the whole trial.
-    """
-    truth = one_per_trial("truth", truth, decision.choice.shape[-1])
-    latest = np.where(np.isnan(decision.steps), decision.deadline_ms / decision.step_ms, 0)
-    return reward_of(decision.choice != truth, np.fmax(decision.steps, latest), xi)
-
-
-def mean_reward(counts: Tally, xi: float) -> Array:
-    """Return the mean reward per trial for each threshold of a tally, (K,)."""
-    return reward_of(1 - counts.accuracy, counts.mean_steps, xi)
-
-
-def check_xi(xi: float) -> None:
-    """Raise ValueError if this is not a valid cost of an error."""
-    check_positive(xi=xi)

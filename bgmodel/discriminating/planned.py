@@ -22,7 +22,7 @@ from bgmodel.stopping.task import StopTask
 from bgmodel.support.arrays import Array
 from circuits.anatomy import checked_circuit
 from circuits.declaration.edits import Edits
-from circuits.declaration.table_files import is_path
+from circuits.declaration.table_writer import is_path
 from circuits.differences import differences
 from circuits.errors import InputError, quiet
 

@@ -154,7 +154,7 @@ class Discrimination(Facts):
         return "\n".join([*parts, "", check, table, "", tried, shown])
 
     def experiment(self, folder: str | Path = ".") -> Experiment:
-        """Return the best task as an experiment, the second model against the first.
+        """Return the best task as an experiment, in which the second model is the manipulation.
 
         Parameters
         ----------
@@ -165,7 +165,7 @@ class Discrimination(Facts):
         ------
         ValueError
             If a model is a test, if no edits turn one circuit into the other, or if cells are
-            recorded, which an experiment does not do.
+            recorded, which experiments do not support.
         """
         recording = self.settings["recording"]
         require(not recording, "recording", UNRECORDED, recording)

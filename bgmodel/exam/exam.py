@@ -19,7 +19,7 @@ from bgmodel.experiments.models import Model, model_of
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum
 from circuits.circuit import Circuit
-from circuits.declaration.table_files import identity
+from circuits.declaration.table_writer import identity
 from circuits.errors import InputError, require
 
 __all__ = ["SEED", "Exam", "Model", "measures", "model_of", "of_circuit", "take_exam"]
@@ -72,7 +72,7 @@ class Exam:
         return Exam(replace(self.questions, numbers=numbers))
 
     def check(self, circuit: Circuit | str | Path, edits: Iterable[str] = ()) -> None:
-        """Raise ValueError for an unknown circuit, or an edit that it does not have."""
+        """Raise ValueError for an unknown circuit, or an edit that cannot be applied to it."""
         model_of(circuit, edits).circuits(
             sorted({t.channels for t in self.questions.tasks.values()})
         )

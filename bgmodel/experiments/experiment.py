@@ -45,7 +45,7 @@ from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
 from bgmodel.tables.named import NamedEvidence, trial_table
-from circuits.declaration.table_files import digest
+from circuits.declaration.table_writer import digest
 from circuits.errors import CalibrationWarning, DeadlineWarning, EditWarning, InputError
 from circuits.store import Latest
 

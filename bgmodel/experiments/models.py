@@ -19,7 +19,7 @@ from bgmodel.stopping.inputs import StopSignal, with_stop
 from circuits.anatomy import checked_circuit
 from circuits.circuit import Circuit
 from circuits.declaration.edits import Edits
-from circuits.declaration.table_files import digest
+from circuits.declaration.table_writer import digest
 from circuits.engines import Engine, engine_of
 from circuits.errors import InputError, require
 

@@ -68,7 +68,7 @@ def state_of(what: Circuit | Experiment | str | Path) -> State:
 
 def _written(circuit: Circuit) -> Path:
     """Write a circuit to the cache folder, in a folder named by its hash, and return the path."""
-    from circuits.declaration.table_files import digest, write
+    from circuits.declaration.table_writer import digest, write
 
     folder = platformdirs.user_cache_path("bgmodel") / "explored" / digest(circuit)[:16]
     return Path(write(circuit, folder / f"{re.sub(r'[^A-Za-z0-9_-]+', '_', circuit.name)}.toml"))

@@ -181,7 +181,7 @@ class Explorer:
     @quiet()
     def file(self, name: str) -> io.BytesIO:
         """Return a file of the state; the outcome is computed if it is not known."""
-        from circuits.declaration.table_files import text
+        from circuits.declaration.table_writer import text
 
         if name == "circuit.toml":
             return io.BytesIO(text(self.state.circuit).encode())

@@ -27,7 +27,7 @@ from bgmodel.task import Gaussian
 from circuits import DEFAULT
 from circuits.anatomy import CIRCUITS
 from circuits.declaration.edits import Edits
-from circuits.declaration.table_files import digest
+from circuits.declaration.table_writer import digest
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:

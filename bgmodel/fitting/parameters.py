@@ -200,11 +200,11 @@ class ParameterSpace:
         return np.array([scale != "identity" for scale in self._scales])
 
     def to_scale(self, vector: Array) -> Array:
-        """Return numbers (numbers,) on the scale of their parameters."""
+        """Return values of parameters (numbers,) on the scales of the search."""
         return np.array([SCALES[s][0](x) for s, x in zip(self._scales, vector, strict=True)])
 
     def from_scale(self, scaled: Array) -> Array:
-        """Return numbers (numbers,) from those on the scale of their parameters."""
+        """Return values of parameters (numbers,) from those on the scales of the search."""
         return np.array([SCALES[s][1](x) for s, x in zip(self._scales, scaled, strict=True)])
 
     def scale_rate(self, vector: Array) -> Array:

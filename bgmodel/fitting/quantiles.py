@@ -63,7 +63,7 @@ def _below(mass: Array) -> Array:
 
 
 def conditions_of(cells: pd.DataFrame) -> list[str]:
-    """Return the columns of a table of cells that are conditions."""
+    """Return the names of the columns with conditions, in a table of design cells."""
     columns = list(cells.columns)
     return columns[columns.index("strength") + 1 : columns.index("trials")]
 

@@ -324,7 +324,7 @@ class FitSettings:
         from bgmodel.fitting.likelihood import TrialModel
         from bgmodel.fitting.simulated.mechanisms import MECHANISMS
         from circuits.anatomy import CIRCUITS, checked_circuit
-        from circuits.declaration.table_files import is_path
+        from circuits.declaration.table_writer import is_path
 
         if isinstance(model, TrialModel):
             return model

@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import shown
-from bgmodel.deciding.measures import check_xi
 from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import threshold_from_posterior
@@ -36,7 +35,7 @@ from bgmodel.learning.weights.learned import LearnedWeights
 from bgmodel.learning.weights.rules import rule_of
 from bgmodel.learning.weights.sources import GaussianFeatures, tap_features
 from bgmodel.support.arrays import Array
-from bgmodel.support.checks import whole
+from bgmodel.support.checks import check_positive, whole
 from bgmodel.support.memory import check_learning_memory, check_memory
 from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
@@ -239,7 +238,7 @@ def planned(
     what = what or (THRESHOLD if model is None else DOPAMINE)
     names = (THRESHOLD, DOPAMINE, WEIGHTS)
     require(what in names, "what", f"must be one of {', '.join(names)}", what)
-    check_xi(xi)
+    check_positive(xi=xi)
     whole("runs", runs, 1)
     stream(seed)
     if model is None and what == DOPAMINE:  # the test has none

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.deciding.measures import mean_reward
+from bgmodel.deciding.reward import reward_of
 from bgmodel.learning.policies import SEPARATIONS, GaussianPolicy, Policy
 from bgmodel.learning.reinforce import Learned, Learner, course, exhaustive_search, learn, smoothed
 from bgmodel.learning.worlds import trials_of
@@ -145,7 +145,8 @@ def regret_on_fresh_trials(
 ) -> Array:
     """Return the excess cost of fixed gaps over the exact optimum on 1e5 fresh trials, relative."""
     fresh = readings.draw(FRESH_TRIALS, t_max, rng=stream(seed, "fresh", name))
-    cost = -mean_reward(exhaustive_search(fresh, boundary_separation), xi)
+    counts = exhaustive_search(fresh, boundary_separation)
+    cost = -reward_of(1 - counts.accuracy, counts.mean_steps, xi)
     return (cost - optimum.cost) / optimum.cost
 
 

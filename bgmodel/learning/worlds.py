@@ -9,13 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.deciding.decision import crossing_of_each
-from bgmodel.deciding.measures import check_xi, reward, reward_of
+from bgmodel.deciding.reward import reward, reward_of
 from bgmodel.deciding.trace import Trace
 from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.sprt import Sprt
 from bgmodel.learning.reinforce import Environment
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
+from bgmodel.support.checks import check_positive
 from circuits.errors import require
 
 
@@ -26,7 +27,7 @@ def trials_of(
 
     Trials are drawn ``block`` at a time, by the generator of their run.
     """
-    check_xi(xi)
+    check_positive(xi=xi)
     drawn = -1
     out: list[Reals] = []
     truth: list[Integers] = []

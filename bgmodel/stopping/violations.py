@@ -116,7 +116,7 @@ def standard_error(values: Array) -> float:
 
 
 def slowing_of(people: Mapping[str, StopTrials]) -> pd.DataFrame:
-    """Return slowing after stops over participants: measure, value, se and people (how many)."""
+    """Return the mean slowing after stop trials: measure, value, se and people (their number)."""
     table = pd.DataFrame([slowing(trials) for trials in people.values()])
     rows = [
         (name, known.mean(), standard_error(known.to_numpy()), len(known))

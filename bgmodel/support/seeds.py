@@ -1,4 +1,7 @@
-"""Random-number streams by name, so that no part of a study shifts the noise of another."""
+"""Random-number streams by name, so that no part of a study shifts the noise of another.
+
+The noise of a circuit's cells, by seed and trial, is drawn in ``circuits.dynamics.noise``.
+"""
 
 from __future__ import annotations
 

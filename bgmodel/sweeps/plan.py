@@ -26,7 +26,7 @@ from bgmodel.tactile.source import SHIPPED, Tactile
 from bgmodel.task import Gaussian, Task, kind_of, settings_of_tasks
 from circuits.circuit import Circuit
 from circuits.declaration.edits import VERBS, Edits, parsed
-from circuits.declaration.table_files import identity
+from circuits.declaration.table_writer import identity
 from circuits.errors import InputError, require, within
 
 BLOCK = 10_000

@@ -61,7 +61,7 @@ def names_once(columns: Iterable[object]) -> list[str]:
 
 
 def check_spelt(name: str, ours: Sequence[str]) -> None:
-    """Raise ValueError for a name that differs from ours only in blanks and capitals."""
+    """Raise ValueError for a name that differs from a known one only in spaces and capitals."""
     meant = name.strip().lower()
     if meant in ours and meant != name:
         reason = f"column {name!r} is not {meant!r}: write it so, or rename it"
@@ -94,7 +94,7 @@ def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
 
 
 def check_people(table: pd.DataFrame, used: Sequence[str]) -> None:
-    """Raise ValueError for columns that may hold participants if none is participant_id."""
+    """Raise ValueError if columns seem to hold participants and none is participant_id."""
     if "participant_id" in table:
         return
     kinds = {

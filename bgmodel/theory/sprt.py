@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bgmodel.deciding.measures import reward_of
+from bgmodel.deciding.reward import reward_of
 from bgmodel.support.arrays import Array
 from bgmodel.theory.empirical import Empirical
 from bgmodel.theory.first_passage import Gaussian, Increments, Walk, gaussian_pair, walk

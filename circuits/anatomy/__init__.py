@@ -20,7 +20,7 @@ from circuits.anatomy.macaque_small import macaque_small
 from circuits.anatomy.spiking_msprt import spiking_msprt
 from circuits.anatomy.stewart import stewart
 from circuits.circuit import Circuit
-from circuits.declaration import table_files
+from circuits.declaration import table_writer
 from circuits.errors import EditWarning, InputError, require
 
 __all__ = [
@@ -91,7 +91,7 @@ def load_circuit(name: str | Path, channels: int | None = None) -> Circuit:
     """
     named = isinstance(name, (str, Path))
     require(named, "circuit", "must be a name or the path of a .toml file", name)
-    if table_files.is_path(name):
+    if table_writer.is_path(name):
         return _own(table_reader.read(name, channels), Path(name))
     must = f"must be one of {', '.join(CIRCUITS)}, or the path of a .toml file"
     require(name in CIRCUITS, "circuit", must, str(name))
@@ -125,7 +125,7 @@ def is_included(circuit: Circuit) -> bool:
     if make is None:
         return False
     try:
-        return table_files.digest(circuit) == table_files.digest(make(circuit.channels))
+        return table_writer.digest(circuit) == table_writer.digest(make(circuit.channels))
     except ValueError:  # more channels than it can have
         return False
 

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 
 from bgmodel import Sprt, stream
 from bgmodel.deciding.decision import crossing_of_each
-from bgmodel.deciding.measures import reward, reward_of
+from bgmodel.deciding.reward import reward, reward_of
 from bgmodel.learning.gap import fold_sources, search_folds
 from bgmodel.support.files import read_table, write_table
 from figures.common import COLOUR, Settings, letter

@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from bgmodel.deciding.measures import reward_of
+from bgmodel.deciding.reward import reward_of
 from bgmodel.learning.gap import fold_sources, increments
 from bgmodel.support.files import read_table, write_table
 from bgmodel.theory.sprt import sprt

@@ -11,7 +11,7 @@ from circuits.anatomy import load_circuit as named
 from circuits.cells import Lif, Rate
 from circuits.circuit import Circuit
 from circuits.declaration.rows import Population, Projection
-from circuits.declaration.table_files import digest
+from circuits.declaration.table_writer import digest
 from circuits.dynamics.fixed_point import rest_rates, wired
 from circuits.dynamics.wiring import wire
 from circuits.errors import EditWarning

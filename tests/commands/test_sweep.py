@@ -16,7 +16,7 @@ import pytest
 from bgmodel.support.files import read_provenance, write_table
 from bgmodel.sweeps import shards
 from circuits.anatomy import load_circuit
-from circuits.declaration.table_files import write
+from circuits.declaration.table_writer import write
 from tests.helpers import ROOT, run
 
 SMALL = """

@@ -12,7 +12,7 @@ from bgmodel.discriminating.space import Probe, Space
 from bgmodel.discriminating.trials import Trials
 from bgmodel.experiments.models import model_of
 from bgmodel.integrators.steady import out_shift
-from circuits.declaration.table_files import text
+from circuits.declaration.table_writer import text
 from circuits.errors import EditWarning, InputError
 from tests.helpers import refused
 

@@ -16,7 +16,7 @@ from bgmodel.exam.simulation import Simulation
 from bgmodel.exam.tables import Failed, NotApplicable
 from bgmodel.experiments.models import Model, model_of
 from circuits.anatomy import load_circuit
-from circuits.declaration import table_files
+from circuits.declaration import table_writer
 from tests.helpers import refused
 
 EXAM = Exam.shipped()
@@ -216,7 +216,7 @@ def test_a_record_is_a_table_a_picture_and_json(record, tmp_path):
 
 
 def test_stars_follow_the_table_and_not_its_name(tmp_path):
-    path = table_files.write(load_circuit("macaque"), tmp_path / "mine.toml")
+    path = table_writer.write(load_circuit("macaque"), tmp_path / "mine.toml")
     edited = ["dopamine 0.9"]
     for circuit, edits, name in (
         (path, (), "macaque"),

@@ -25,7 +25,7 @@ from bgmodel.task import Gaussian
 from circuits import anatomy
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
-from circuits.declaration.table_files import write
+from circuits.declaration.table_writer import write
 from circuits.store import Latest
 from tests.helpers import GOOD, ROOT, behaving, refused, run, told
 

@@ -12,7 +12,7 @@ from bgmodel.explorer import drawing
 from bgmodel.explorer.panels import TITLES, Memory, panels
 from bgmodel.explorer.state import MOST_TRIALS, History, State
 from circuits.anatomy import load_circuit
-from circuits.declaration.table_files import digest
+from circuits.declaration.table_writer import digest
 from tests.explorer.helpers import STEPS, small
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")

@@ -163,7 +163,7 @@ def test_warnings_are_part_of_the_panels_and_not_printed(recwarn):
 
 def test_names_are_text_and_not_mathematics_or_markup(tmp_path):
     from circuits.anatomy import load_circuit
-    from circuits.declaration.table_files import text
+    from circuits.declaration.table_writer import text
 
     name = "<script>alert(1)</script> $x^$ & "
     file = tmp_path / "odd.toml"

@@ -98,7 +98,7 @@ def test_learning_is_not_for_the_explorer():
 
 def test_a_circuit_of_a_file_opens_with_its_alternatives(tmp_path):
     from circuits.anatomy import load_circuit
-    from circuits.declaration.table_files import write
+    from circuits.declaration.table_writer import write
 
     path = write(load_circuit("macaque", 3), tmp_path / "mine.toml")
     state = opened(path)

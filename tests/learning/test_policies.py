@@ -6,7 +6,7 @@ from scipy.stats import norm
 
 from bgmodel import Sprt, stream
 from bgmodel.deciding.decision import crossing_of_each
-from bgmodel.deciding.measures import reward
+from bgmodel.deciding.reward import reward
 from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.theory.sprt import gaussian_pair, reward_curve
 from tests.helpers import refused

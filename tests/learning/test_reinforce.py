@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bgmodel import stream
-from bgmodel.deciding.measures import mean_reward
+from bgmodel.deciding.reward import reward_of
 from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
 from bgmodel.learning.reinforce import (
@@ -38,7 +38,8 @@ def test_exhaustive_search_finds_the_exact_curve():
     counts = exhaustive_search(evidence, separations)
     exact = reward_curve(*gaussian_pair(D), separations, XI, t_max=T_MAX)
     # The sd of a reward is at most xi / 2 plus that of a time bounded by t_max.
-    assert np.abs(mean_reward(counts, XI) - exact).max() < 4 * (XI / 2 + T_MAX / 2) / np.sqrt(2e5)
+    found = reward_of(1 - counts.accuracy, counts.mean_steps, XI)
+    assert np.abs(found - exact).max() < 4 * (XI / 2 + T_MAX / 2) / np.sqrt(2e5)
     blocks = exhaustive_search(
         (evidence[i : i + 7000] for i in range(0, 200_000, 7000)), separations
     )

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bgmodel import BasalGanglia, Evidence, Msprt, Sprt, compare, first_crossing, stream
-from bgmodel.deciding.measures import reward
+from bgmodel.deciding.reward import reward
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.integrators.baselines import BASELINES, Lca, LinearGpe
 from bgmodel.integrators.deciding import decide_at_thresholds

@@ -15,7 +15,7 @@ from bgmodel.tactile.task import SameDifferent
 from bgmodel.task import Gaussian, settings_of_tasks
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
-from circuits.declaration.table_files import write
+from circuits.declaration.table_writer import write
 from circuits.engines import Algebra, Brian2, Ensemble, Population, Rate
 from tests.helpers import long_table, refused, some_evidence
 

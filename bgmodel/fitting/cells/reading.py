@@ -11,7 +11,7 @@ from scipy.special import expit
 from bgmodel.support.arrays import Array
 from circuits.anatomy import checked_circuit
 from circuits.circuit import Circuit
-from circuits.declaration.table_files import identity
+from circuits.declaration.table_writer import identity
 from circuits.dynamics.fixed_point import solve, wired
 from circuits.errors import InputError, require
 

@@ -97,7 +97,7 @@ def _effects(click_s: Array, adaptation: float, recovery_s: float) -> Array:
 
 
 def courses(bins: int) -> Array:
-    """Return the splines of a cell's course, (bins, KNOTS)."""
+    """Return the basis of splines for the time course of a cell's rate, (bins, KNOTS)."""
     from scipy.interpolate import BSpline
 
     ends = max(bins * BIN_S, 4 * BIN_S)

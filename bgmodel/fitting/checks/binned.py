@@ -22,7 +22,7 @@ parameter by more than ``LARGE``; and how often that may be."""
 
 
 def resolved(fitted: Optimum) -> Optimum:
-    """Return the optimum with bins as narrow as the density of decisions needs."""
+    """Return the optimum, fitted again with narrower bins of time while that changes it."""
     for _ in range(MOST_TIMES):
         likelihood, at = fitted.likelihood, fitted.vector
         if not _has_bins(likelihood):

@@ -31,7 +31,7 @@ from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole
 from bgmodel.version import __version__
-from circuits.declaration.table_files import identity
+from circuits.declaration.table_writer import identity
 from circuits.errors import RangeWarning, quiet, require
 from circuits.store import Entry
 

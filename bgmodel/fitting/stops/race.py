@@ -42,7 +42,7 @@ from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
 from circuits.circuit import Circuit
-from circuits.declaration.table_files import identity
+from circuits.declaration.table_writer import identity
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,9 +7,9 @@ from dataclasses import fields
 import pytest
 
 from circuits import anatomy, show
-from circuits.declaration import table_files
+from circuits.declaration import table_writer
 from circuits.declaration.rows import Population
-from circuits.declaration.table_files import digest
+from circuits.declaration.table_writer import digest
 from circuits.errors import EditWarning
 from tests.helpers import refused
 
@@ -106,24 +106,24 @@ def test_dopamine_outside_its_range_is_refused(make):
 
 def test_a_copy_keeps_its_name_and_an_edited_copy_has_that_of_its_file(tmp_path):
     table = anatomy.macaque(2)
-    path = table_files.write(table, tmp_path / "mine.toml")
+    path = table_writer.write(table, tmp_path / "mine.toml")
     assert anatomy.load_circuit(path) == table
     assert anatomy.is_included(anatomy.load_circuit(path))
-    table_files.write(table.edited("set STN.bias_nats -1.9"), path)
+    table_writer.write(table.edited("set STN.bias_nats -1.9"), path)
     mine = anatomy.load_circuit(path)
     assert mine.name == "mine"
     assert not anatomy.is_included(mine)
 
 
 def test_rows_for_another_number_of_channels_are_warned_of(tmp_path):
-    path = table_files.write(anatomy.macaque(2), tmp_path / "mine.toml")
+    path = table_writer.write(anatomy.macaque(2), tmp_path / "mine.toml")
     path.write_text(path.read_text().replace("channels = 2", "channels = 4"))
     with pytest.warns(EditWarning, match="--channels 4"):
         assert anatomy.load_circuit(path).channels == 4
 
 
 def test_rows_that_do_not_depend_on_the_number_of_channels_are_those_of_any(tmp_path):
-    path = table_files.write(anatomy.gpr(2), tmp_path / "mine.toml")
+    path = table_writer.write(anatomy.gpr(2), tmp_path / "mine.toml")
     path.write_text(path.read_text().replace("channels = 2", "channels = 4"))
     assert anatomy.is_included(anatomy.load_circuit(path)) == (
         anatomy.gpr(2).populations == anatomy.gpr(4).populations

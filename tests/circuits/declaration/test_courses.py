@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from circuits import anatomy, table_reader
 from circuits.cells import Rate
-from circuits.declaration import table_files
+from circuits.declaration import table_writer
 from circuits.declaration.courses import Course, extremes
 from circuits.declaration.rows import Population
 from circuits.engines import run
@@ -205,9 +205,9 @@ def test_text_and_python_give_equal_courses_of_one_channel(tmp_path):
     circuit = TABLE.add(course)
     for text_ in (line, line.replace("[1]", " [ 1]"), line.replace("=", " = ")):
         assert TABLE.edited(text_) == circuit
-    assert table_reader.parse(table_files.text(circuit), "mine.toml") == circuit
+    assert table_reader.parse(table_writer.text(circuit), "mine.toml") == circuit
     assert list(courses(circuit)["course"]) == ["STN[1]"]
-    hashes = {table_files.digest(TABLE.add(f"STN{k} amount=-2")) for k in ("", "[0]", "[1]")}
+    hashes = {table_writer.digest(TABLE.add(f"STN{k} amount=-2")) for k in ("", "[0]", "[1]")}
     assert len(hashes) == 3
     with refused("channel within 0..1, got 2"):
         TABLE.with_channels(3).add("STN[2] amount=1").with_channels(2)
@@ -234,16 +234,16 @@ def test_courses_go_through_edits_and_are_taken_off():
 @given(st.lists(drawn_courses(), max_size=3))
 def test_courses_come_back_from_a_file(rows):
     circuit = TABLE.add(*rows)
-    restored = table_reader.parse(table_files.text(circuit), "mine.toml")
+    restored = table_reader.parse(table_writer.text(circuit), "mine.toml")
     assert restored == circuit
-    assert table_files.digest(restored) == table_files.digest(circuit)
-    assert (table_files.digest(circuit) == table_files.digest(TABLE)) == (not rows)
+    assert table_writer.digest(restored) == table_writer.digest(circuit)
+    assert (table_writer.digest(circuit) == table_writer.digest(TABLE)) == (not rows)
 
 
 def test_a_file_without_courses_has_none_of_them():
-    assert "courses" not in table_files.text(TABLE)
-    assert "courses" not in table_files.plain(TABLE)
-    written = table_files.text(TIMED.add(PULSE.__class__("dopamine", 0.1), DRIVE, DRIVE))
+    assert "courses" not in table_writer.text(TABLE)
+    assert "courses" not in table_writer.plain(TABLE)
+    written = table_writer.text(TIMED.add(PULSE.__class__("dopamine", 0.1), DRIVE, DRIVE))
     assert len(table_reader.parse(written, "mine.toml").courses) == 5
 
 
@@ -257,7 +257,7 @@ def test_a_file_without_courses_has_none_of_them():
     ],
 )
 def test_what_is_wrong_in_a_file_is_said_with_its_line(old, new, says):
-    written = table_files.text(TIMED)
+    written = table_writer.text(TIMED)
     before, _, after = written.partition("[courses]")
     assert old in after
     wrong = before + "[courses]" + after.replace(old, new, 1)

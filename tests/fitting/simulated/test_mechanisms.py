@@ -5,7 +5,7 @@ import pytest
 
 from bgmodel.fitting.simulated.mechanisms import MECHANISMS, NONE
 from circuits.anatomy import load_circuit
-from circuits.declaration.table_files import digest
+from circuits.declaration.table_writer import digest
 
 MACAQUE = load_circuit("macaque", 2)
 OPEN = [name for name, each in MECHANISMS.items() if each.axes]

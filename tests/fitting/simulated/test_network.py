@@ -13,7 +13,7 @@ from bgmodel.fitting.simulated.control import decided
 from bgmodel.fitting.simulated.crossings import DRIFTS, FirstPassageTimes
 from bgmodel.fitting.simulated.network import INPUTS, PARAMETERS, LikelihoodNetwork, read_network
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.declaration.table_files import identity
+from circuits.declaration.table_writer import identity
 from figures.data import measure_hssm_check as hssm_check
 from figures.data import measure_likelihood as likelihood
 from tests.helpers import refused

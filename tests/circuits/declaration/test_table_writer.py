@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from circuits import anatomy, table_reader
 from circuits.cells import Phase, Rate
-from circuits.declaration import table_files
+from circuits.declaration import table_writer
 from circuits.declaration.rows import Population, Projection
 from tests.helpers import refused
 
@@ -52,7 +52,7 @@ EDITS = [
 @pytest.mark.parametrize("name", ALL)
 def test_every_table_comes_back_from_its_file(name, channels, tmp_path):
     circuit = anatomy.load_circuit(name, channels)
-    path = table_files.write(circuit, tmp_path / "mine.toml")
+    path = table_writer.write(circuit, tmp_path / "mine.toml")
     assert table_reader.read(path) == table_reader.read(path, channels) == circuit
     assert anatomy.load_circuit(path) == anatomy.load_circuit(str(path), channels) == circuit
     assert [file.name for file in tmp_path.iterdir()] == ["mine.toml"]
@@ -67,25 +67,25 @@ def test_every_edited_table_comes_back_from_its_file(name, channels, edits):
             circuit = edit(circuit)
         except ValueError:  # two of a name, or a lesion of another kind
             continue
-    restored = table_reader.parse(table_files.text(circuit), "mine.toml")
+    restored = table_reader.parse(table_writer.text(circuit), "mine.toml")
     assert restored == circuit
-    assert table_files.digest(restored) == table_files.digest(circuit)
+    assert table_writer.digest(restored) == table_writer.digest(circuit)
 
 
 def test_a_table_is_one_line_per_row_and_says_only_what_differs():
-    lines = table_files.text(anatomy.spiking_msprt(4)).splitlines()
+    lines = table_writer.text(anatomy.spiking_msprt(4)).splitlines()
     rows = [line for line in lines if line.lstrip().startswith('["')]
     assert len(rows) == 7 + 10
     assert len(lines) < 50
     assert "probability" not in "".join(lines)
-    assert table_files.digest(anatomy.spiking_msprt(4)) in lines[0]
+    assert table_writer.digest(anatomy.spiking_msprt(4)) in lines[0]
 
 
 def test_equal_circuits_have_one_hash_and_others_another():
     circuit = anatomy.spiking_msprt()
     written = circuit.with_population("STN", tau_ms=np.float64(5), neurons=300.0, pooled=np.False_)
     assert written == circuit
-    assert table_files.digest(written) == table_files.digest(circuit)
+    assert table_writer.digest(written) == table_writer.digest(circuit)
     for other in (
         circuit.with_population("STN", tau_ms=5.1),
         circuit.with_cell("STN", cv=0.31),
@@ -93,17 +93,17 @@ def test_equal_circuits_have_one_hash_and_others_another():
         replace(circuit, unit="salience"),
         anatomy.spiking_msprt(3),
     ):
-        assert table_files.digest(other) != table_files.digest(circuit)
+        assert table_writer.digest(other) != table_writer.digest(circuit)
 
 
 def test_published_rates_are_in_the_file_and_in_no_hash():
     circuit = anatomy.macaque()
     bare = [replace(row, published_hz=()) for row in circuit.populations]
-    restored = table_reader.parse(table_files.text(circuit), "mine.toml")
+    restored = table_reader.parse(table_writer.text(circuit), "mine.toml")
     assert restored == circuit
     assert restored.population("STN").published_hz == (15.2, 22.8)
     unpublished = replace(circuit, populations=tuple(bare))
-    assert table_files.digest(unpublished) == table_files.digest(restored)
+    assert table_writer.digest(unpublished) == table_writer.digest(restored)
 
 
 EDITED = {
@@ -129,11 +129,11 @@ def test_an_edited_table_does_not_repeat_the_claim_of_the_original(edit, tmp_pat
     edited = EDITED[edit](circuit)
     assert edited.about == "edited from: " + circuit.about
     assert edited.lesion("D1", 0.5).about == edited.about
-    restored = table_reader.read(table_files.write(edited, tmp_path / "mine.toml"))
+    restored = table_reader.read(table_writer.write(edited, tmp_path / "mine.toml"))
     assert restored.about == edited.about
     unmarked = replace(edited, about=circuit.about)
     assert edited == unmarked
-    assert table_files.digest(edited) == table_files.digest(unmarked)
+    assert table_writer.digest(edited) == table_writer.digest(unmarked)
 
 
 def test_a_file_of_ones_own_needs_no_more_than_what_differs():
@@ -166,7 +166,7 @@ def test_a_file_of_ones_own_needs_no_more_than_what_differs():
         table_reader.parse(other, "mine.toml")
 
 
-TEXT = table_files.text(anatomy.spiking_msprt(2))
+TEXT = table_writer.text(anatomy.spiking_msprt(2))
 
 
 def line_of(start, text=TEXT):
@@ -283,7 +283,7 @@ def test_a_mangled_file_gives_a_circuit_or_one_sentence(start, length, put):
         assert sentence.startswith("mine.toml")
         assert "\n" not in sentence
     else:
-        assert table_reader.parse(table_files.text(circuit), "mine.toml") == circuit
+        assert table_reader.parse(table_writer.text(circuit), "mine.toml") == circuit
 
 
 def circuit_or_sentence(text):
@@ -303,11 +303,11 @@ def test_a_file_that_cannot_be_read_is_said(tmp_path):
     with refused(r"path ^mine\.toml is n"):
         anatomy.load_circuit(tmp_path / "mine.toml")
     with refused("path"):
-        table_files.write(anatomy.gpr(), "mine.csv")
+        table_writer.write(anatomy.gpr(), "mine.csv")
 
 
 def test_a_file_is_for_one_number_of_alternatives(tmp_path):
-    path = table_files.write(anatomy.spiking_msprt(4), tmp_path / "mine.toml")
+    path = table_writer.write(anatomy.spiking_msprt(4), tmp_path / "mine.toml")
     with refused("channels"):
         anatomy.load_circuit(path, 2)
 
@@ -317,5 +317,5 @@ def test_a_file_is_for_one_number_of_alternatives(tmp_path):
 )
 def test_a_float_is_written_as_a_whole_number_below_ten_to_the_fifteenth(nats, written):
     circuit = replace(anatomy.spiking_msprt(), max_deficit_nats=nats)
-    assert f"max_deficit_nats = {written}\n" in table_files.text(circuit)
-    assert table_reader.parse(table_files.text(circuit), "mine.toml") == circuit
+    assert f"max_deficit_nats = {written}\n" in table_writer.text(circuit)
+    assert table_reader.parse(table_writer.text(circuit), "mine.toml") == circuit

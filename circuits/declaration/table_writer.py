@@ -1,4 +1,4 @@
-"""Circuits as TOML files with tables in columns; ``circuits.table_reader`` reads them back.
+"""Writer of circuits as TOML files with tables in columns; ``circuits.table_reader`` reads them.
 
 A file contains one circuit for one number of alternatives, because values may depend on it. Missing
 entries take their defaults. The cell of a population is the name of an entry in ``[cells]``, or of
