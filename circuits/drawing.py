@@ -120,7 +120,7 @@ def boxes(circuit: CircuitTable) -> dict[str, Box]:
 
 
 def curves(source: Box, target: Box) -> Curve:
-    """Return the possible ways of a pathway, (n, 4, 2): each leaves and enters at a right angle."""
+    """Return possible routes of a pathway, (n, 4, 2), which leave and enter at right angles."""
     if source == target:
         return _loops(source)
     starts, ends = source.ports(), target.ports()

@@ -114,7 +114,7 @@ def readout_of(circuit: Circuit) -> ReadOut:
 
 def doubts(circuit: Circuit) -> list[str]:
     """Return reasons why a circuit cannot decide by its evidence, with remedies."""
-    loop = loops.said(wired(circuit.steady), resting_state(circuit.steady)[0])
+    loop = loops.loop_advice(wired(circuit.steady), resting_state(circuit.steady)[0])
     texts = (unfiltered(circuit), off_chance(circuit), loop.removeprefix(": "))
     return [f"{circuit.name}: {text}" for text in texts if text]
 

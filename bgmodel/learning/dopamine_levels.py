@@ -85,7 +85,7 @@ def level_table(
 
 
 def _between(at: Array, x: Array, y: Array) -> Array:
-    """Return y where x is ``at``, row by row; NaN outside the curve."""
+    """Return each row of y, interpolated where x is ``at``; NaN outside the range of x."""
     return np.array([np.interp(*row, np.nan, np.nan) for row in zip(at, x, y, strict=True)])
 
 

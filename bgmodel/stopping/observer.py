@@ -137,7 +137,7 @@ class StopMsprt:
         return replace(go, out_nats=out, readout=OF_MSPRT)
 
     def decide(self, evidence: StopEvidence, posterior: float, stop_posterior: float) -> Decision:
-        """Return the decision of each trial; the choice that follows the responses is to withhold.
+        """Return the decision of each trial; the last choice, after the responses, is to withhold.
 
         Responses are withheld for good where the probability of a stop trial is ``stop_posterior``.
         """

@@ -100,7 +100,7 @@ class Course:
         return np.where(over, off, np.where(begun, on, 0.0))
 
     def in_ticks(self, ticks: int, dt_ms: float) -> Array:
-        """Return its mean in each of the first ticks of the drive, (ticks,).
+        """Return the mean of the course in each of the first ticks of the drive, (ticks,).
 
         A pulse shorter than a tick thus keeps its area, and smooth courses have no lag.
         """

@@ -28,8 +28,8 @@ def amplifying(wiring: Wiring, x: Array) -> tuple[list[str], float]:
     return max(loops, key=lambda pair: pair[1], default=([], 0.0))
 
 
-def said(wiring: Wiring, x: Array) -> str:
-    """Return that a loop amplifies itself, and the cure; empty if none does."""
+def loop_advice(wiring: Wiring, x: Array) -> str:
+    """Return the end of a message that names a loop of gain above 1, and its cure, or ""."""
     names, gain = amplifying(wiring, x)
     loop = " -> ".join([*names, *names[:1]])
     text = f": the loop {loop} has a gain of {gain:.3g}, more than 1: weaken one of its pathways"
@@ -45,7 +45,7 @@ def runaway(wiring: Wiring, drive: Array, what: str) -> ValueError:
         if rates.max() > USUAL_HZ:
             break
         x = x + STEP * (outside + wiring.inputs(wiring.deliver @ rates + wiring.constant) - x)
-    return ValueError(f"{what}{said(wiring, x)}")
+    return ValueError(f"{what}{loop_advice(wiring, x)}")
 
 
 def _loops(wiring: Wiring, direct: Array) -> Iterator[tuple[list[int], float]]:

@@ -35,7 +35,7 @@ class Register(types.Type):
 
     @property
     def vector(self):
-        """Return the vector that holds it in compiled code."""
+        """Return the LLVM vector that holds the register."""
         return ir.VectorType(self.element, self.width)
 
 

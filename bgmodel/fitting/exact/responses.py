@@ -102,9 +102,9 @@ class Observed:
     The likelihood is conditional on responses within ``window_s``. Wrong ``alternatives`` are
     equally likely: the probability of one is that of all of them over their number.
 
-    A response without times counts with its probability. If there are no times at all, it is that
-    of all who decide; if one of two is withheld, all who have not responded by the deadline
-    count as that one (Gomez, Ratcliff & Perea 2007).
+    A response without a time has the likelihood of its probability, among decided trials if no
+    response has a time. If one of two responses is withheld, trials without a response by the
+    deadline count as that one (Gomez, Ratcliff & Perea 2007).
     """
 
     cell: Integers

@@ -39,7 +39,7 @@ class Outputs(Protocol):
     def out(self, values: Values) -> Array:
         """Return OUT (runs, seen readings, alternatives) at values of the parameters.
 
-        The readings of all trials that come before the response follow one another.
+        The readings of all trials, each up to its response, are concatenated.
         """
 
     def parts(self) -> list[Outputs]:

@@ -84,7 +84,7 @@ class LikelihoodNetwork(Facts):
         return np.asarray(activations[..., 0])
 
     def for_hssm(self, path: str | Path | None = None) -> dict[str, Any]:
-        """Return the arguments of ``hssm.HSSM`` but the data; ``path`` is that of the network."""
+        """Return the arguments of ``hssm.HSSM`` except the data; ``path`` is the network's file."""
         return {
             "model": "bg_circuit",
             "choices": [-1, 1],

@@ -28,8 +28,8 @@ def name_of(choices: Trials) -> str:
 def check_sides(choices: Trials, by: Sequence[str] = (), *, biased: bool = False) -> None:
     """Refuse responses on the wrong side; warn of a bias, and of responses at chance.
 
-    Checked are all trials together, those of each person and those of each level of ``by``, which
-    may have another bias. There is no warning of a bias if the model has one (``biased``).
+    All trials together are checked, and those of each person and of each level of ``by``, whose
+    biases may differ. There is no warning of a bias if the model has one (``biased``).
     """
     who = name_of(choices)
     several = choices.alternatives > 2

@@ -251,5 +251,5 @@ class DriftingSensor:
 
 
 def source_at(source: FeatureSource, number: int) -> FeatureSource:
-    """Return the source of the features of a trial: another one for each if the sensor drifts."""
+    """Return the source of a trial's features, which changes with trials if the sensor drifts."""
     return source.at_trial(number) if isinstance(source, DriftingSensor) else source
