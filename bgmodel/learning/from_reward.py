@@ -24,7 +24,7 @@ from bgmodel.learning.dopamine_learner import (
     learn_in_circuit,
 )
 from bgmodel.learning.gap import check_start, increments, learn_gap
-from bgmodel.learning.policies import Policy
+from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learner
 from bgmodel.learning.weights.critics import critic_of
 from bgmodel.learning.weights.deciders import FixedPoint
@@ -312,7 +312,12 @@ def _know(more: dict[str, Any], *names: str) -> None:
 
 
 def _of_test(
-    task: Task, start: float, source: dict[str, Any], *, policy: Policy | None = None, **same: Any
+    task: Task,
+    start: float,
+    source: dict[str, Any],
+    *,
+    policy: GaussianPolicy | None = None,
+    **same: Any,
 ) -> FromReward:
     """Learn the boundary separation of the test."""
     readings = _readings(task, source, same["seed"])

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.deciding.reward import reward_of
-from bgmodel.learning.policies import SEPARATIONS, GaussianPolicy, Policy
+from bgmodel.learning.policies import SEPARATIONS, GaussianPolicy
 from bgmodel.learning.reinforce import Learned, Learner, course, exhaustive_search, learn, smoothed
 from bgmodel.learning.worlds import trials_of
 from bgmodel.support.arrays import Array
@@ -86,7 +86,7 @@ def check_start(start_separation: float, field: str = "start_separation") -> Non
         raise InputError.of(field, f"must be within {low:g}..{high:g} nats", start_separation)
 
 
-def policy_for(policy: Policy | None, optima: Sequence[Optimum]) -> Policy:
+def policy_for(policy: GaussianPolicy | None, optima: Sequence[Optimum]) -> GaussianPolicy:
     """Return the policy, by default Gaussian with the best gaps inside; warn if it excludes one."""
     best, (least, most) = max(optimum.boundary_separation for optimum in optima), SEPARATIONS
     if policy is None:
@@ -109,7 +109,7 @@ def learn_sources(
     t_max: int,
     seed: int,
     name: object,
-    policy: Policy | None = None,
+    policy: GaussianPolicy | None = None,
     learner: Learner | None = None,
 ) -> Learned:
     """Learn the gap on several sets of readings from several initial gaps.
@@ -160,7 +160,7 @@ def learn_folds(
     t_max: int,
     seed: int,
     learner: Learner,
-    policy: Policy | None = None,
+    policy: GaussianPolicy | None = None,
     keep: int = 250,
     window: int = 100,
 ) -> pd.DataFrame:
@@ -236,7 +236,7 @@ def learn_gap(
     runs: int,
     t_max: int,
     seed: int,
-    policy: Policy | None = None,
+    policy: GaussianPolicy | None = None,
     learner: Learner | None = None,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Learn the gap on the readings of one task and fold; compare with the exact optimum.

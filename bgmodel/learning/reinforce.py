@@ -12,7 +12,7 @@ import numpy.typing as npt
 from bgmodel.deciding.tally import Tally
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import Sprt, tally_sprt
-from bgmodel.learning.policies import GaussianPolicy, Policy
+from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_finite, check_positive
 from circuits.errors import InputError, require
@@ -111,7 +111,7 @@ def learn(
     start: npt.ArrayLike,
     *,
     rngs: list[np.random.Generator],
-    policy: Policy | None = None,
+    policy: GaussianPolicy | None = None,
     learner: Learner | None = None,
 ) -> Learned:
     """Learn a gap (nats) or a level of dopamine in several independent runs in parallel.

@@ -7,7 +7,7 @@ from scipy.stats import norm
 from bgmodel import Sprt, stream
 from bgmodel.deciding.decision import crossing_of_each
 from bgmodel.deciding.reward import reward
-from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
+from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.theory.sprt import gaussian_pair, reward_curve
 from tests.helpers import refused
 from tests.learning.helpers import T_MAX, XI, D, draw
@@ -39,29 +39,6 @@ def test_policy_gradient_agrees_with_the_finite_difference(mean):
     assert abs(estimate.mean() - exact) < 4 * estimate.std() / np.sqrt(runs)
 
 
-def test_bernoulli_gradient_agrees_with_the_finite_difference():
-    policy = BernoulliPolicy(units=3)
-    rng = stream(4, "bernoulli")
-    w = np.array([0.4, -0.7, 0.2])
-    runs = 200_000
-    gaps, gradient = policy.sample(np.tile(w, (runs, 1)), rng.standard_normal((runs, 3)), 0)
-
-    def expected(weights):
-        total = 0.0
-        for bits in np.ndindex(2, 2, 2):
-            p = 1 / (1 + np.exp(-weights))
-            chance = np.prod(np.where(np.array(bits) == 1, p, 1 - p))
-            total += chance * np.sin(policy.sizes @ bits)
-        return total
-
-    estimate = np.sin(gaps)[:, None] * gradient
-    for j in range(3):
-        step = np.eye(3)[j] * 1e-5
-        exact = (expected(w + step) - expected(w - step)) / 2e-5
-        assert abs(estimate[:, j].mean() - exact) < 4 * estimate[:, j].std() / np.sqrt(runs)
-    assert policy.sizes.sum() == pytest.approx(8)
-
-
 @pytest.mark.parametrize(
     ("call", "says"),
     [
@@ -81,13 +58,3 @@ def test_exploration_narrows_from_a_quarter_of_the_range_to_a_twentieth(bounds):
     assert policy.sd(0) == pytest.approx(width / 4)
     assert policy.sd(2000) == pytest.approx((width / 4 + width / 20) / 2)
     assert policy.sd(10**12) == pytest.approx(width / 20)
-
-
-def test_binary_units_halve_and_none_stops_exploring():
-    """The weights end at 4: a unit is still off, or on, in one trial of 1 + e^4."""
-    policy = BernoulliPolicy()
-    assert len(policy.sizes) == policy.noise == 8
-    assert policy.sizes[:-1] / policy.sizes[1:] == pytest.approx(2)
-    seldom = 1 / (1 + np.exp(4))
-    for mean, share in ((8.0, 1 - seldom), (0.0, seldom), (2.0, 0.25)):
-        assert policy.mean(policy.start(np.full(2, mean))) == pytest.approx(8 * share)

@@ -8,7 +8,7 @@ import pytest
 from bgmodel import stream
 from bgmodel.deciding.reward import reward_of
 from bgmodel.deciding.tradeoff import Tradeoff
-from bgmodel.learning.policies import BernoulliPolicy, GaussianPolicy
+from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import (
     Learned,
     Learner,
@@ -47,39 +47,30 @@ def test_exhaustive_search_finds_the_exact_curve():
     assert (blocks.steps == counts.steps).all()
 
 
-def run_from(start, sign=1.0, policy=None, runs=4, seed=5):
+def run_from(start, sign=1.0, runs=4, seed=5):
     rngs = [stream(seed, "trials", start, run) for run in range(runs)]
     environment = trials_of([draw(rng) for rng in rngs], XI)
     return learn(
         lambda k, gaps: sign * environment(k, gaps),
         start,
         rngs=[stream(seed, "explore", start, run) for run in range(runs)],
-        policy=policy,
         learner=Learner(episodes=6000),
     )
 
 
-@pytest.mark.parametrize(
-    ("start", "policy"),
-    [
-        (0.5, BernoulliPolicy()),
-        (7.5, GaussianPolicy()),
-        pytest.param(0.5, GaussianPolicy(), marks=pytest.mark.validate),
-        pytest.param(7.5, BernoulliPolicy(), marks=pytest.mark.validate),
-    ],
-)
-def test_learning_approaches_the_exact_optimum(start, policy):
+@pytest.mark.parametrize("start", [7.5, pytest.param(0.5, marks=pytest.mark.validate)])
+def test_learning_approaches_the_exact_optimum(start):
     pair = gaussian_pair(D)
     best = optimal_separation(*pair, XI, t_max=T_MAX)
 
     def regret(boundary_separation):
         return -reward_curve(*pair, boundary_separation, XI, t_max=T_MAX) / best.cost - 1
 
-    learned = run_from(start, policy=policy)
+    learned = run_from(start)
     assert regret(start) > 0.12
     assert np.median(regret(learned.learned)) < 0.05
     # The control: with the sign of the reward flipped, learning must fail.
-    assert np.median(regret(run_from(start, sign=-1.0, policy=policy).learned)) > 0.12
+    assert np.median(regret(run_from(start, sign=-1.0).learned)) > 0.12
 
 
 def test_a_run_does_not_depend_on_its_neighbours():
@@ -88,8 +79,7 @@ def test_a_run_does_not_depend_on_its_neighbours():
     assert np.array_equal(four.reward[:2], two.reward)
 
 
-@pytest.mark.parametrize("policy", [GaussianPolicy(), BernoulliPolicy()])
-def test_what_is_carried_over_gets_no_credit(policy):
+def test_what_is_carried_over_gets_no_credit():
     """Rewards that do not hang on what is played, and drift: what was carried explains none."""
     courses = []
     for carried in (0.0, 0.8):
@@ -99,7 +89,6 @@ def test_what_is_carried_over_gets_no_credit(policy):
             lambda k, x: -10.0 - 5 * np.sin(k / 40) * np.ones(len(x)),
             3.0,
             rngs=rngs,
-            policy=policy,
             learner=learner,
         )
         courses.append(learned)
@@ -187,24 +176,6 @@ def test_learning_of_one_trial_ends_where_it_began():
     assert learned.prediction_error.tolist() == [[0.0]]
     with refused("episodes"):
         Learner(last=0)
-
-
-def test_the_weight_of_a_binary_unit_goes_eight_times_as_fast_as_a_gap():
-    """A unit of 8 nats: its weight is the log odds of p, the mean gap / 8, and its score y - p."""
-    learned = learn(
-        lambda k, x: -20.0 - x,
-        4.0,
-        rngs=[stream(SEED, "unit", run) for run in range(3)],
-        policy=BernoulliPolicy(units=1),
-        learner=Learner(episodes=602),
-    )
-    p, y = learned.mean_played / 8, learned.played / 8
-    weight = np.log(p / (1 - p))
-    for k in (100, 300, 600):
-        error = learned.prediction_error[:, k]
-        share = error / np.abs(learned.reward[:, k] - error)
-        step = 8 * 0.04 / (1 + k / 1000) * share * (y - p)[:, k]
-        assert weight[:, k + 1] - weight[:, k] == pytest.approx(step, rel=1e-6)
 
 
 def test_a_learner_has_as_many_trials_as_the_page_says_and_ends_at_the_mean_of_the_last_500():
