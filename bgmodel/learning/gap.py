@@ -91,11 +91,11 @@ def policy_for(policy: GaussianPolicy | None, optima: Sequence[Optimum]) -> Gaus
     best, (least, most) = max(optimum.boundary_separation for optimum in optima), SEPARATIONS
     if policy is None:
         return GaussianPolicy(bounds=(least, most if best < most else WIDER * best))
-    top = float(policy.mean(policy.bounded(policy.start(np.array([np.inf]))))[0])
+    top = policy.bounds[1]
     if best >= top:
         RangeWarning.warn(
             f"the best gap, {best:.2f} nats, is outside the range that the policy can learn, up to "
-            f"{top:.2f} nats: regret includes this; give a lower xi or another policy"
+            f"{top:.2f} nats: regret includes this; give a lower xi or wider bounds"
         )
     return policy
 
