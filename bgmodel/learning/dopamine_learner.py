@@ -199,7 +199,7 @@ class CircuitLearned:
         few = (
             f"{trials} trials tell the best {self.what} only to {doubt:.1%} of the least cost, "
             f"because few are errors and each costs {self.xi:g} readings: give about "
-            f"{round(trials * doubt / RESOLVED, -2):.0f}"
+            f"{100 * np.ceil(trials * doubt / RESOLVED / 100):.0f}"
         )
         if least > 0 and worse > WORSE:
             costs = self.outcomes.expected([self.value, self.start], self.xi)

@@ -170,7 +170,8 @@ def learn(
     Parameters
     ----------
     task : Task
-        What is decided. An evidence table is halved: one half is for learning.
+        What is decided. A table, ``bgmodel.tables.given.EvidenceTable("mine.csv")``, is halved: one
+        half is for learning.
     model : BasalGanglia, optional
         The circuit that learns; without it, the optimal test does, or for dopamine the default
         circuit on the rate engine.
@@ -232,7 +233,8 @@ def planned(
     **more: Any,
 ) -> Callable[[], FromReward]:
     """Check all arguments of ``learn``, and return the function that learns."""
-    require(isinstance(task, Task), "task", "must be a task, such as bg.SameDifferent()", task)
+    must = "must be a task, such as bg.SameDifferent() or, of a table, EvidenceTable(path)"
+    require(isinstance(task, Task), "task", must, task)
     right = model is None or isinstance(model, BasalGanglia)
     require(right, "model", "must be a bg.BasalGanglia or None, for the test", model)
     what = what or (THRESHOLD if model is None else DOPAMINE)

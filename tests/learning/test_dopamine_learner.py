@@ -333,6 +333,13 @@ def test_few_trials_with_rare_errors_are_the_cause_of_learning_what_is_worse():
     assert "60 trials tell the best level only to" in caution
 
 
+def test_more_trials_are_asked_for_than_there_were(monkeypatch):
+    monkeypatch.setattr(LevelOutcomes, "unresolved", lambda *_: 1.05 * level.RESOLVED)
+    outcomes = pool((0.0, 0.002, 0.02, 0.06), (4.2, 3.4, 3.2, 2.9), 300, 1)
+    caution, *_ = found_on(outcomes, outcomes, 4.0).cautions
+    assert "give about 400" in caution
+
+
 def seed_of_lucky(errors, steps):
     """Return a seed by which the last level has one error and is best on its own trials."""
     for seed in range(1000):
