@@ -78,6 +78,9 @@ class ExperimentRecord(Observed):
             must = "must be one of a task without stop signals: there is no [stop]"
             for measure in [one.measure for one in self.predictions] + [one[0] for one in told]:
                 require(measure not in OF_STOP, "measure", must, measure)
+        for name in ("control", "manipulation"):
+            must, changes = "must be Changes(edits=[...])", getattr(self, name)
+            require(isinstance(changes, Changes), name, f"{must} of {__name__}", changes)
         if not isinstance(self.task, EvidenceTable):
             self._check_truth(self.task.channels)
         for changes in (self.control, self.manipulation):

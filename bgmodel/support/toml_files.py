@@ -74,7 +74,9 @@ def decoded(contents: dict[str, Any], kind: type[T], name: str, inside: str = ""
         reason = f"there is no key {key!r}{whose}{near}; there are {', '.join(known)}"
         raise InputError(f"{before}{reason}", key)
     if wrong["type"] == "missing":
-        raise InputError(f"{before}the key {key!r} is missing", key)
+        others = [repr(".".join(map(str, e["loc"]))) for e in wrongs if e["type"] == "missing"][1:]
+        also = f", and {', '.join(others)} too" if others else ""
+        raise InputError(f"{before}the key {key!r} is missing{also}", key)
     says = wrong["msg"].removeprefix("Value error, ").removeprefix("Input ")
     if wrong["type"] == "value_error":
         field = getattr(wrong["ctx"]["error"], "field", key)

@@ -86,13 +86,14 @@ EDGE = Training(
 class Decoder:
     """A trained network and everything needed to reuse it."""
 
-    network: Any  # a torch.nn.Module or OnnxNetwork
+    network: Any = field(repr=False)  # a torch.nn.Module or OnnxNetwork
     training: Training | OwnNetwork
-    rest_mm: Reals  # (pins, 2), of the pins it was trained on; none if unknown
-    history: list[dict[str, float]]  # per epoch training loss and validation errors, degrees
+    rest_mm: Reals = field(repr=False)  # (pins, 2), of the pins it was trained on; none if unknown
+    # Per epoch training loss and validation errors, degrees.
+    history: list[dict[str, float]] = field(repr=False)
     about: dict[str, Any]  # provenance of taps and training
     # (taps,), identifiers, see Taps.numbers
-    trained_on: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    trained_on: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64), repr=False)
 
     def knows(self, taps: Taps) -> Truths:
         """Return which taps were used in training or validation, (taps,)."""
@@ -234,7 +235,8 @@ def train_decoder(
     seed, device :
         As for ``train``.
     training : Training, optional
-        Training options; by default those tuned for gratings or for an edge.
+        Training options, such as ``dataclasses.replace(EDGE, epochs=2)``, with ``EDGE`` of
+        ``bgmodel.tactile.decoder``; by default those tuned for gratings or for an edge.
 
     Raises
     ------
@@ -305,7 +307,9 @@ def train(
     provenance of the taps, saved with the weights.
     """
     check_device(device)
-    training = training or Training()
+    training = Training() if training is None else training
+    must = f"must be a Training of {__name__}, such as EDGE"
+    require(isinstance(training, Training), "training", must, training)
     _check_stimulus(taps, training)
     kind = NETWORKS[training.network]
     yaw = taps.labels["yaw_deg"].to_numpy(dtype=np.float64)

@@ -69,7 +69,9 @@ def _read_table(folder: Path) -> tuple[Form, pd.DataFrame]:
     known = [form for form in FORMS if (folder / form.table).is_file()]
     if not known:
         tables = " nor ".join(dict.fromkeys(form.table for form in FORMS))
-        raise FileNotFoundError(f"recording: {folder} has neither {tables}; one is required")
+        raise FileNotFoundError(
+            f"recording: {folder} has neither {tables}: give the folder that has"
+        )
     table = folder / known[0].table
     try:
         raw = pd.read_csv(table)

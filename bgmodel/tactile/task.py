@@ -257,8 +257,8 @@ def columns(taps: pd.DataFrame, wanted: list[str], stimulus: str) -> pd.DataFram
     lacking = [name for name in wanted if name not in taps]
     if lacking:
         raise InputError(
-            f"this task needs decoded taps of {stimulus}, with {', '.join(wanted)}: "
-            f"the table has no {', '.join(lacking)}",
+            f"this task needs a table (taps) of decoded taps of {stimulus}, with "
+            f"{', '.join(wanted)}: the table has no {', '.join(lacking)}",
             "taps",
         )
     return taps[wanted]

@@ -68,6 +68,11 @@ def test_a_file_says_what_is_run(experiment_file):
         ("= 20", "= nan", "at_least must be >= 0, got nan"),
         ('"down"\nat_least = 20', '"none"\nat_least = 0', 'must be > 0 if the direction is "no'),
         ('name = "a lesion"', "", "the key 'name' is missing"),
+        (
+            "[[pred",
+            "[[effects]]\nvalue = 1\n[[pred",
+            "effects.0.measure' is missing, and .*source' too",
+        ),
         ('"nobody"', "2001-01-01", "no key takes a date or a time, got 2001-01-01"),
         ('["lesion STN 20%"]', '"STN"', r'edits = \["lesion STN 10%"\]'),
         ("[task]", "posterior = 1.5\n[task]", "posterior must lie between chance, 0.5 with 2"),
@@ -229,7 +234,10 @@ def test_more_alternatives_have_no_diffusion(experiment_file):
 def test_a_circuit_at_rest_below_its_threshold_answers_before_the_stimulus():
     """It responds before anything is read: no prediction, right or wrong, is met by that."""
     acute = Changes(Edits(["lesion STN"]))
-    experiment = replace(Experiment.from_toml("stn_lesion_chronic"), manipulation=acute)
+    chronic = Experiment.from_toml("stn_lesion_chronic")
+    with refused("manipulation must be Changes"):
+        replace(chronic, manipulation=["lesion STN"])
+    experiment = replace(chronic, manipulation=acute)
     task = replace(experiment.task, trials=100, t_max=12, d_prime=1.5)
     experiment_file = replace(experiment, task=task)
     measures = experiment_file.run().measures

@@ -117,6 +117,8 @@ def test_a_decoder_refuses_taps_of_what_it_was_not_trained_on(decoder, tmp_path)
         train(gratings, seed=1, training=EDGE)
     with refused("taps one stimulus, grating"):
         train(of_edges, seed=1, training=QUICK)
+    with refused("training must be a Training of"):
+        train(gratings, seed=1, training={"epochs": 2})
     for taps in (gratings, of_edges):
         taps.save(tmp_path / "t.npz", {})
         assert Taps.load(tmp_path / "t.npz")[0].stimulus == taps.stimulus
