@@ -57,7 +57,7 @@ MOST_COMPARED = 12
 """Largest number of channels for which the rows of a file are recognised."""
 
 
-def load_circuit(name: str | Path, channels: int | None = None) -> Circuit:
+def load_circuit(name: str | Path = DEFAULT, channels: int | None = None) -> Circuit:
     """Load a circuit by name or from a file.
 
     Parameters
