@@ -313,7 +313,8 @@ def check_evidence(evidence: Evidence) -> Evidence:
     """Return the evidence; ValueError for anything else, such as a bare array."""
     if isinstance(evidence, Evidence):
         return evidence
-    hint = "Evidence(log_likelihood) makes one from nats (trials, steps, hypotheses)"
+    hint = "Evidence(log_likelihood) makes one from nats (trials, steps, hypotheses), "
+    hint += "read_evidence one from a table"
     if isinstance(getattr(evidence, "evidence", None), Evidence):
         hint = "give its .evidence"
     what = type(evidence).__name__

@@ -91,7 +91,7 @@ class Activity:
     def __repr__(self) -> str:
         """Return a one-line summary: shapes and the mean of OUT."""
         trials, ticks, channels = self.output_nats.shape
-        spikes = sum(map(len, self.spikes.values())) if self.spikes else 0
+        spikes = sum(map(len, self.spikes.values())) if self.spikes else "no recorded"
         low, high = (float(np.min(self.time_ms)), float(np.max(self.time_ms)))
         return (
             f"Activity({self.circuit.name} on {self.engine}: {trials} trials x {ticks} ticks x "
@@ -323,7 +323,7 @@ def beyond_range(circuit: CircuitTable, drive: Array) -> str:
     common, gain = "", " or a lower gain"
     if not circuit.centred:
         common = ": outside that range, input common to all channels does not cancel"
-        gain = ", a lower gain, or evidence with its baseline subtracted"
+        gain = ", a lower gain, or each reading minus its mean over hypotheses"
     return (
         f"{'S' if in_nats else 'the input'} runs from {nats.min():.2f} to {nats.max():.2f} "
         f"{circuit.unit}, {circuit.name} works from {low:.3g} to {high:.3g}{where}{common}; "

@@ -338,7 +338,8 @@ class FitSettings:
             return MODELS[model](number, self.trials, self.seed, seconds)
         if isinstance(model, str) and model not in CIRCUITS and not is_path(model):
             allowed = ", ".join((*GAPS, *MODELS, *CIRCUITS))
-            raise InputError.of("models", f"must be of {allowed}, or .toml files", model)
+            must = f"must be of {allowed}, or .toml files (constant_gap is the diffusion model)"
+            raise InputError.of("models", must, model)
         circuit = checked_circuit(model, number)
         if number > 2 and circuit.channels != number:
             must = f"must have a channel for each of {number} alternatives"

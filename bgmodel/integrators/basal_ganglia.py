@@ -77,9 +77,9 @@ class BasalGanglia(Facts):
     circuit : Circuit or str
         The table, a name (2 channels) or a .toml file (the file's number of channels).
     engine : Engine or str
-        A record of ``circuits.engines`` with its options, such as ``Population(dt_ms=0.5)``, or the
-        name of one, with its defaults. Population is the fastest engine that includes spiking
-        noise.
+        A record of ``circuits.engines`` with its options, such as ``Ensemble(spikes=("STN",))``, so
+        that ``activity`` keeps spikes, or the name of one, with its defaults. Population is the
+        fastest engine that includes spiking noise.
     gain : float, optional
         Drive, in the circuit's unit, per nat of evidence, kappa: in nats OUT is then
         ``-ln softmax(kappa L)``. By default that of the circuit, lowered where the evidence would

@@ -68,7 +68,8 @@ def span(values: npt.ArrayLike, form: str = ".3g") -> str:
 def save(record: Any, path: str | Path, *, force: bool = False) -> Path:
     """Write a record of this package, such as a result, to an .npz file, whole or not at all."""
     path = path_of(path)
-    require(path.suffix == ENDING, "path", f"must end in {ENDING}", str(path))
+    table = ": to_dataframe() gives a table" * hasattr(record, "to_dataframe")
+    require(path.suffix == ENDING, "path", f"must end in {ENDING}{table}", str(path))
     check_new(path, force=force)
     check_writable(path.parent)
     arrays: dict[str, Any] = packed(record)

@@ -71,24 +71,28 @@ def check_spelt(name: str, ours: Sequence[str]) -> None:
 def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
     """Raise ValueError if a column is missing, duplicated or misspelt, or there are no rows."""
     names = names_once(table.columns)
+    held = []
     for name in names:
         meant = name.strip().lower()
         if meant not in names:
             check_spelt(name, OURS)
         if meant in PEOPLE and "participant_id" not in names:
-            held = "seems to hold participants: rename it to participant_id, or name it"
-            held += " (Columns(participant=...), at the terminal --columns participant=)"
-            raise InputError(f"column {name!r} {held}", "participant")
+            held.append(name)
     if missing := [name for name in wanted if name not in names]:
         hint = ""
         if "response" in missing and "correct" in names:
             hint = "; if correct is 1 or 0, rename it to response and give unsigned strengths"
         if standard := [name for name in missing if name in ("rt", "response")]:
+            standard += ["participant"] * bool(held)
             record, words = (end.join(f"{name}=..." for name in standard) for end in (", ", " "))
             hint += f"; name yours: Columns({record}), at the terminal --columns {words}"
         absent = " or ".join(missing)
         reason = f"there is no column {absent}; there are {', '.join(names)}{hint}"
         raise InputError(reason, missing[0])
+    for name in held:
+        hint = "seems to hold participants: rename it to participant_id, or name it"
+        hint += " (Columns(participant=...), at the terminal --columns participant=)"
+        raise InputError(f"column {name!r} {hint}", "participant")
     if len(table) == 0:
         raise InputError("a table of choices needs at least one trial, got 0 rows", "table", table)
 

@@ -48,6 +48,7 @@ def test_an_activity_is_one_line_and_in_a_notebook_its_mean_rates():
     line = repr(activity)
     assert line.startswith("Activity(bogacz_gurney on algebra: 3 trials x 1 ticks x 4 channels, ")
     assert f"mean OUT {activity.output_nats.mean():.3g} nats" in line
+    assert line.endswith("no recorded spikes)")
     assert "\n" not in line
     page = activity._repr_html_()
     assert f"{activity.rates_hz['GPe'].mean():.4g}" in page

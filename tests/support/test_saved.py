@@ -105,6 +105,8 @@ def test_a_file_is_replaced_only_if_asked_and_never_lost(tmp_path):
     assert [*tmp_path.iterdir()] == [path]
     with refused("path must end in .npz"):
         EVIDENCE.save(tmp_path / "a.json")
+    with refused("path must end in .npz: to_dataframe"):
+        bg.Msprt().decide(EVIDENCE, posterior=0.9).save(tmp_path / "a.csv")
 
 
 def rewritten(path, change):

@@ -116,3 +116,5 @@ def test_names_of_columns_are_those_of_this_package_or_named(kind):
         READERS[kind](table_of(kind).rename(columns={"rt": "rt_ms"}))
     with refused("participant"):
         READERS[kind](table_of(kind).rename(columns={"participant_id": "subject"}))
+    with refused(r"rt .*Columns\(rt=\.\.\., participant=\.\.\.\)"):
+        READERS[kind](table_of(kind).rename(columns={"rt": "rt_ms", "participant_id": "subject"}))
