@@ -43,6 +43,9 @@ class Changes:
     learning: Learning | None = None
     """Learning before the trials, if it differs."""
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "edits", Edits(self.edits))
+
 
 @dataclass(frozen=True, kw_only=True)
 class ExperimentRecord(Observed):

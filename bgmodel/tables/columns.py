@@ -71,13 +71,10 @@ def check_spelt(name: str, ours: Sequence[str]) -> None:
 def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
     """Raise ValueError if a column is missing, duplicated or misspelt, or there are no rows."""
     names = names_once(table.columns)
-    held = []
     for name in names:
-        meant = name.strip().lower()
-        if meant not in names:
+        if name.strip().lower() not in names:
             check_spelt(name, OURS)
-        if meant in PEOPLE and "participant_id" not in names:
-            held.append(name)
+    held = [] if "participant_id" in names else [n for n in names if n.strip().lower() in PEOPLE]
     if missing := [name for name in wanted if name not in names]:
         hint = ""
         if "response" in missing and "correct" in names:
@@ -89,10 +86,10 @@ def check_columns(table: pd.DataFrame, wanted: Sequence[str]) -> None:
         absent = " or ".join(missing)
         reason = f"there is no column {absent}; there are {', '.join(names)}{hint}"
         raise InputError(reason, missing[0])
-    for name in held:
+    if held:
         hint = "seems to hold participants: rename it to participant_id, or name it"
         hint += " (Columns(participant=...), at the terminal --columns participant=)"
-        raise InputError(f"column {name!r} {hint}", "participant")
+        raise InputError(f"column {held[0]!r} {hint}", "participant")
     if len(table) == 0:
         raise InputError("a table of choices needs at least one trial, got 0 rows", "table", table)
 

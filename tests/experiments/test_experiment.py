@@ -237,6 +237,8 @@ def test_a_circuit_at_rest_below_its_threshold_answers_before_the_stimulus():
     chronic = Experiment.from_toml("stn_lesion_chronic")
     with refused("manipulation must be Changes"):
         replace(chronic, manipulation=["lesion STN"])
+    with refused("edits must be a list of lines"):
+        Changes("lesion STN")
     experiment = replace(chronic, manipulation=acute)
     task = replace(experiment.task, trials=100, t_max=12, d_prime=1.5)
     experiment_file = replace(experiment, task=task)
