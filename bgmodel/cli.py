@@ -17,6 +17,7 @@ from typing import Any, get_args, get_origin
 
 from cyclopts import (
     App,
+    CoercionError,
     CycloptsError,
     MissingArgumentError,
     Parameter,
@@ -106,6 +107,11 @@ def parsed(arguments: Sequence[str]) -> partial[None]:
     except CycloptsError as error:
         if isinstance(error.__cause__, InputError):
             raise error.__cause__ from None
+        # Once anything has imported pydantic, it checks values before the command does.
+        refused = str(error.__cause__).partition("Value error, it ")[2].partition(" [type=")[0]
+        if refused and isinstance(error, CoercionError) and error.argument is not None:
+            field = error.argument.name.lstrip("-").replace("-", "_")
+            raise InputError(f"{field} {refused}", field) from None
         named = _named(arguments)
         about = f"`bgmodel {' '.join([*named, '--help'])}` lists what there is"
         raise InputError(f"{_sentence(error)}; {about}", "arguments") from None
