@@ -30,7 +30,7 @@ def at_the_fixed_point(monkeypatch):
 def test_resting_rates_are_met_within_the_family(at_the_fixed_point):
     """SNr rests at ``baseline + gain ln 2``, and STN at ``gain Sigma0 / 2``."""
     tuned = tune(
-        "macaque", ["rest.snr", "rest.stn"], FREE, held_out=["rest.stn.task"], evaluations=60
+        "macaque_small", ["rest.snr", "rest.stn"], FREE, held_out=["rest.stn.task"], evaluations=60
     )
     assert tuned.values["SNr.baseline_hz"] == pytest.approx(69.3 - 36 * np.log(2), abs=0.3)
     assert tuned.values["STN.gain_hz_per_nat"] == pytest.approx(2 * 19 / 2.2, abs=0.2)
@@ -46,7 +46,7 @@ def test_resting_rates_are_met_within_the_family(at_the_fixed_point):
 
 def test_weights_follow_where_a_direction_changes_the_loop(at_the_fixed_point):
     free = {"Sigma0": (1.5, 2.5), "GPe->STN.weight": (-0.6, -0.2)}
-    tuned = tune("macaque", ["rest.stn"], free, held_out=["rest.gpe"], evaluations=30)
+    tuned = tune("macaque_small", ["rest.stn"], free, held_out=["rest.gpe"], evaluations=30)
     circuit = tuned.model.circuit(2)
     assert failures(circuit) == []
     assert resting_hz(circuit)["STN"] == pytest.approx(20 * tuned.values["Sigma0"] / 2)

@@ -47,7 +47,7 @@ TO_SLOW = "input from STN, gain, time assumed"
 TO_CTX = "GPe to frontal cortex, Saunders et al. 2015, mouse; delay assumed"
 
 
-def macaque(channels: int = 2) -> Circuit:
+def macaque(channels: int = 2, *, name: str = "macaque") -> Circuit:
     """Return the circuit driven by raw evidence, which cancels input common to all channels.
 
     The cortex of each channel receives that channel's evidence. Input common to all channels moves
@@ -152,7 +152,7 @@ def macaque(channels: int = 2) -> Circuit:
     ))
     # fmt: on
     return Circuit(
-        name="macaque",
+        name=name,
         populations=populations,
         projections=projections,
         channels=channels,

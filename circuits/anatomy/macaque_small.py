@@ -24,7 +24,7 @@ def macaque_small(channels: int = 2) -> Circuit:
     macaque's: MSN at 3 and 5 Hz, STN at 44 / N and SNr at 20 + 36 ln N Hz. With two alternatives
     the largest lead of evidence that it tracks is at most a third of that of ``macaque``.
     """
-    circuit = macaque(channels)
+    circuit = macaque(channels, name="macaque_small")
     log_n, rest = log(channels), 2.2
     above_floor, sigma, share, indirect = 0.4, 2.2, 0.35, 0.1
     # As in ``macaque``: what follows from OUT = -ln P.
@@ -54,7 +54,6 @@ def macaque_small(channels: int = 2) -> Circuit:
     # fmt: on
     return replace(
         circuit,
-        name="macaque_small",
         populations=tuple(
             replace(row, **changes.get(row.name, {}))  # type: ignore[arg-type]
             for row in circuit.populations

@@ -12,7 +12,7 @@ from circuits.anatomy import DEFAULT
 from tests.helpers import run, words
 
 FIXED_POINT = words("--engine algebra --task d_prime=1 t_max=20 --accuracies 0.9")
-SMALL = (*words("--task trials=100 d_prime=1 t_max=20 --edits"), "neurons 100")
+SMALL = words("--circuit macaque_small --task trials=100 d_prime=1 t_max=20 --edits 'neurons 100'")
 
 
 def test_compare_writes_the_same_bytes_for_any_number_of_workers(tmp_path, capsys):
