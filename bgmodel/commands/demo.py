@@ -22,7 +22,7 @@ def demo(*, seed: int = 1, plot: Path = Path("demo.png"), force: bool = False) -
         Overwrite an existing picture.
     """
     Files(plot=plot, force=force).check(())
-    say("decisions of several thousand spiking cells")
+    say("decisions of some 40 000 spiking cells")
     from bgmodel.demo import demo as shown
     from bgmodel.demo import draw
 
