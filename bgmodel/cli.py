@@ -108,10 +108,11 @@ def parsed(arguments: Sequence[str]) -> partial[None]:
         if isinstance(error.__cause__, InputError):
             raise error.__cause__ from None
         # Once anything has imported pydantic, it checks values before the command does.
-        refused = str(error.__cause__).partition("Value error, it ")[2].partition(" [type=")[0]
-        if refused and isinstance(error, CoercionError) and error.argument is not None:
+        (wrong, *_) = getattr(error.__cause__, "errors", list)() or [{"msg": ""}]
+        _, _, says = wrong["msg"].partition("Value error, it ")
+        if says and isinstance(error, CoercionError) and error.argument is not None:
             field = error.argument.name.lstrip("-").replace("-", "_")
-            raise InputError(f"{field} {refused}", field) from None
+            raise InputError(f"{field} {says}", field) from None
         named = _named(arguments)
         about = f"`bgmodel {' '.join([*named, '--help'])}` lists what there is"
         raise InputError(f"{_sentence(error)}; {about}", "arguments") from None

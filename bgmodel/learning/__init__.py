@@ -1,1 +1,1 @@
-"""Learning a threshold from reward: REINFORCE, its policies and its environments."""
+"""Learning a threshold from reward: REINFORCE, its policy and its environments."""

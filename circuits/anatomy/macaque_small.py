@@ -19,10 +19,10 @@ def macaque_small(channels: int = 2) -> Circuit:
     """Return a circuit that computes OUT as ``macaque`` does, with cells of larger gain.
 
     A gain of more Hz per nat needs fewer cells for the same noise (it goes as
-    ``rate / (cells gain^2)``), so a run in spikes costs a third. The price: no FSI, a weaker and
+    ``rate / (cells gain^2)``), so a run in spikes costs 40 %. The price: no FSI, a weaker and
     faster loop of STN and GPe without a beta rhythm of 8 to 15 Hz, and resting rates outside the
     macaque's: MSN at 3 and 5 Hz, STN at 44 / N and SNr at 20 + 36 ln N Hz. With two alternatives
-    the largest lead of evidence that it tracks is at most a third of that of ``macaque``.
+    the largest lead of evidence that it tracks is about a third of that of ``macaque``.
     """
     circuit = macaque(channels, name="macaque_small")
     log_n, rest = log(channels), 2.2
