@@ -34,7 +34,7 @@ WIRE = "weight, delay assumed"
 D2_BENT = f"{KERNEL}; D2 {HERNANDEZ}"
 D2_GABA = f"delay {LIENARD}; tau, share tuned; D2 {SHEN}"
 MOST_LEAD_NATS = {
-    2: 3.4, 3: 3.1, 4: 2.5, 5: 1.5, 6: 0.95, 7: 0.7, 8: 0.65, 9: 0.5, 10: 0.32, 11: 0.32, 12: 0.29,
+    2: 3.4, 3: 3.1, 4: 2.5, 5: 1.5, 6: 0.95, 7: 0.7, 8: 0.65, 9: 0.5, 10: 0.32, 11: 0.3, 12: 0.29,
 }  # fmt: skip
 """Largest lead per 100 ms by number of alternatives, measured (benchmarks/tuning/strength.py).
 
