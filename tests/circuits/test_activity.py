@@ -72,12 +72,6 @@ def test_independent_spikes_have_twice_their_rate_over_their_number():
     assert power[inside][half].mean() == pytest.approx(law[half].mean(), rel=0.1)
 
 
-def test_a_segment_of_a_spectrum_that_does_not_fit_is_refused():
-    recorded = run_rate(anatomy.bogacz_gurney(), np.zeros((1, 1, 2)), step_ms=500)
-    with refused("segment_ms"):
-        recorded.spectrum("STN", from_ms=100)
-
-
 @pytest.mark.parametrize(
     ("drive", "message"),
     [
@@ -146,13 +140,6 @@ def test_smoothing_keeps_a_constant_and_what_is_unknown():
     smooth = plots.smoothed(values, 1.0, 5.0)
     assert smooth[:40] == pytest.approx(7.0)
     assert np.isnan(smooth[40:]).all()
-
-
-def test_what_cannot_be_drawn_is_said(activity):
-    with refused("trial"):
-        activity.plot(2)
-    with refused("rates"):
-        replace(activity, rates_hz={}).plot(0)
 
 
 def test_labelled_arrays_hold_what_the_activity_holds():

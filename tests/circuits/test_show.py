@@ -96,10 +96,3 @@ def test_the_macaque_names_the_nuclei_that_rest_outside_the_published_range(chan
 
 def test_a_table_without_published_rates_has_no_line_on_them():
     assert "published" not in show.text(anatomy.spiking_msprt(2))
-
-
-def test_the_rest_of_a_table_is_solved_once_per_page(monkeypatch):
-    solved = []
-    monkeypatch.setattr(show, "resting_hz", lambda table: solved.append(table) or {})
-    show.text(anatomy.macaque())
-    assert len(solved) == 1

@@ -59,11 +59,3 @@ def latency_ms(before, after, level):
 def test_a_clear_choice_falls_silent_in_about_the_14_ms_that_the_authors_print():
     """Abstract: "an action can be selected in 14 milliseconds"; silent is our reading of it."""
     assert latency_ms([0, 0, 0], [1, 0, 0], 1e-3) == pytest.approx(14, rel=0.25)
-
-
-def test_similar_utilities_take_longer():
-    """Abstract: "or longer for actions with similar utilities"."""
-    base = [0.4, 0.4, 0.4]
-    latencies_ms = [latency_ms(base, [0.4 + more, 0.4, 0.4], 0.05) for more in (0.6, 0.3, 0.25)]
-    assert latencies_ms == sorted(latencies_ms)
-    assert latencies_ms[-1] > 1.2 * latencies_ms[0]

@@ -5,14 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.optimize import linprog
 from scipy.special import erfc
 
 from circuits import anatomy
-from circuits.cells import Lif
 from circuits.cells.membrane import fit_current, lif_mean_mv, lif_rate_hz
-from circuits.checks import whole_ticks
-from circuits.dynamics import noise
 from tests.helpers import refused
 
 SPIKING = anatomy.spiking_msprt()
@@ -23,87 +19,6 @@ LINES = {
     "GPe": ((20, 70), 0.01),
     "SNr": ((5, 80), 0.04),
 }
-Z_LIMIT = 4.0  # some 30 rates below
-
-
-def counted(cell, drive, dt_ms, run_ms, rest_ms=0.0, shift_mv=0.0):
-    """Return the spikes of each cell in run_ms after rest_ms, by the scheme of ticks.
-
-    Parameters
-    ----------
-    cell : Lif or Phase
-    drive : array (cells,)
-        Mean potential, mV, or rate, Hz.
-    shift_mv : float
-        Added to the threshold.
-    """
-    stream = noise.stream_key(11, 0, f"{cell.kind.lower()} {dt_ms}")
-    step = {"Lif": lif_step, "Phase": phase_step}[cell.kind]
-    state = noise.uniform(stream, noise.START_TICK, drive.size) * (cell.kind == "Phase")
-    ready = np.zeros(drive.size, dtype=int)
-    held = whole_ticks("refractory_ms", getattr(cell, "refractory_ms", 0.0), dt_ms)
-    spikes = np.zeros(drive.size, dtype=int)
-    advance = step(cell, drive, dt_ms, shift_mv)
-    first = round(rest_ms / dt_ms)
-    for k in range(first + round(run_ms / dt_ms)):
-        fired = advance(state, stream, k, k >= ready)
-        ready[fired] = k + held + 1
-        if k >= first:
-            spikes += fired
-    return spikes
-
-
-def lif_step(cell, mean, dt_ms, shift_mv):
-    keep = np.exp(-dt_ms / cell.tau_ms)
-    threshold = cell.sampled_threshold_mv(dt_ms) + shift_mv
-    scale = cell.noise_mv * np.sqrt(1 - keep**2)
-
-    def advance(v, stream, k, free):
-        moved = mean + (v - mean) * keep + scale * noise.bits8(stream, k, v.size)
-        v[free] = moved[free]
-        fired = v >= threshold
-        v[fired] = cell.reset_mv
-        return fired
-
-    return advance
-
-
-def phase_step(cell, rate_hz, dt_ms, _):
-    mean = rate_hz * dt_ms / 1000
-    scale = cell.cv * np.sqrt(mean)
-
-    def advance(phi, stream, k, _):
-        phi += mean + scale * noise.bits8(stream, k, phi.size)
-        fired = phi >= 1
-        phi[fired] -= 1
-        return fired
-
-    return advance
-
-
-def measured_hz(cell, drive, neurons, *args, **times):
-    """Return the rate at each drive, and its standard error, from a number of neurons each."""
-    group = np.repeat(np.arange(len(drive)), neurons)
-    spikes = counted(cell, np.repeat(np.asarray(drive, dtype=float), neurons), *args, **times)
-    seconds = args[1] / 1000
-    parts = [spikes[group == i] / seconds for i in range(len(drive))]
-    return (
-        np.array([rates.mean() for rates in parts]),
-        np.array([rates.std() / np.sqrt(rates.size) for rates in parts]),
-    )
-
-
-def off_an_exponential(x, rate_hz):
-    """Return by what fraction the rates miss the exponential of x that fits them best."""
-    one, y = np.ones_like(x), np.log(rate_hz)
-    below, above = np.stack([x, one, -one], axis=1), np.stack([-x, -one, -one], axis=1)
-    fit = linprog(
-        [0, 0, 1],
-        A_ub=np.concatenate([below, above]),
-        b_ub=np.concatenate([y, -y]),
-        bounds=[(None, None)] * 3,
-    )
-    return float(np.expm1(fit.x[2]))
 
 
 # ---- integrate and fire
@@ -139,26 +54,6 @@ def test_far_from_threshold_rates_stay_finite():
     assert rates[-1] == pytest.approx(1000 / cell.refractory_ms, rel=0.02)
 
 
-@pytest.mark.parametrize(("name", "dt_ms"), [("D1", 0.1), ("GPe", 0.1), ("GPe", 0.05)])
-def test_cells_at_the_tick_fire_at_the_rate_of_continuous_time(name, dt_ms):
-    """Within 1 %, with the noise of eight bits."""
-    cell = SPIKING.population(name).cell
-    mean = [lif_mean_mv(cell, rate) for rate in (8, 25, 60)]
-    rate_hz, error = measured_hz(cell, mean, (5000, 1500, 1000), dt_ms, 1000.0, rest_ms=150.0)
-    off = rate_hz / lif_rate_hz(cell, mean) - 1
-    assert (error / rate_hz).max() < 0.005
-    assert np.abs(off).max() < 0.01
-
-
-def test_cells_at_the_tick_without_the_lowered_threshold_fire_too_little():
-    """Negative control: a sampled path overshoots, which costs several per cent of the rate."""
-    cell = SPIKING.population("GPe").cell
-    mean = [lif_mean_mv(cell, 25)]
-    shift = cell.threshold_mv - cell.sampled_threshold_mv(0.1)
-    rate_hz, _ = measured_hz(cell, mean, (1500,), 0.1, 500.0, rest_ms=150.0, shift_mv=shift)
-    assert rate_hz[0] / lif_rate_hz(cell, mean)[0] < 0.97
-
-
 def test_the_mean_potential_inverts_the_rate():
     cell = SPIKING.population("GPe").cell
     for rate in (1e-6, 0.5, 12.0, 200.0):
@@ -183,40 +78,3 @@ def test_fitted_currents_follow_the_line_and_are_those_of_the_table(name):
 
 
 # ---- the laws that the circuit needs
-
-
-def test_phase_cells_are_exponential_over_six_nats_and_as_regular_as_stated():
-    """From 0.5 to 400 Hz, 6.7 nats."""
-    cell = SPIKING.population("STN").cell
-    nats = np.linspace(np.log(0.5), np.log(400), 9)
-    rate_hz, error = measured_hz(cell, np.exp(nats), (250,) * 9, 0.1, 2000.0)
-    assert np.ptp(nats) > 6
-    assert (np.abs(rate_hz - np.exp(nats)) < Z_LIMIT * error + 1e-3 * rate_hz).all()
-    assert off_an_exponential(nats, rate_hz) < 0.05
-    # Counts over long times vary as those of a renewal process: variance over mean is cv^2.
-    counts = counted(cell, np.full(2000, 100.0), 0.1, 500.0)
-    assert counts.var() / counts.mean() == pytest.approx(cell.cv**2, rel=0.1)
-
-
-def test_integrate_and_fire_cells_are_no_exponential():
-    """Negative control: noise makes them exponential over some two nats only."""
-    cell = SPIKING.population("GPe").cell
-    for nats, within in ((1.5, True), (3.0, False), (5.0, False)):
-        rate = 1.0 * np.exp(np.linspace(0, nats, 40))
-        mean = np.array([lif_mean_mv(cell, hz) for hz in rate])
-        assert (off_an_exponential(mean, rate) < 0.05) == within
-
-
-def test_gpe_is_s_minus_log_s_within_a_tenth_of_a_nat_near_its_set_point():
-    """GPe of the spiking circuit is a line through S - ln S at s0: its error, in nats."""
-    row, path = SPIKING.population("GPe"), SPIKING.projection("STN", "GPe")
-    assert isinstance(row.cell, Lif)
-    s0 = -row.bias_nats / path.weight
-    total = np.linspace(0.5, 5, 19)
-    mean = row.cell.rest_mv + row.cell.mv_per_nat * (path.weight * total + row.bias_nats)
-    out_nats = (lif_rate_hz(row.cell, mean) - row.baseline_hz) / row.gain_hz_per_nat
-    wanted = (total - np.log(total)) - (s0 - np.log(s0))
-    off = out_nats - wanted
-    assert s0 == pytest.approx(2.2)
-    assert np.abs(off[(total >= 1.25) & (total <= 3.25)]).max() < 0.1
-    assert 0.5 < np.abs(off[-1]) < 0.8  # at S = 5: why a common mode must hold S near s0

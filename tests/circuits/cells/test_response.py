@@ -11,7 +11,7 @@ from circuits import anatomy
 from circuits.cells import Phase
 from circuits.cells.membrane import lif_rate_hz
 from circuits.cells.phase import phase_spectrum
-from circuits.cells.response import NODES, lif_response
+from circuits.cells.response import lif_response
 
 TABLE = anatomy.spiking_msprt()
 SLOW, FAST = [1e-3], [3000.0]
@@ -91,16 +91,6 @@ def test_all_frequencies_together_are_more_noise_of_the_membrane(name, above_mv)
     )
     law = (more - less) / (2 * step) / (2 * cell.tau_ms / 1000)
     assert gained == pytest.approx(law, rel=0.03)
-
-
-def test_nothing_special_is_where_the_mean_input_meets_a_node():
-    """Drift is 0 there, and its exponential over itself is 1 in the limit."""
-    cell = TABLE.population("D1").cell
-    step = (cell.threshold_mv - cell.reset_mv) / NODES
-    node = cell.threshold_mv - 10.5 * step
-    response = lif_response(cell, [node, node + 1e-6], [10.0])
-    for part in response:
-        np.testing.assert_allclose(part[0], part[1], rtol=1e-4)
 
 
 def test_a_mean_more_than_nine_sd_below_threshold_counts_as_nine():

@@ -1,15 +1,12 @@
 """The fixed point: it stays, its parts come upstream first, and OUT there is near -ln P."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from circuits import anatomy
-from circuits.cells import Rate
-from circuits.circuit import Circuit
-from circuits.declaration.rows import Population, Projection
+from circuits.declaration.rows import Projection
 from circuits.dynamics import fixed_point
 from circuits.dynamics.wiring import Wiring
 from circuits.engines import run
@@ -83,24 +80,6 @@ def test_an_exponent_goes_to_its_fixed_point_by_at_most_one_nat_per_step(monkeyp
     np.testing.assert_allclose(steps[2:5], 1.0, rtol=1e-12)
 
 
-@pytest.mark.parametrize(("patience", "share"), [(100, 5), (0, 41)])
-def test_where_blocks_are_silent_a_step_is_a_fifth_of_the_error_and_later_less(
-    patience, share, monkeypatch
-):
-    """Far from the end, dx/dt = error is damped by 4; after too many steps, by 40."""
-    rows = (
-        Population("source", Rate(signed=True), 0.0, 10.0),
-        Population("target", Rate(), 0.0, 10.0, bias_nats=-40.0, transfer="rectified"),
-    )
-    paths = (Projection("source", "target", 1.0), Projection("target", "target", 0.5))
-    table = Circuit("silent", rows, paths, 2, input="source", readout="target")
-    monkeypatch.setattr(fixed_point, "PATIENCE", patience)
-    table = replace(table, reference_nats=np.log(2))
-    inputs = steps_of(monkeypatch, table, "target", [30.0, 30.0])
-    error = -10 - inputs[1:6]
-    np.testing.assert_allclose(np.diff(inputs[1:6]), error[:-1] / share, rtol=1e-12)
-
-
 def test_the_cached_state_at_rest_is_that_of_a_fresh_solution():
     for circuit in (
         anatomy.load_circuit("macaque"),
@@ -139,16 +118,3 @@ def test_competitors_beyond_the_reach_of_a_centred_drive_are_cut_there():
     out = run_algebra(table, (drive - drive.mean())[None, None]).output_nats[0, 0, 0]
     assert offsets == pytest.approx((out - np.log(2),) * 2, abs=1e-6)
     assert offsets[0] == pytest.approx(np.log(2 + np.exp(-2)) - np.log(2), abs=1e-6)
-
-
-@pytest.mark.parametrize("competitors", [0, 3])
-def test_as_many_competitors_as_channels_or_no_competitor_are_refused(competitors):
-    with pytest.raises(
-        ValueError, match=re.escape(f"competitors must be within 1..2, got {competitors}")
-    ):
-        fixed_point.off_nats(anatomy.bogacz_gurney(3), competitors)
-
-
-def test_a_circuit_in_saliences_has_no_distance_from_a_posterior():
-    with pytest.raises(ValueError, match="not nats: OUT as -ln P has no meaning there"):
-        fixed_point.off_nats(anatomy.gpr(3))

@@ -57,12 +57,6 @@ def test_a_table_of_whole_numbers_is_that_of_floats():
     assert activities[0].output_nats.tobytes() == activities[1].output_nats.tobytes()
 
 
-@pytest.mark.parametrize("role", ["input", "readout"])
-def test_an_input_or_a_readout_that_is_no_nucleus_is_named_by_its_role(role):
-    with pytest.raises(ValueError, match=f"{role} must be one of the nuclei of spiking_msprt, ctx"):
-        replace(anatomy.spiking_msprt(), **{role: "GPi"})
-
-
 def test_beside_a_replaced_lesion_another_one_is_not_replaced():
     table = anatomy.macaque(2)
     both = fixed_point.wired(table.clamp("GPe", 0.5).lesion("D2", 0.3))

@@ -9,7 +9,7 @@ from circuits import anatomy
 from circuits.cells import Phase, Rate
 from circuits.circuit import Circuit
 from circuits.declaration.rows import Population, Projection
-from circuits.laws.fluctuation import FREQUENCIES_HZ, KINK_NATS, _jumps, extra, swept
+from circuits.laws.fluctuation import FREQUENCIES_HZ, extra, swept
 from circuits.laws.spectra import out_variance
 from tests.circuits.helpers import creeping, run_algebra, run_ensemble, state
 
@@ -117,16 +117,3 @@ def test_noise_is_refused_where_a_state_grows_without_an_oscillation():
     with pytest.raises(ValueError, match="the fixed point of creeping is unstable"):
         out_variance(creeping(0.0074))
     assert np.isfinite(out_variance(creeping(-0.0074))["source"]).all()
-
-
-@pytest.mark.parametrize(("steep", "share"), [(0.3, 0.01), (1.0, 0.01), (8.0, 0.08)])
-def test_a_slope_that_changes_by_a_hundredth_has_a_kink(steep, share):
-    """Of itself where it is steep, of 1 where it is flat; within a hundred-millionth of a nat."""
-    at = np.array([-3 * KINK_NATS, -KINK_NATS / 2, 0.0, KINK_NATS / 2, 3 * KINK_NATS])
-    for change, seen in (
-        (1.1 * share, [False, True, True, True, False]),
-        (0.9 * share, [False] * 5),
-    ):
-        for start, sign in ((steep, 1), (-steep, 1), (steep + change, -1)):
-            jumps = _jumps(lambda x: start + sign * change * (x > 0), at)  # noqa: B023
-            assert jumps.tolist() == seen

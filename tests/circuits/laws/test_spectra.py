@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from circuits import anatomy
-from circuits.cells.phase import phase_spectrum
 from circuits.laws.spectra import out_variance, rate_spectrum
-from tests.circuits.helpers import run_ensemble, state
-from tests.helpers import refused
+from tests.circuits.helpers import run_ensemble
 
 TABLE = anatomy.spiking_msprt()
 MANY = TABLE.with_neurons(1000)
@@ -40,17 +38,6 @@ def test_beta_of_cells_that_differ_is_what_spikes_show(level):
         band = (frequency >= 13) & (frequency <= 30)
         law = rate_spectrum(table, name, frequency[band]).mean()
         assert power[band].mean() == pytest.approx(law, rel=0.15), name
-
-
-def test_power_of_cells_without_what_arrives_is_another():
-    """A control: the noise of STN's cells without what arrives is off by more than a tenth."""
-    wiring, x = state(TABLE)
-    frequency = np.array([5.0, 20.0])
-    row = TABLE.population("STN")
-    rate = wiring.rates(x)[wiring.blocks_of("STN")][:1]
-    # Two channels are averaged; one-sided.
-    alone = 2 * phase_spectrum(row.cell, rate, frequency)[0] / (2 * row.neurons)
-    assert (np.abs(rate_spectrum(TABLE, "STN", frequency) / alone - 1) > 0.1).all()
 
 
 @pytest.mark.parametrize(
@@ -87,10 +74,3 @@ def test_a_lesion_takes_the_noise_with_what_it_takes():
         out_variance(table, [0.85, -0.85])["D2"][0] for table in (TABLE, TABLE.clamp("D2", 0.5))
     )
     assert half == pytest.approx(intact / 4, rel=0.1)
-
-
-def test_a_drive_or_frequency_without_sense_is_refused():
-    with refused("drive"):
-        out_variance(TABLE, [1.0])
-    with refused("frequency_hz"):
-        rate_spectrum(TABLE, "STN", [0.0])

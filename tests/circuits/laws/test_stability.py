@@ -14,18 +14,6 @@ from tests.circuits.helpers import MEMBERS, creeping, run_algebra, run_rate
 from tests.helpers import refused
 
 
-@pytest.mark.filterwarnings("ignore:S runs from")
-def test_a_loop_beyond_its_onset_turns_at_the_computed_frequency():
-    table = anatomy.bogacz_gurney()
-    begins = onset(table)
-    beyond = replace(table, reference_nats=1.04 * begins.total_nats)
-    drive = np.array([[[0.3, -0.3], [0.0, 0.0], [0.0, 0.0]]])
-    activity = run_rate(beyond, drive, step_ms=2000, sample_ms=1.0)
-    frequency, power = activity.spectrum("STN", from_ms=2500, segment_ms=2000)
-    peak = frequency[1:][power[1:].argmax()]
-    assert peak == pytest.approx(begins.frequency_hz, rel=0.1)
-
-
 def test_growth_is_the_first_of_the_roots():
     table = anatomy.spiking_msprt()
     ordered = roots(table, (0.5, -0.5))
@@ -162,23 +150,6 @@ def test_a_drive_of_another_shape_and_a_loop_that_is_never_stable_are_refused():
     unstable = circuit.with_projection("STN", "GPe", transfer="linear", weight=400, delay_ms=50)
     with pytest.raises(ValueError, match=r"already unstable at S = 0.25 nats"):
         stability.onset(unstable)
-
-
-def test_loops_amplify_as_far_as_they_are_from_their_limit():
-    """1 without loops, 1/|1 - L| for one loop, infinite beyond the onset."""
-    assert stability.ringing(anatomy.bogacz_gurney().lesion("GPe"))[0] == pytest.approx(1, abs=1e-6)
-    # A pathway that bends counts with its slope: S - ln S of STN's three rates of 1 nat, 2/3.
-    assert stability.ringing(anatomy.bogacz_gurney())[0] == pytest.approx(2.04, abs=0.01)
-    circuit = loop(6, 14, (5, 5))
-    limit = stability.onset(circuit)
-    near, beyond = (
-        stability.ringing(replace(circuit, reference_nats=share * limit.total_nats))
-        for share in (0.99, 1.01)
-    )
-    assert near[0] > 30
-    assert near[1] == pytest.approx(limit.frequency_hz, rel=0.08)
-    assert beyond[0] == np.inf
-    assert stability.ringing(anatomy.spiking_msprt(2))[0] < 3
 
 
 def test_amplification_grows_as_the_inverse_of_the_distance_to_the_onset():

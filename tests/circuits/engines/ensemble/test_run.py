@@ -13,7 +13,7 @@ from circuits.dynamics.wiring import wire
 from circuits.engines.ensemble import kernel
 from circuits.engines.ensemble import run as ensemble
 from circuits.engines.ensemble.plan import plan
-from circuits.errors import EditWarning, RangeWarning
+from circuits.errors import EditWarning
 from tests.circuits.helpers import run_ensemble, run_plain
 
 NAMES = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
@@ -150,12 +150,6 @@ def test_more_spikes_than_room_are_all_there(monkeypatch):
     little = run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=7, spikes=NAMES).spikes
     for name in NAMES:
         assert spike_set(little[name]) == spike_set(plenty[name])
-
-
-def test_a_drive_beyond_the_range_warns_once_with_the_number():
-    with pytest.warns(RangeWarning, match=r"S runs from .* to 2\d\.\d\d nats") as caught:
-        run_ensemble(BASE, ramp(3, 2, top=40.0), step_ms=20, seed=1)
-    assert len(caught) == 1
 
 
 def test_strong_inhibition_is_not_taken_for_a_refractory_period():

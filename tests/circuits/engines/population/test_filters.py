@@ -79,18 +79,6 @@ def test_an_answer_without_lag_or_colour_has_the_filter_next_to_where_the_fit_be
     np.testing.assert_allclose(coefficients, np.tile([1, 2, 1, 2, 3, 9, 3, 9], (2, 1)), rtol=1e-3)
 
 
-def test_a_coefficient_that_the_answer_hardly_fixes_stays_near_the_state_before_and_the_first():
-    """Where data weigh as much as what holds the coefficient, it goes to the mean of all three."""
-    goals = np.array([4.0, 7.0])
-    coefficients = filters._along(
-        2,
-        lambda p, state: 0.03 * (p - goals[state]),
-        lambda p, state: 0.03 * np.eye(1),
-        np.array([1.0]),
-    )
-    np.testing.assert_allclose(coefficients[:, 0], [(4 + 1 + 1) / 3, (7 + 2 + 1) / 3], rtol=1e-9)
-
-
 def test_a_misfit_is_the_largest_up_to_100_hz():
     """Of an answer and of a colour with a step at 100 Hz, which two poles cannot follow."""
     low, s = FREQUENCIES_HZ <= 100, PER_RAD_S
