@@ -243,14 +243,6 @@ def test_a_simulation_has_the_values_that_options_fix_too():
     assert made.response[even].mean() > 0.5
 
 
-def test_what_is_simulated_is_found_again_by_its_fit():
-    made = bg.simulate("constant_gap", GAP, "roitman_shadlen_2002", seed=2, **MONKEY)
-    table = bg.fit(made, "constant_gap").parameters().set_index("parameter")
-    for name in ("sensitivity", "bound", "t0_s"):
-        row = table.loc[name]
-        assert abs(row["value"] - GAP[name]) < 4 * row["standard_error"]
-
-
 def test_trials_of_people_one_after_the_other_are_those_that_were_read():
     """Every column comes back, for every kind."""
     parts = [tables(simulated(40, 50 + k)) for k in range(2)]

@@ -118,15 +118,6 @@ def test_edits_of_the_pair_act_on_all_of_its_receptors(share):
     same(linear_stn, ("GPe", "STN"))
 
 
-def test_dopamine_scales_every_receptor_of_a_pathway():
-    for level in (0.8, 1.1):
-        two = split(MACAQUE, "ctx", "D1", 0.3).dopamine(level)
-        total = sum(p.weight for p in two.pathways("ctx", "D1"))
-        assert total == pytest.approx(MACAQUE.dopamine(level).projection("ctx", "D1").weight)
-        bias = MACAQUE.dopamine(level).population("D1").bias_nats
-        assert two.population("D1").bias_nats == pytest.approx(bias)
-
-
 def test_dopamine_within_a_trial_scales_every_receptor():
     course = "add dopamine amount=0.3 from_ms=20 to_ms=60"
     one, two = MACAQUE.edited(course), split(MACAQUE, "ctx", "D1", 0.3).edited(course)

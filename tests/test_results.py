@@ -123,13 +123,6 @@ def test_tables_lists_what_a_page_read_and_what_it_names_by_their_origin(tmp_pat
     assert key.startswith(f"What each column means: [{tmp_path.name}]")
 
 
-def test_a_table_says_fewest_and_most_trials_and_whether_it_is_coarse():
-    parameters = {"circuits": CIRCUITS, "trials": [100, 500], "fast": True}
-    note = pages.said({"parameters": parameters, "seed": None, "versions": {"bgmodel": "0"}})
-    assert "100 to 500 trials, seeds in their files" in note
-    assert "coarse (`make score FAST=1`)" in note
-
-
 def test_a_table_that_is_missing_or_stale_is_named_in_a_sentence(tmp_path, place):
     template = tmp_path / "x.md.j2"
     template.write_text('{{ rows("y")[0].no }}')

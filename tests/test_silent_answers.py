@@ -292,16 +292,6 @@ def test_times_in_two_units_are_refused(share, factor):
         read_trials(few, strength="coh")
 
 
-@given(st.floats(0.05, 0.6), st.floats(0, 0.3), st.floats(0.5, 5), st.integers(0, 2**16))
-@settings(max_examples=40, deadline=None)
-def test_slow_trials_are_in_one_unit(t0_s, share, tail_s, seed):
-    rng = np.random.default_rng(seed)
-    table = choices()
-    slow = rng.exponential(tail_s, 200) * (rng.random(200) < share)
-    table["rt"] = t0_s + 0.1 + rng.gamma(2, 0.15, 200) + slow
-    read_trials(table, strength="coh")
-
-
 def test_responses_faster_than_sensing_are_doubted():
     table = choices()
     table.loc[::20, "rt"] = np.linspace(0.02, 0.09, 10)

@@ -79,30 +79,6 @@ def test_a_start_between_falling_bounds_is_likelier_than_none_or_its_mirror():
     assert known[1] > known[2] + 50
 
 
-def test_without_a_bias_it_is_worth_nothing():
-    table = drawn(91_002, start=0.0)
-    best, _ = fitted(table)
-    assert dict(zip(best.likelihood.freedom.names, best.vector, strict=True))["start"] == (
-        pytest.approx(0.0, abs=0.06)
-    )
-    # Twice the gain is chi-squared with one degree of freedom.
-    asked = FitSettings(strength="coherence")
-    by_side = design_of(asked.read(table), sides=True)
-    without = optimum(likelihood_of(GapModel(), by_side))
-    assert 0 <= best.log_likelihood - without.log_likelihood + 1e-3 < 5.5
-
-
-def test_exchanged_responses_exchange_the_bias():
-    """Table and strengths turned round: the same fit with a start of the other sign."""
-    table = drawn(91_003)
-    turned = table.assign(response=1 - table["response"], coherence=-table["coherence"])
-    one, other = (dict(zip(f.likelihood.freedom.names, f.vector, strict=True)) for f in
-                  (fitted(table)[0], fitted(turned)[0]))  # fmt: skip
-    assert other["start"] == pytest.approx(-one["start"], abs=0.01)
-    for name in ("sensitivity", "bound", "t0_s"):
-        assert other[name] == pytest.approx(one[name], rel=0.01)
-
-
 def test_splitting_sides_alone_changes_no_likelihood():
     choices = read_trials(drawn(91_004, start=0.0), strength="coherence")
     plain, sides = (likelihood_of(GapModel(), design_of(choices, sides=s)) for s in (False, True))

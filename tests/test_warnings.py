@@ -89,11 +89,6 @@ def test_each_decision_of_four_threads_warns_once():
     rounds(2)
 
 
-@pytest.mark.validate
-def test_each_decision_of_four_threads_warns_once_in_twenty_rounds():
-    rounds(20)
-
-
 def test_a_warning_is_an_error_in_a_thread_if_a_user_says_so():
     with warnings.catch_warnings(), ThreadPoolExecutor(1) as pool:
         warnings.simplefilter("error", RangeWarning)
@@ -155,11 +150,6 @@ def cells(count):
 
 def test_warnings_of_cells_and_of_the_explorer_do_not_mix():
     cells(3)
-
-
-@pytest.mark.validate
-def test_warnings_of_200_cells_and_of_the_explorer_do_not_mix():
-    cells(200)
 
 
 def changes_filters(text):
