@@ -166,19 +166,6 @@ def test_stop_signal_trials_are_fitted_by_their_stop_process():
     cells = alike.cells()  # every response is correct in the data, and so in the model
     assert cells["model_wrong_s"].isna().all()
     assert cells["model_correct_s"].between(0.3, 0.6).all()
-    figure = alike.plot()
-    assert [ax.get_xlabel() for ax in figure.axes] == [
-        "Stop-signal delay (ms)", "Response time (ms)"
-    ]  # fmt: skip
-    (line,) = [each for each in figure.axes[0].lines if each.get_label() == "Model"]
-    read, vector = alike.optimum.likelihood.trials, alike.optimum.vector
-    p = alike.optimum.likelihood.model.p_respond(read, alike.optimum.likelihood.values(vector))
-    for ssd_ms, drawn in zip(*line.get_data(), strict=True):
-        there = read.ssd_s[np.isfinite(read.ssd_s)] == ssd_ms / 1000
-        assert drawn == pytest.approx(p[there].mean(), abs=0.03)  # of 200 copies of the trials
-    (line,) = [x for x in figure.axes[1].lines if x.get_label() == "Failed stops, Model"]
-    assert line.get_ydata()[-1] == pytest.approx(p.mean(), abs=0.03)
-    plt.close(figure)
     for options in ({"engine": "rate"}, {"pooled": True}, {"rt_window": (0.1, 2.0)}):
         with refused(next(iter(options))):
             bg.fit(table, "constant_gap", **options)

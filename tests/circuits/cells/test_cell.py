@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from circuits.cells import CELLS, AdEx, Cell, Phase, Rate, register
+from circuits.cells import CELLS, Cell, Phase, Rate, register
 from circuits.cells.cell import RESERVED
 from circuits.cells.single import single
 from tests.circuits.spiking import (
@@ -19,19 +19,6 @@ from tests.circuits.spiking import (
     with_cell,
 )
 from tests.helpers import refused
-
-
-def test_a_law_of_the_mean_alone_is_not_taken_for_the_law_of_fluctuations():
-    @register
-    @dataclass(frozen=True)
-    class Half(AdEx):
-        def rate_hz(self, x, line_hz):
-            return line_hz
-
-    circuit = with_cell(BASE, "GPe", Half(**vars(ADEX)))
-    lacking("algebra", laws="cells")(circuit)
-    with refused(r'cell laws="finite" needs Half\.response, and Half cells'):
-        lacking("algebra", laws="finite")(circuit)
 
 
 def test_a_type_that_only_names_its_state_lacks_every_step():
@@ -137,15 +124,6 @@ def test_a_type_whose_answers_do_not_fit_each_other_is_refused_by_every_engine(
     engine, answers, says
 ):
     one_sentence(lambda: lacking(engine)(fitting(**answers)), says)
-
-
-def test_the_order_of_constants_changes_no_spike():
-    def reversed_constants(self, factors, dt_ms):
-        return dict(reversed(Phase.constants(self, factors, dt_ms).items()))
-
-    circuit, usual = fitting(constants=reversed_constants), spikes_of(BASE, "ensemble")
-    for engine in SPIKING:
-        assert spikes_of(circuit, engine) == usual
 
 
 def test_a_cell_that_says_by_another_number_whether_it_fires_is_refused():

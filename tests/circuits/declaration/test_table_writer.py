@@ -106,27 +106,18 @@ def test_published_rates_are_in_the_file_and_in_no_hash():
     assert table_writer.digest(unpublished) == table_writer.digest(restored)
 
 
-EDITED = {
-    "lesion": lambda c: c.lesion("STN", 0.1),
-    "scale": lambda c: c.scale("STN", "SNr", 0.5),
-    "channel": lambda c: c.scale("STN", "SNr", 0.5, 0),
-    "bias": lambda c: c.edited("set STN.bias_nats=7"),
-    "delay": lambda c: c.edited("set STN->GPe.delay_ms=40"),
-    "row": lambda c: c.add("D2->SNr weight=-0.1"),
-    "course": lambda c: c.add("STN amount=0.5"),
-    "dopamine": lambda c: c.dopamine(0.8),
-    "cells": lambda c: c.with_neurons(3),
-    "more cells": lambda c: c.with_neurons_times(0.1),
-    "sparse": lambda c: c.with_connections(0.05),
-    "heterogeneity": lambda c: c.with_heterogeneity(0.5),
-}
+EDITED = [
+    "lesion STN 10%", "scale STN->SNr[0] 0.5", "set STN.bias_nats=7", "set STN->GPe.delay_ms=40",
+    "add D2->SNr weight=-0.1", "add STN amount=0.5", "dopamine 0.8", "neurons 3",
+    "connections 0.05", "heterogeneity 0.5",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("edit", EDITED)
 def test_an_edited_table_does_not_repeat_the_claim_of_the_original(edit, tmp_path):
     """For example that it decides as the MSPRT does. The hash depends on the rows alone."""
     circuit = anatomy.macaque()
-    edited = EDITED[edit](circuit)
+    edited = circuit.edited(edit)
     assert edited.about == "edited from: " + circuit.about
     assert edited.lesion("D1", 0.5).about == edited.about
     restored = table_reader.read(table_writer.write(edited, tmp_path / "mine.toml"))
@@ -243,27 +234,7 @@ def test_what_is_missing_or_no_toml_is_said(old, new, says):
 @given(
     st.integers(0, len(TEXT)),
     st.integers(0, 40),
-    st.sampled_from(
-        [
-            "",
-            *[
-                "#",
-                "1",
-                "-1e400",
-                "nan",
-                "true",
-                '"',
-                '"x"',
-                "[",
-                "]",
-                "[]",
-                "{}",
-                "=",
-                ",",
-                "1979-05-27",
-            ],
-        ]
-    ),
+    st.sampled_from(["", "#", "1", "-1e400", "nan", "true", '"', '"x"', "[", "]", "[]", "{}", "="]),
 )
 def test_a_mangled_file_gives_a_circuit_or_one_sentence(start, length, put):
     mangled = TEXT[:start] + put + TEXT[start + length :]

@@ -164,25 +164,6 @@ def measured(cells, *, trials=128):
     return [(cells * part.mean(), cells * part.std() / np.sqrt(len(parts))) for part in of]
 
 
-@pytest.mark.filterwarnings("ignore:.*cells")
-def test_linear_noise_of_a_loop_is_met_as_cells_grow():
-    """Within the error of sampling from 300 cells on; with fewer it is off by 1/n."""
-    off = {}
-    for cells in (10, 30, 300, 30_000):
-        (variance, error), (shift, shift_error) = measured(cells)
-        table = loop(cells, delay_ms=2.0)
-        known = cells * out_variance(table)["STN"][0]
-        finite = run_algebra(table, np.zeros((1, 1, 2)), laws="finite").output_nats[0, 0, 0]
-        moved = cells * (finite - float(LAW(3.0)))
-        off[cells] = variance / known - 1
-        if cells >= 300:
-            assert abs(variance - known) < 3 * error
-        if cells >= 30:
-            assert abs(shift - moved) < 3 * shift_error + 0.05 * moved
-    assert 2 < off[10] / off[30] < 6  # 3 if it goes as 1/n
-    assert abs(off[30]) < 0.04
-
-
 @pytest.mark.parametrize(("make", "drive"), [(spiking, FAVOURED), (uncommon, (1.5, 0.3))])
 def test_out_of_30_000_cells_scatters_as_computed(make, drive):
     """The tangent at rest would not do where S moves: for the second, Sigma is 3.3, not 2.2."""

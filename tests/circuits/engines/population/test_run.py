@@ -17,7 +17,6 @@ from circuits.declaration import transfer
 from circuits.declaration.rows import Population, Projection
 from circuits.dynamics.ticks import cell_factors
 from circuits.engines import run
-from circuits.engines.population import plan as layout
 from circuits.engines.population import run as engine
 from circuits.engines.population.answers import Mixture, Straight
 from circuits.errors import NoiseWarning
@@ -189,16 +188,6 @@ def test_the_colour_of_noise_follows_the_state():
     check_power(activity, clocks(0.3, 60.0), ((3, 12), (18, 30), (50, 70)))
 
 
-def test_a_cell_that_saturates_has_its_colour_up_to_there():
-    """A ramp goes from 0 to 34 Hz within a nat, which contains the states of the table."""
-    circuit = source(Phase(0.3), 0.0).with_population("ctx", transfer="ramp", gain_hz_per_nat=34.0)
-    circuit = replace(circuit, reference_nats=np.log(2) + 0.7)
-    activity = populations(circuit, np.zeros((300, 4, 2)))
-    hz = activity.rates_hz["ctx"].mean()
-    assert hz == pytest.approx(0.7 * 34, rel=0.01)
-    check_power(activity, clocks(0.3, hz), rel=0.15)
-
-
 def test_lines_with_noise_have_the_noise_of_the_cells():
     """An integrate-and-fire cell alone on its line: its power is that of its spikes."""
     cell = FULL.population("SNr").cell
@@ -288,17 +277,3 @@ def test_no_warning_comes_for_many_cells_or_without_noise():
         warnings.filterwarnings("ignore", ".*deprecated")
         populations(FULL, np.zeros((1, 1, 2)), **settings)
         populations(FULL.with_neurons(10), np.zeros((1, 1, 2)), noise=False, **settings)
-
-
-def test_coefficients_that_are_never_looked_up_anew_are_those_of_a_state_that_stays(monkeypatch):
-    """Cells with lags, driven to other rates: their coefficients are looked up periodically."""
-    drive = np.tile([0.8, -0.8], (1, 1, 1))
-    settings = {"step_ms": 200, "settle_ms": 0, "noise": False}
-    moved = populations(FULL, drive, **settings).output_nats
-    with monkeypatch.context() as patch:
-        patch.setattr(layout, "REFRESH_MS", 2.0**19)
-        once = populations(FULL, drive, **settings).output_nats
-    monkeypatch.setattr(layout, "SLOW_MS", 1e12)
-    still = populations(FULL, drive, **settings).output_nats
-    np.testing.assert_array_equal(once, still)
-    assert np.abs(moved - still).max() > 1e-4
