@@ -1,6 +1,5 @@
 """The demo: the chain of learning, evidence and spikes, and its picture."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -49,21 +48,6 @@ def test_a_decision_is_the_first_crossing_of_the_learned_threshold(chain):
         out = trace.out_nats[0, :, decision.choice[0]]
         assert out[at] <= chain.threshold_nats + 1e-9
         assert (out[:at] > chain.threshold_nats - 1e-9).all()
-
-
-def test_it_says_and_draws_both_decisions(chain):
-    text, figure = chain.summary(), demos.draw(chain)
-    assert f"of {chain.learned.learned.mean():.2f} nats" in text
-    for name, decision in chain.decisions.items():
-        time_ms = decision.time_ms[0]
-        assert f"after {time_ms:.0f} ms" in text
-        style = "--" if name == "MSPRT" else "-"
-        for panel in figure.axes[1:]:
-            assert any(
-                line.get_linestyle() == style and list(line.get_xdata()) == [time_ms, time_ms]
-                for line in panel.lines
-            )
-    plt.close(figure)
 
 
 def test_the_command_writes_a_picture_and_says_what_one_sees(chain, tmp_path, monkeypatch, capsys):

@@ -16,7 +16,6 @@ from circuits.declaration import table_writer
 from circuits.declaration.edits import Edits
 from circuits.declaration.rows import Population, Projection
 from circuits.differences import differences
-from circuits.drawing import draw
 from circuits.dynamics.fixed_point import resting_state
 from circuits.dynamics.wiring import fan_in
 from circuits.engines import ENGINES, run
@@ -197,22 +196,6 @@ def test_receptors_are_kept_by_files_and_shown():
         line for line in show.text(two).splitlines() if "STN -> SNr" in line and "NMDA" in line
     )
     assert " 100 " in line
-
-
-def test_a_circuit_is_drawn_with_all_receptors_of_a_pathway():
-    def width(circuit):
-        (arrow,) = (p for p in draw(circuit).axes[0].patches if p.get_gid() == "STN->SNr")
-        return arrow.get_linewidth(), arrow.get_linestyle()
-
-    two = split(MACAQUE, "STN", "SNr", 0.7)
-    assert width(two) == pytest.approx(width(MACAQUE))
-    assert width(two.block("SNr", "NMDA")) == pytest.approx(width(MACAQUE.scale("STN", "SNr", 0.7)))
-    lost = two.block("SNr", "NMDA").block("SNr", "AMPA")
-    assert width(lost)[1] == width(MACAQUE.cut("STN", "SNr"))[1] != width(two)[1]
-    labels = {t.get_text() for t in draw(two.block("SNr", "NMDA")).axes[0].get_legend().texts}
-    assert "Transmits nothing" not in labels
-    texts = {text.get_text() for text in draw(two.block("SNr", "NMDA")).axes[0].texts}
-    assert "AMPA" in texts
 
 
 @pytest.mark.parametrize(

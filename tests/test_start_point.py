@@ -98,15 +98,6 @@ def test_a_bias_that_is_not_fitted_is_warned_of_with_the_way_to_fit_it():
         )
 
 
-def test_a_start_of_each_level_of_a_condition():
-    left, right = drawn(91_006, start=0.3), drawn(91_007, start=-0.3)
-    table = pd.concat([left.assign(cue="a"), right.assign(cue="b")], ignore_index=True)
-    best, _ = fitted(table, "", vary=("start=cue",))
-    values = dict(zip(best.likelihood.freedom.names, best.vector, strict=True))
-    assert values["start[cue=a]"] == pytest.approx(0.3, abs=0.06)
-    assert values["start[cue=b]"] == pytest.approx(-0.3, abs=0.06)
-
-
 def test_python_fits_it_by_the_same_name_and_a_circuit_says_that_it_has_none():
     table = drawn(91_008, trials=100)
     fit = bg.fit(table, "constant_gap", strength="coherence", free="+start")

@@ -5,8 +5,6 @@ import pytest
 
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.stopping.observer import StopMsprt, log_odds_of_stop
-from bgmodel.stopping.trials import StopTrials
-from figures.stopping import relative
 from figures.stopping.observer import abrupt, commitments, decisions, observed, with_tone
 from figures.stopping.runs import (
     agreement,
@@ -52,22 +50,3 @@ def test_the_observer_withholds_in_stop_trials_and_not_before_the_signal():
     late = commitments(made, 2)
     assert np.isfinite(late).mean() > 0.9
     assert late.min() >= 100
-
-
-def test_people_who_race_answer_as_their_go_times_say(monkeypatch):
-    """40 simulated people with an SSRT of 200 ms; p(respond) is that of the race in each tenth."""
-    rng = np.random.default_rng(1)
-
-    def person():
-        go = rng.normal(500, 100, 400)
-        ssd = rng.choice([200.0, 300.0, 400.0], 200)
-        stop = rng.normal(500, 100, 200)
-        stop[stop > ssd + 200] = NONE
-        return StopTrials(np.append(go, stop), np.append(np.full(400, NONE), ssd))
-
-    people = {f"p{k}": person() for k in range(40)}
-    monkeypatch.setattr(relative, "read_people", lambda columns: people)
-    table = relative.people()
-    assert table["p_respond"].to_numpy() == pytest.approx(table["p_race"].to_numpy(), abs=0.06)
-    late = table["failed_minus_go_ms"] - table["race_minus_go_ms"]
-    assert late.abs().max() < 20

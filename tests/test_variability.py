@@ -4,16 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import dblquad, quad
+from scipy.integrate import quad
 from scipy.stats import norm
 
-import bgmodel as bg
 from bgmodel.fitting.exact import passage
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.gaps import CONSTANT, EXPONENTIAL
 from bgmodel.fitting.exact.responses import Grid
-from bgmodel.fitting.settings import FitSettings
-from tests.helpers import refused
 from tests.test_start_point import drawn, fitted
 
 GRID = Grid(1500)
@@ -82,19 +79,6 @@ def test_choices_under_varying_starts_are_those_of_quadrature(drift, spread, bou
     assert masses[1].sum() == pytest.approx(integral, abs=5e-4)
 
 
-def test_choices_under_both_are_those_of_quadrature_in_two_dimensions():
-    values = {"bound": 0.7, "start": 0.2, "start_spread": 0.6, "drift_sd": 1.5}
-    masses = decided(1.0, **values)[0]
-    half = 0.6 * 0.8 * 0.7
-    integral, _ = dblquad(
-        lambda v, z: norm.pdf(v, 1.0, 1.5) * chosen(v, 0.7, z) / (2 * half),
-        0.14 - half, 0.14 + half, 1.0 - 9 * 1.5, 1.0 + 9 * 1.5,
-    )  # fmt: skip
-    assert masses[1].sum() == pytest.approx(integral, abs=2e-4)
-    # A negative control: with a start a little further the choices are others.
-    assert abs(decided(1.0, **{**values, "start": 0.21})[0, 1].sum() - integral) > 1e-3
-
-
 @GAP
 def test_without_variability_it_is_the_test_alone(gap):
     same = {"bound": 0.8, "start": -0.3}
@@ -147,26 +131,3 @@ def test_varying_drifts_are_recovered_and_nothing_is_gained_without():
     assert nats > 8
     nats, _ = gain(drawn(94_003, bound=1.0, start=0.0))
     assert -0.02 < nats < 3
-
-
-def test_both_differ_between_conditions_and_are_free_by_name():
-    some = drawn(94_005, trials=60, start=0.0)
-    cued = some.assign(cue=np.where(np.arange(len(some)) % 2, "a", "b"))
-    asked = FitSettings(
-        strength="coherence", free=("+drift_sd",), vary=("start_spread=cue",), fix=("lapse=0.01",)
-    )
-    design = asked.design(asked.read(cued))
-    built = asked.likelihood(design, asked.model("falling_gap"))
-    assert built.freedom.names == [
-        "sensitivity", "bound", "fall_per_s", "start_spread[cue=a]", "start_spread[cue=b]",
-        "drift_sd", "t0_s", "t0_sd_s",
-    ]  # fmt: skip  # those by default, without the fixed one, and those asked for
-    # They are symmetric, and sides are no cells.
-    assert design.cells == 6
-    vector = built.freedom.start
-    vector[3] = 0.6
-    by_cue = np.array(design.conditions["cue"])
-    changed = built.density(vector) != built.density(built.freedom.start)
-    assert set(by_cue[changed.any(axis=(1, 2))]) == {"a"}
-    with refused("drift_sd must lie between 0 and 5"):
-        bg.fit(some, "constant_gap", strength="coherence", fix={"drift_sd": -1.0})

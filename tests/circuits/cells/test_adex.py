@@ -23,19 +23,6 @@ def test_an_adex_without_upstroke_and_adaptation_is_the_exact_linear_membrane():
     assert w == 0
 
 
-def test_adaptation_settles_where_it_follows_the_membrane():
-    """With V held, W goes to a (V - E_L) with its own time constant."""
-    cell = replace(ADEX, leak_mv=-75.0)
-    c = cell.constants(np.ones(3), 0.1)
-    v, w, held = 10.0, single.single(0), single.single(1e9)
-    for _ in range(1440):
-        _, _, w, _ = cell.tick(
-            np.float64(0), single.single(4), single.single(v), w, held, *c.values()
-        )
-    settled = cell.adaptation * (v + cell.reset_mv - cell.leak_mv)
-    assert w == pytest.approx(settled * (1 - np.exp(-1)), rel=1e-4)
-
-
 def isi_ms(cell, nats, count=12):
     """Return the intervals of a noiseless cell under a constant input, by the tick."""
     c = list(replace(cell, noise_mv=1e-6).constants(np.ones(3), 0.01).values())
