@@ -8,7 +8,6 @@ import pytest
 from circuits import anatomy
 from circuits.anatomy import CIRCUITS
 from circuits.anatomy import load_circuit as named
-from circuits.declaration.rows import Population
 from circuits.declaration.table_writer import digest
 from circuits.dynamics.fixed_point import rest_rates, wired
 from circuits.dynamics.wiring import wire
@@ -17,34 +16,20 @@ from tests.circuits.helpers import run_algebra
 from tests.helpers import refused, unwarned
 from tests.strategies.edits import WRONG
 
-EDITS = {
-    "lesion": lambda c: c.lesion("STN", 0.3),
-    "clamped lesion": lambda c: c.clamp("GPe"),
-    "weight": lambda c: c.scale("STN", "GPe", 0.5),
-    "axons": lambda c: c.cut("STN", "GPe", 0.5),
-    "axons of one channel": lambda c: c.cut("D1", "SNr", 0.5, channel=1),
-    "one channel": lambda c: c.scale("D1", "SNr", 0.5, channel=1),
-    "lesion in one channel": lambda c: c.lesion("STN", 0.3, channel=1),
-    "dopamine": lambda c: c.dopamine(0.8),
-    "delay": lambda c: c.with_projection("STN", "GPe", delay_ms=7),
-    "time constant": lambda c: (
-        c.with_cell("STN", tau_ms=7)
-        if c.population("STN").cell.hears == "nats"  # the membrane filters
-        else c.with_population("STN", tau_ms=7)
-    ),
-    "neurons": lambda c: c.with_population("STN", neurons=7),
-    "channels": lambda c: c.with_channels(5),
-    "row": lambda c: c.add(Population("TRN", c.population("STN").cell)),
-}
+EDITS = (
+    "lesion STN 30%", "clamp GPe", "scale STN->GPe 0.5", "cut STN->GPe 50%", "cut D1->SNr[1] 50%",
+    "scale D1->SNr[1] 0.5", "lesion STN[1] 30%", "dopamine 0.8", "set STN->GPe.delay_ms 7",
+    "set STN.neurons 7", "add TRN like=STN",
+)  # fmt: skip
 
 
-@pytest.mark.parametrize("edit", EDITS.values(), ids=list(EDITS))
+@pytest.mark.parametrize("edit", EDITS)
 def test_an_edit_returns_a_new_circuit_and_leaves_the_old(circuit, edit):
     before = repr(circuit)
-    edited = edit(circuit)
+    edited = circuit.edited(edit)
     assert edited != circuit
     assert repr(circuit) == before
-    assert edit(circuit) == edited
+    assert circuit.edited(edit) == edited
 
 
 def test_a_circuit_is_one_line_that_tells_two_apart():
@@ -86,19 +71,13 @@ def test_one_channel_is_scaled_and_no_other(circuit):
     for channel in range(3):
         each = each.scale("D1", "SNr", 0.5, channel).scale("D1", "SNr", 1.8, channel)
     assert each.projection("D1", "SNr").factors == (0.9, 0.9, 0.9)
-    out = {
-        name: run_algebra(c, drive).output_nats[0, 0]
-        for name, c in {
-            "unedited": three,
-            "one": three.scale("D1", "SNr", 0.9, channel=1),
-            "each": each,
-            "all": three.scale("D1", "SNr", 0.9),
-        }.items()
-    }
+    one, whole = (three.scale("D1", "SNr", 0.9, channel) for channel in (1, None))
+    tables = {"unedited": three, "one": one, "each": each, "all": whole}
+    out = {name: run_algebra(c, drive).output_nats[0, 0] for name, c in tables.items()}
     np.testing.assert_allclose(out["each"], out["all"], rtol=0, atol=1e-12)
     np.testing.assert_allclose(out["one"][[0, 2]], out["unedited"][[0, 2]], rtol=0, atol=1e-12)
     assert out["one"][1] == pytest.approx(out["all"][1], abs=1e-12)
-    assert not three.scale("D1", "SNr", 0.9, channel=1).exact
+    assert not one.exact
 
 
 def test_lesions_multiply_and_can_be_undone(circuit):
@@ -162,23 +141,14 @@ def test_receptors_of_a_pathway_go_before_those_of_the_cells_that_it_reaches():
 
 def test_an_edit_of_what_the_circuit_computes_takes_the_claim_to_exactness_away():
     exact = anatomy.bogacz_gurney()
-    for same in (
-        exact.with_channels(7),
-        exact.with_population("STN", tau_ms=3, neurons=2),
-        exact.with_projection("STN", "GPe", delay_ms=3, tau_ms=2),
-        exact.dopamine(1),
-    ):
-        assert same.exact
-    for other in (
-        exact.lesion("STN", 0.1),
-        exact.scale("STN", "GPe", 0.5),
-        exact.dopamine(1.1),
-        exact.with_population("STN", transfer="linear"),
-        exact.with_projection("STN", "SNr", pattern="channel"),
-        exact.add(Population("TRN", exact.population("STN").cell)),
-        anatomy.linear_gpe(),
-    ):
-        assert not other.exact
+    times = "set STN.tau_ms 3", "set STN.neurons 2", "set STN->GPe.delay_ms 3", "dopamine 1"
+    assert exact.with_channels(7).edited(*times).exact
+    for edit in (
+        "lesion STN 10%", "scale STN->GPe 0.5", "dopamine 1.1", "set STN.transfer linear",
+        "set STN->SNr.pattern channel", "add TRN like=STN",
+    ):  # fmt: skip
+        assert not exact.edited(edit).exact
+    assert not anatomy.linear_gpe().exact
     assert not anatomy.spiking_msprt().exact
 
 
@@ -192,22 +162,14 @@ def test_the_largest_lead_is_kept_by_edits_that_leave_times_as_they_are_and_clea
     table = anatomy.macaque(2)
     most = table.max_lead_nats
     assert np.isfinite(most)
-    kept = [
-        table.lesion("GPe", 0.1),
-        table.scale("ctx", "D1", 1.1),
-        table.dopamine(0.9),
-        table.edited("set STN.bias_nats=-2"),
-        table.add("D1->GPe weight=-0.1"),
-        table.with_neurons_times(2),
-        table.with_channels(2),
-    ]
-    assert {edited.max_lead_nats for edited in kept} == {most}
-    cleared = [
-        table.edited("set STN->GPe.delay_ms=4"),
-        table.edited("set GPe->STN.tau_ms=3"),
-        table.edited("set GPe_ctx.tau_ms=500"),
-        table.with_channels(4),
-    ]
+    for kept in (
+        "lesion GPe 10%", "scale ctx->D1 1.1", "dopamine 0.9", "set STN.bias_nats -2",
+        "add D1->GPe weight=-0.1", "neurons 600",
+    ):  # fmt: skip
+        assert table.edited(kept).max_lead_nats == most
+    assert table.with_channels(2).with_neurons_times(2).max_lead_nats == most
+    times = "set STN->GPe.delay_ms 4", "set GPe->STN.tau_ms 3", "set GPe_ctx.tau_ms 500"
+    cleared = [*(table.edited(edit) for edit in times), table.with_channels(4)]
     assert {edited.max_lead_nats for edited in cleared} == {np.inf}
 
 
@@ -228,14 +190,10 @@ def test_a_circuit_is_a_mapping_of_its_rows():
 @pytest.mark.parametrize(
     "edit",
     [
-        "set STN.tau_ms 0.02",
-        "set STN->GPe.tau_ms 0.003",
-        "set STN->GPe.delay_ms 0.004",
-        "set GPe.cell.tau_ms 0.01",
-        "set STN->GPe.tau_ms 20000",
-        "set STN.baseline_hz 500",
+        "set STN.tau_ms 0.02", "set STN->GPe.tau_ms 0.003", "set STN->GPe.delay_ms 0.004",
+        "set GPe.cell.tau_ms 0.01", "set STN->GPe.tau_ms 20000", "set STN.baseline_hz 500",
     ],
-)
+)  # fmt: skip
 def test_numbers_far_outside_physiology_are_warned_of(edit):
     name = edit.split(" ")[1].split(".", 1)[1].replace(".", "_")
     with pytest.warns(EditWarning, match=name):

@@ -12,17 +12,14 @@ from circuits.differences import check_edits, differences
 @pytest.mark.parametrize(
     "lines",
     [
-        (),
-        ("set STN.bias_nats -1.9", "set D1->SNr.weight -0.9"),
+        (), ("set STN.bias_nats -1.9", "set D1->SNr.weight -0.9"), ("set STN.cell Rate",),
         ("set STN.cell.cv 0.25", "set SNr.heterogeneity 0.1"),
+        ("scale STN->GPe 0.5", "dopamine 0.9"),
         ("add D1->GPe weight=-0.1 delay_ms=4 tau_ms=3", "set ctx->D1.delay_ms 8"),
         ("add TRN like=STN bias_nats=-1", "add TRN->GPe weight=0.2"),
-        ("scale STN->GPe 0.5", "lesion STN 10%"),
-        ("set STN.cell Rate",),
-        ("dopamine 0.9",),
-        ("compensate", "lesion GPe 20%"),
+        ("lesion STN 10%",), ("compensate", "lesion GPe 20%"),
     ],
-)
+)  # fmt: skip
 def test_the_edits_that_are_found_do_what_was_done(lines):
     first = load_circuit("macaque", 3)
     second = first.edited(*lines)
