@@ -7,7 +7,7 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.fits import question
-from bgmodel.fitting.fit import Fit, fit_likelihood
+from bgmodel.fitting.fit import Fit
 from bgmodel.fitting.hierarchy.group import priors_of
 from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.fitting.known.circuit import KnownCircuit
@@ -43,18 +43,6 @@ def test_a_fit_with_evidence_is_of_single_trials():
 def test_what_two_alternatives_can_not_give_warns():
     with pytest.warns(FitWarning):
         bg.fit(DATA, "msprt", evidence=EVIDENCE, free="+gain", forced=True)
-
-
-def test_a_size_that_few_trials_hardly_identify_is_said_once():
-    """As one with a large error, or as one at a bound."""
-    asked = known_likelihood(EXACT["leaky_sum"], simulated(25, 42))
-    with pytest.warns(FitWarning) as told:
-        fit = fit_likelihood(asked)
-    texts = [str(each.message) for each in told]
-    at_bound = dict(zip(asked.freedom.names, fit.optimum.at_bound, strict=True))
-    assert at_bound["noise"]
-    assert not at_bound["threshold"]
-    assert [sum(name in each for each in texts) for name in ("noise", "threshold")] == [1, 1]
 
 
 def test_draws_are_of_the_posterior():

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circuits import anatomy, show, table_reader
-from circuits.anatomy import CIRCUITS, load_circuit
+from circuits.anatomy import load_circuit
 from circuits.cells import Rate
 from circuits.circuit import Circuit
 from circuits.declaration import table_writer
@@ -17,7 +17,6 @@ from circuits.declaration.edits import Edits
 from circuits.declaration.rows import Population, Projection
 from circuits.differences import differences
 from circuits.dynamics.fixed_point import resting_state
-from circuits.dynamics.wiring import fan_in
 from circuits.engines import ENGINES, run
 from circuits.laws.controls import linear_stn, perturbed, shuffled_stn
 from circuits.laws.homeostasis import recovery
@@ -66,12 +65,6 @@ def test_both_receptors_of_sparse_connections_get_the_same_spikes(engine):
     one, two = (ran(t, engine, spikes=("SNr",)) for t in (table, split(table, "STN", "SNr", 0.5)))
     assert len(one.spikes["SNr"]) > 20
     assert two.spikes["SNr"].equals(one.spikes["SNr"])
-
-
-def test_sparse_connections_of_two_receptors_are_the_same_axons():
-    table = split(SMALL.with_connections(0.25), "STN", "SNr", 0.5)
-    ampa, nmda = table.pathways("STN", "SNr")
-    assert np.array_equal(fan_in(table, ampa, 0, 1), fan_in(table, nmda, 0, 1))
 
 
 @given(SHARES, st.sampled_from(PATHS), st.floats(0, 200), st.floats(0, 50))
@@ -178,14 +171,6 @@ def test_a_step_through_two_receptors_is_the_sum_of_two_filters(fast_ms, slow_ms
     npt.assert_allclose(step.output_nats[0, 20:, 0], wanted[20:], atol=2e-3)
     alone = run(filters(("", 1.0, fast_ms)), np.array([[[1.0, 0.0]]]), engine="rate", step_ms=400)
     assert np.abs(alone.output_nats[0, :, 0] - wanted).max() > 0.1
-
-
-def test_a_circuit_without_receptors_has_the_file_and_the_hash_that_it_had():
-    for name in CIRCUITS:
-        table = load_circuit(name, 2)
-        assert not any("synapse" in row for row in table_writer.plain(table)["projections"])
-        assert '"synapse"' not in table_writer.text(table)
-        assert "synapse" not in show.pathways(table).columns
 
 
 def test_receptors_are_kept_by_files_and_shown():

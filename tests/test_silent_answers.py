@@ -156,19 +156,6 @@ def test_padded_trials_without_lengths_are_doubted():
         trials_from_table(table)
 
 
-@given(st.floats(0, 1), st.integers(1, 12), st.integers(0, 2**16))
-@settings(max_examples=60, deadline=None)
-def test_readings_without_information_are_no_padding(share, steps, seed):
-    """They may come at any time, or end all trials after the same reading."""
-    rng = np.random.default_rng(seed)
-    values = rng.normal(size=(200, steps, 3))
-    values[rng.random((200, steps)) < share] = -1.5
-    assert not [text for text in told(bg.Evidence, values) if "padded" in text]
-    values = rng.normal(size=(200, steps, 3))
-    values[:, rng.integers(steps) :] = 0
-    assert not [text for text in told(bg.Evidence, values) if "padded" in text]
-
-
 def fed(session, evidence, *, sums):
     """Give a session the readings of all trials, or their running sums."""
     for readings in evidence.log_likelihood:

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.tuning.strength import stability as stability_of_loop
 from bgmodel.evidence import Evidence, minus_log_softmax
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.simulated_evidence import separated_evidence
@@ -106,21 +105,6 @@ def test_what_channels_are_told_differs_by_the_evidence_between_them_alone(seed,
     np.testing.assert_allclose(inputs - inputs[..., :1], totals - totals[..., :1], atol=1e-9)
 
 
-@pytest.mark.parametrize("channels", [2, 4])
-@pytest.mark.parametrize(
-    ("make", "rises", "sigma", "hz"),
-    [(anatomy.macaque, (2.1, 2.3), 6.4, 14.3), (anatomy.macaque_small, (1.5, 1.7), 5.14, 21)],
-)
-def test_the_loop_of_stn_and_gpe_alone_oscillates_above_some_sigma(
-    make, rises, sigma, hz, channels
-):
-    """Why evidence can be too strong: the slow cells that inhibit cortex come too late for it."""
-    calm, wild = stability_of_loop(make(channels), rises)
-    assert sigma - 0.3 < calm[1] < sigma < wild[1] < sigma + 0.4
-    assert calm[2] < 0 < wild[2]
-    assert wild[3] == pytest.approx(hz, abs=0.5)
-
-
 @pytest.mark.parametrize("make", [anatomy.macaque, anatomy.macaque_small])
 @pytest.mark.parametrize("channels", range(2, 9))
 def test_out_is_minus_ln_p_where_it_is_read(make, channels):
@@ -129,14 +113,6 @@ def test_out_is_minus_ln_p_where_it_is_read(make, channels):
     assert np.abs(off_nats(circuit)).max() <= (0.001 if make is anatomy.macaque else 0.0012)
     rest = out(circuit, np.zeros(channels))
     assert rest == pytest.approx(np.log(channels), abs=1e-9)
-
-
-@pytest.mark.parametrize("make", [anatomy.macaque, anatomy.macaque_small])
-def test_it_states_a_lead_for_every_number_of_alternatives_that_it_takes(make):
-    most = make(2).most_channels
-    leads = [make(channels).max_lead_nats for channels in range(2, most + 1)]
-    assert np.isfinite(leads).all()
-    assert np.diff(leads[2:]).max() < 0
 
 
 def test_each_channel_gets_its_own_evidence_and_the_control_takes_the_mean_off():

@@ -7,9 +7,7 @@ import numpy.testing as npt
 import pytest
 
 from circuits.cells import single
-from circuits.laws.stability import growth
-from tests.circuits.spiking import ADEX, BASE, SPIKING, WITH_ADEX, lacking, spikes_of, with_cell
-from tests.helpers import refused
+from tests.circuits.spiking import ADEX, BASE, SPIKING, WITH_ADEX, spikes_of, with_cell
 
 
 def test_an_adex_without_upstroke_and_adaptation_is_the_exact_linear_membrane():
@@ -91,22 +89,6 @@ def test_adex_cells_with_sparse_connections_spike_alike_up_to_single_precision()
     fast, brian, plain = (spikes_of(circuit, engine) for engine in SPIKING)
     assert brian == plain
     assert len(fast ^ plain) <= 0.03 * len(plain)
-
-
-@pytest.mark.parametrize(
-    ("call", "answer", "user"),
-    [
-        (lacking("algebra", laws="cells"), "rate_hz", 'laws="cells" (and "finite")'),
-        (lacking("algebra", laws="finite"), "rate_hz", 'laws="cells" (and "finite")'),
-        (lacking("rate"), "membrane_ms", "the rate engine (and stability)"),
-        (growth, "membrane_ms", "the rate engine (and stability)"),
-    ],
-)
-def test_an_adex_without_laws_says_so(call, answer, user):
-    with refused("cell have it") as error:
-        call(WITH_ADEX)
-    message = str(error.value)
-    assert message == f"{user} needs AdEx.{answer}, and AdEx cells do not have it"
 
 
 def test_factors_of_an_adex_are_of_its_time_constant_its_slope_and_its_way_to_the_knee():

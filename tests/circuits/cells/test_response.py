@@ -91,27 +91,3 @@ def test_all_frequencies_together_are_more_noise_of_the_membrane(name, above_mv)
     )
     law = (more - less) / (2 * step) / (2 * cell.tau_ms / 1000)
     assert gained == pytest.approx(law, rel=0.03)
-
-
-def test_a_mean_more_than_nine_sd_below_threshold_counts_as_nine():
-    """Such a cell is silent: it has less than one spike per hour."""
-    cell = TABLE.population("D1").cell
-    mean = cell.threshold_mv - cell.noise_mv * np.array([9.0, 10.5, 50.0])
-    for part in lif_response(cell, mean, [1.0, 50.0]):
-        np.testing.assert_array_equal(part[1:], part[:1].repeat(2, axis=0))
-    assert lif_rate_hz(cell, mean[0]) < 1 / 3600
-    near = lif_response(cell, mean[:1] + cell.noise_mv, [1.0])
-    assert near.spectrum > lif_response(cell, mean[:1], [1.0]).spectrum
-
-
-def test_a_refractory_period_is_not_seen_where_it_is_a_whole_number_of_turns():
-    """2 ms is one period of a 500 Hz modulation, so only the rate changes."""
-    cell = TABLE.population("GPe").cell
-    mean = cell.threshold_mv + np.array([-1.0, 2.0])
-    held, free = (
-        lif_response(replace(cell, refractory_ms=ms), mean, [250.0, 500.0]) for ms in (2.0, 0.0)
-    )
-    slower = held.spectrum[:, 1] / free.spectrum[:, 1]
-    assert (slower < 0.98).all()
-    np.testing.assert_allclose(held.gain[:, 1] / free.gain[:, 1], slower, rtol=1e-9)
-    assert (np.abs(held.gain[:, 0] / free.gain[:, 0] / slower - 1) > 1e-6).all()

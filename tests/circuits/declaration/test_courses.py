@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -52,12 +51,6 @@ def test_a_tick_holds_the_mean_of_the_course_in_it(course, dt_ms):
     np.testing.assert_allclose(means[~near], expected[~near], atol=1e-4)
     assert (np.abs(means) <= abs(course.amount) * (1 + 1e-9)).all()
     np.testing.assert_allclose(means[near], expected[near], atol=0.05 * abs(course.amount) + 1e-12)
-
-
-@given(st.floats(0.001, 0.3), st.floats(0, 9))
-def test_a_pulse_shorter_than_a_tick_keeps_its_area(width, first):
-    course = Course("STN", 2.0, first, first + width)
-    assert course.in_ticks(200, 0.5).sum() * 0.5 == pytest.approx(2 * width)
 
 
 @given(
@@ -151,32 +144,6 @@ def test_courses_come_back_from_a_file(rows):
     assert restored == circuit
     assert table_writer.digest(restored) == table_writer.digest(circuit)
     assert (table_writer.digest(circuit) == table_writer.digest(TABLE)) == (not rows)
-
-
-def test_a_file_without_courses_has_none_of_them():
-    assert "courses" not in table_writer.text(TABLE)
-    assert "courses" not in table_writer.plain(TABLE)
-    written = table_writer.text(TIMED.add(PULSE.__class__("dopamine", 0.1), DRIVE, DRIVE))
-    assert len(table_reader.parse(written, "mine.toml").courses) == 5
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "says"),
-    [
-        ('"amount"', '"size"', "there is no column of courses 'size'; there are what, amount"),
-        ("0.5, ", "-1.5,", "course of dopamine from 20 to 120 ms: the level of dopamine must"),
-        ('"STN",      -0.2', '"TRN",      -0.2', "course of TRN from 0 to 50 ms: spiking_msprt"),
-        ("120,", " 12,", "to_ms must come after from_ms, 20, got 12"),
-    ],
-)
-def test_what_is_wrong_in_a_file_is_said_with_its_line(old, new, says):
-    written = table_writer.text(TIMED)
-    before, _, after = written.partition("[courses]")
-    assert old in after
-    wrong = before + "[courses]" + after.replace(old, new, 1)
-    with pytest.raises(ValueError, match=r"^mine\.toml, line \d+: ") as error:
-        table_reader.parse(wrong, "mine.toml")
-    assert says in str(error.value)
 
 
 def test_a_page_shows_courses_where_there_are_some():

@@ -1,6 +1,5 @@
 """Edits as text: one grammar for Python, files and the terminal."""
 
-import pickle
 import re
 from dataclasses import dataclass
 from itertools import combinations
@@ -130,12 +129,6 @@ def test_no_edits_leave_the_circuit_and_say_nothing():
     assert TABLE.edited() is TABLE
     assert Edits() == ()
     assert Edits().text() == ""
-
-
-def test_edits_are_copied_as_what_they_are():
-    edits = Edits(ALL)
-    assert pickle.loads(pickle.dumps(edits)) == edits
-    assert isinstance(pickle.loads(pickle.dumps(edits)), Edits)
 
 
 @pytest.mark.parametrize(
@@ -304,13 +297,3 @@ def test_keep_rest_needs_a_row_that_is_added():
     assert TABLE.edited(*ADDED, "keep rest") == TABLE.add(*rows, keep_rest=True) != TABLE.add(*rows)
     with refused("edits"):
         TABLE.edited("keep rest")
-
-
-def test_what_a_cut_and_a_scale_do_is_said_of_them_and_of_no_other_edit():
-    scale, cut = Edits(["scale GPe->STN 0.5"]), Edits(["cut GPe->STN 30%"])
-    for one, other in ((scale, "cut"), (cut, "scale")):
-        (note,) = one.notes()
-        assert "tone" in note
-        assert other in note
-    assert Edits([*cut, *scale]).notes() == [*scale.notes(), *cut.notes()]
-    assert Edits(["lesion STN 50%"]).notes() == Edits().notes() == []

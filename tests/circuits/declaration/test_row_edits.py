@@ -194,14 +194,6 @@ def test_a_row_like_a_lesioned_one_is_like_the_intact_one(fraction, channel, ver
     assert lesioned.add("PPN like=STN intact=0.3").population("PPN").intact == 0.3
 
 
-def test_a_change_that_changes_nothing_returns_the_circuit():
-    for circuit in TABLES:
-        row = circuit.population("STN")
-        assert circuit.edited(f"set STN.bias_nats={row.bias_nats!r}") is circuit
-        assert circuit.edited() is circuit
-        assert circuit.add() is circuit
-
-
 def test_a_nucleus_like_another_has_no_published_rates_of_that_one():
     table = anatomy.macaque().add("TRN like=STN")
     assert table.population("STN").published_hz

@@ -9,7 +9,7 @@ from circuits import anatomy
 from circuits.cells import Phase, Rate
 from circuits.circuit import Circuit
 from circuits.declaration.rows import Population, Projection
-from circuits.laws.fluctuation import FREQUENCIES_HZ, extra, swept
+from circuits.laws.fluctuation import extra
 from circuits.laws.spectra import out_variance
 from tests.circuits.helpers import creeping, run_algebra, run_ensemble, state
 
@@ -96,20 +96,6 @@ def test_the_noise_of_few_cells_is_in_the_fixed_point():
 def test_a_circuit_whose_noise_is_not_known_is_refused(table, what):
     with pytest.raises(ValueError, match=what):
         run_algebra(table, np.zeros((1, 1, 2)), laws="finite")
-
-
-def test_frequencies_are_added_near_a_resonance_until_no_step_turns_too_far():
-    table = anatomy.spiking_msprt()
-    most = []
-    for times, more in ((1.0, False), (1.8, True)):
-        wiring, x = state(table.scale("STN", "GPe", times))
-        frequency, response = swept(wiring, x[None])
-        turns = np.abs(np.log(response.det[:, 1:] / response.det[:, :-1]))
-        assert (np.diff(frequency) > 0).all()
-        assert turns.max() <= 0.5
-        assert (len(frequency) > len(FREQUENCIES_HZ)) == more
-        most.append(len(frequency))
-    assert max(most) < 2 * len(FREQUENCIES_HZ)
 
 
 def test_noise_is_refused_where_a_state_grows_without_an_oscillation():

@@ -147,21 +147,6 @@ def test_a_rate_that_a_population_cannot_have_is_one_sentence():
         recovery(circuit, circuit, rebound_nats={"ctx": 4.0}, step=10.0)
 
 
-def test_cells_silent_in_the_reference_keep_their_bias_or_just_fall_silent():
-    """``D1`` of ``spiking_msprt`` is silent at rest."""
-    circuit = anatomy.spiking_msprt(4)
-    edited = circuit.scale("ctx", "D1", 1.5)
-    recovered = edited.compensate(circuit)
-    assert rest_hz(edited)[wired(edited).blocks_of("D1")].min() > 0
-    np.testing.assert_allclose(rest_hz(recovered), rest_hz(circuit), atol=CLOSE)
-    state_nats = wired(recovered).inputs(
-        wired(recovered).deliver @ rest_hz(circuit) + wired(recovered).constant
-    )
-    np.testing.assert_allclose(state_nats[wired(circuit).blocks_of("D1")], 0, atol=CLOSE)
-    less = circuit.scale("ctx", "D1", 0.8)
-    assert less.compensate(circuit) == less
-
-
 def test_a_transfer_without_an_inverse_takes_the_input_of_the_reference():
     bent = "s_minus_log_s"
     circuit = anatomy.bogacz_gurney(2).with_population("GPe", transfer=bent)

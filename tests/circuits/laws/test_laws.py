@@ -242,15 +242,6 @@ def test_noise_right_at_a_kink_is_refused(fields, where):
     assert np.isfinite(out_variance(kinked(**beside))["source"]).all()
 
 
-def test_a_silent_source_passes_no_noise_and_no_kink_is_in_its_way():
-    """Its activity is 0 exactly, where a rectified pathway and S - ln S begin."""
-    for path in ("rectified", "s_minus_log_s"):
-        table = kinked(path=path, baseline_hz=0.0, source_nats=-1.0)
-        whose = out_variance(table)
-        assert not whose["source"].any()
-        assert (whose["target"] > 0).all()
-
-
 def test_a_loop_amplifies_more_where_evidence_drives_it():
     """S - ln S is steeper there: at rest the loop gain is s - 1 = 2."""
     table = loop(300, delay_ms=2.0)

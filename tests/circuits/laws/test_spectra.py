@@ -58,17 +58,6 @@ def test_out_scatters_as_computed(edit):
     assert measured == pytest.approx(law, rel=0.06)
 
 
-@pytest.mark.parametrize("channels", [8, 12])
-def test_silent_losers_add_no_noise(channels):
-    odds = np.log(0.9 * (channels - 1) / 0.1)
-    drive = np.zeros(channels)
-    drive[0] = odds
-    whose = out_variance(anatomy.spiking_msprt(channels), drive - drive.mean())
-    parts = [part[0] for part in whose.values()]
-    assert min(parts) >= 0
-    assert 0.01 < np.sqrt(sum(parts)) < 0.06
-
-
 def test_a_lesion_takes_the_noise_with_what_it_takes():
     intact, half = (
         out_variance(table, [0.85, -0.85])["D2"][0] for table in (TABLE, TABLE.clamp("D2", 0.5))

@@ -6,11 +6,8 @@ import pytest
 
 from circuits import anatomy
 from circuits.declaration.rows import Projection
-from circuits.dynamics.ticks import Clock
-from circuits.dynamics.wiring import wire
 from circuits.engines.ensemble import kernel
 from circuits.engines.ensemble import run as ensemble
-from circuits.engines.ensemble.plan import plan
 from circuits.errors import EditWarning
 from tests.circuits.helpers import run_ensemble, run_plain
 
@@ -153,13 +150,3 @@ def test_a_run_shows_a_bar_of_progress_only_on_request(capsys):
     assert not capsys.readouterr().err
     run_ensemble(BASE, np.zeros((9, 1, 2)), progress=True, **settings)
     assert "9/9" in capsys.readouterr().err
-
-
-def test_cells_have_constants_of_their_own_only_where_they_differ():
-    """A loop over cells that are alike reads none: it is the fast one."""
-    for circuit, differ in ((BASE, False), (BASE.with_heterogeneity(0.1), True)):
-        wiring = wire(circuit)
-        laid = plan(wiring, Clock(1, 50), np.zeros(wiring.blocks, bool))
-        spiking = [differ and wiring.row(b).spiking for b in range(wiring.blocks)]
-        assert (laid.blocks["variation"] != kernel.IDENTICAL).tolist() == spiking
-        assert (laid.constants is not None) == differ
