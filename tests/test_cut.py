@@ -89,20 +89,6 @@ def test_populations_and_rates_settle_where_the_fixed_point_of_a_cut_is():
         np.testing.assert_allclose(settled, held, atol=0.01)
 
 
-@settings(max_examples=20)
-@given(
-    st.sampled_from(["macaque", "spiking_msprt", "appendix_b", "gpr"]), st.sampled_from(LESIONED)
-)
-def test_a_silenced_nucleus_has_a_rate_of_0_and_all_others_those_without_its_axons(name, nucleus):
-    table = anatomy.load_circuit(name, 3)
-    cut = table
-    for p in paths_of(table, nucleus):
-        cut = cut.cut(p.source, p.target, 1.0)
-    assert resting_hz(table.lesion(nucleus, 1.0)) == pytest.approx(
-        {**resting_hz(cut), nucleus: 0.0}, abs=1e-6
-    )
-
-
 @pytest.mark.parametrize("engine", ["algebra", "rate", "ensemble"])
 def test_activity_of_a_silenced_channel_is_0_and_of_all_others_that_without_its_axons(engine):
     """Decisions are the same to the last bit; the nucleus itself shows neither rates nor spikes."""

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from bgmodel.support.files import read_table
-from figures.learning import measure_weights as weights
-from figures.learning import tasks
 from figures.rooms import table_path
 from figures.stopping import draw_G2 as figG2
 
@@ -22,19 +20,6 @@ def test_simulated_experiments_have_the_predicted_medians_within_a_fifth():
     assert near.sum() >= 3
     # A Bayes factor of 10 is wrong in at most 1 of 11 experiments, within 3 errors of 200 of them.
     assert (table["right"] > 1 - 1 / 11 - 3 * np.sqrt(10 / 11**2 / 200)).all()
-
-
-def test_every_run_of_the_score_learns_and_is_scored(monkeypatch):
-    monkeypatch.setattr(weights, "AFTER", (50, 100))
-    monkeypatch.setattr(weights, "RUNS", 2)
-    monkeypatch.setattr(tasks, "TESTED", 200)
-    learned = weights.learned_over_trials("2 mm", 100)
-    assert set(zip(learned["rule"], learned["after"], strict=True)) == {
-        (rule, after) for rule in ("confidence", "chosen", "counts") for after in (50, 100)
-    }
-    assert (learned["runs"] == 2).all()
-    counts = learned[learned["rule"] == "counts"]
-    assert (counts["slope"] > 0.8).all()
 
 
 def test_the_race_and_the_circuit_stop_at_one_place_and_common_input_moves_the_extra_channel():

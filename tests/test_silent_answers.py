@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import bgmodel as bg
 from bgmodel.experiments.predictions import Effect
@@ -171,17 +169,6 @@ def test_a_session_doubts_running_sums(model):
     with pytest.warns(DataWarning, match="correlate as running sums do") as caught:
         fed(model.session(2, posterior=0.9), weak, sums=True)
     assert len(caught) == 1
-
-
-@given(
-    st.floats(0.05, 2.0), st.integers(2, 4), st.floats(0.6, 0.98), st.integers(3, 40),
-    st.integers(0, 2**16),
-)  # fmt: skip
-@settings(max_examples=40, deadline=None)
-def test_a_session_does_not_doubt_single_readings(d_prime, channels, posterior, t_max, seed):
-    evidence = bg.gaussian_evidence(100, d_prime=d_prime, channels=channels, t_max=t_max, seed=seed)
-    session = bg.Msprt().session(channels, posterior=posterior, t_max=t_max)
-    assert not told(fed, session, evidence, sums=False)
 
 
 def choices(people=("a", "b"), trials=100):

@@ -96,15 +96,6 @@ def test_without_variability_it_is_the_test_alone(gap):
 
 
 @GAP
-def test_exchanged_sides_exchange_the_responses(gap):
-    values = {"bound": 0.8, "start_spread": 0.5, "drift_sd": 1.2}
-    one = decided(1.4, gap, **values, start=0.3)[0]
-    other = decided(-1.4, gap, **values, start=-0.3)[0]
-    assert one == pytest.approx(other[::-1], rel=1e-12)
-    assert one[1].sum() > one[0].sum() + 0.2
-
-
-@GAP
 @given(st.floats(-5, 5), st.floats(0, 5), st.floats(0, 0.9), st.floats(0.3, 8.0))
 @settings(max_examples=25)
 def test_any_values_within_bounds_give_masses(gap, drift, sd, spread, bound):

@@ -180,17 +180,6 @@ def test_what_is_simulated_without_times_has_none_and_fits():
     assert np.isfinite(kept.each).all()
 
 
-def test_people_without_times_are_fitted_in_a_hierarchy():
-    people = table(160, people="abcdef", spread=0.3, seed=2)
-    group = bg.fit(people, "constant_gap", strength="coherence", hierarchical=True, most_draws=400)
-    row = group.summary().loc["sensitivity"]
-    assert row.low < 9 < row.high
-    assert group.cells().mean_s.isna().all()
-    new = group.to_datatree()["posterior_predictive"]
-    assert np.isnan(new["rt"]).all()
-    assert (new["response"] >= 0).all()
-
-
 def test_a_learner_needs_no_times():
     """A softmax of values: log odds 2 v a, with v the difference of values times its scale."""
     rng = np.random.default_rng(5)
@@ -305,18 +294,6 @@ def test_a_go_no_go_task_gives_back_its_parameters(seed):
     made = bg.simulate("constant_gap", GIVEN, fit.optimum.likelihood.design.choices, seed=1)
     assert made.withheld == 0
     assert np.array_equal(np.isnan(made.rt_s), made.response == 0)
-
-
-def test_a_window_leaves_those_who_wait():
-    trials = bg.read_trials(go_table(), strength="coherence", columns=GO)
-    with pytest.warns(DataWarning):
-        design = design_of(trials, rt_window=(0.4, 1.0))
-    waited = design.observed.response == np.where(design.side > 0, 0, 1)[design.observed.cell]
-    assert waited.sum() == (trials.response == 0).sum()
-    each = likelihood_of(GapModel(), design)
-    mass, missing = design.observed.outcomes(each.density(fixed_at(each, **GIVEN)))
-    assert np.allclose(mass.sum(axis=(1, 2)), 1)
-    assert np.allclose(missing, 0, atol=1e-9)
 
 
 def test_which_response_waits_is_read_from_names_and_codes():

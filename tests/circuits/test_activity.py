@@ -43,18 +43,6 @@ def test_rates_decode_to_the_activity_they_stand_for():
     )
 
 
-def test_an_activity_is_one_line_and_in_a_notebook_its_mean_rates():
-    activity = run_algebra(anatomy.bogacz_gurney(4), evidence(4)[:3, None])
-    line = repr(activity)
-    assert line.startswith("Activity(bogacz_gurney on algebra: 3 trials x 1 ticks x 4 channels, ")
-    assert f"mean OUT {activity.output_nats.mean():.3g} nats" in line
-    assert line.endswith("no recorded spikes)")
-    assert "\n" not in line
-    page = activity._repr_html_()
-    assert f"{activity.rates_hz['GPe'].mean():.4g}" in page
-    assert "<table" not in replace(activity, rates_hz={})._repr_html_()
-
-
 def test_independent_spikes_have_twice_their_rate_over_their_number():
     """The one-sided density of n cells is twice the power of one over n, at every frequency."""
     hz, cells = 40.0, 300

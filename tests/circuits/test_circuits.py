@@ -200,6 +200,9 @@ FAILS = [
        lambda x=x: replace(SPIKING, **{x: "GPi"})) for x in ("input", "readout")],
     ("macaque has no lesion: compensate needs a reference", lambda: MACAQUE.compensate()),
     ("has no lesion", lambda: MACAQUE.scale("STN", "GPe", 0.9).compensate()),
+    ("ctx->D1 connects 25%", lambda: out_variance(SPIKING.with_connections(0.25))),
+    ("is unstable", lambda: out_variance(SPIKING.edited("set STN->GPe.delay_ms 20",
+                                                        "set GPe->STN.delay_ms 20"))),
     ("GPe is clamped", lambda: MACAQUE.clamp("GPe").compensate()),
     ("not nats: OUT as -ln P has no meaning", lambda: off_nats(GPR)),
     *[(f"spiking_msprt has courses, but {who} has no", lambda f=f: f(SPIKING.add(course())))

@@ -72,22 +72,3 @@ def test_power_of_the_other_cells_is_that_of_renewal_processes():
         np.testing.assert_allclose(phase_spectrum(Phase(cv), rate, SLOW)[:, 0], cv**2 * rate, 1e-4)
         np.testing.assert_allclose(phase_spectrum(Phase(cv), rate, [1e4])[:, 0], rate, 0.02)
     assert not phase_spectrum(Phase(0.0), rate, [3.0]).any()
-
-
-@pytest.mark.parametrize("name", ["D1", "GPe"])
-@pytest.mark.parametrize("above_mv", [-3.0, 2.0])
-def test_all_frequencies_together_are_more_noise_of_the_membrane(name, above_mv):
-    """White input of power S adds S/(2 tau) to sd^2: Siegert's law says what the rate gains."""
-    cell = replace(TABLE.population(name).cell, refractory_ms=0.0)
-    mean = cell.threshold_mv + above_mv
-    frequency = np.concatenate([[1e-3], np.geomspace(0.1, 20_000, 200)])
-    bend = lif_response(cell, [mean], frequency).bend[0]
-    # It falls as the frequency to the -3/2 in the end: the rest of the integral.
-    gained = 2 * (np.trapezoid(bend, frequency) + 2 * bend[-1] * frequency[-1])
-    step = 0.01
-    more, less = (
-        lif_rate_hz(replace(cell, noise_mv=np.sqrt(cell.noise_mv**2 + by)), mean)
-        for by in (step, -step)
-    )
-    law = (more - less) / (2 * step) / (2 * cell.tau_ms / 1000)
-    assert gained == pytest.approx(law, rel=0.03)

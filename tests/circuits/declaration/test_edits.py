@@ -116,15 +116,6 @@ def test_edits_of_all_nuclei_come_first_then_rows_then_factors():
     assert TABLE.edited(*ALL) == by_hand.compensate(TABLE, rebound_nats={"SNr": 0.2})
 
 
-@given(st.integers(0, 1000))
-def test_a_percentage_is_its_fraction(tenths):
-    (of_percent, of_fraction) = (
-        parsed_line(f"lesion STN {text}").value
-        for text in (f"{tenths / 10}%", f"{tenths / 1000:.3f}")
-    )
-    assert of_percent == of_fraction
-
-
 def test_no_edits_leave_the_circuit_and_say_nothing():
     assert TABLE.edited() is TABLE
     assert Edits() == ()

@@ -244,9 +244,3 @@ def test_a_file_that_cannot_be_read_is_said(tmp_path):
         anatomy.load_circuit(tmp_path / "mine.toml")
     with refused("path"):
         table_writer.write(anatomy.gpr(), "mine.csv")
-
-
-def test_a_file_is_for_one_number_of_alternatives(tmp_path):
-    path = table_writer.write(anatomy.spiking_msprt(4), tmp_path / "mine.toml")
-    with refused("channels"):
-        anatomy.load_circuit(path, 2)

@@ -1,7 +1,6 @@
 """Counter-based noise: its test vector, its statistics, and that nothing depends on the company."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom, chi2, norm
@@ -12,7 +11,6 @@ from circuits.dynamics.ticks import cell_factors, starting_state
 from circuits.dynamics.wiring import fan_in, wire
 
 TICKS, NEURONS = 2048, 512
-LAGS = (*range(1, 17), 32, 64, 128)
 ALPHA = 1e-4  # of each test, shared among its comparisons
 
 seeds = st.integers(0, 2**64 - 1)
@@ -26,26 +24,8 @@ def bits8(stream, ticks=TICKS, neurons=NEURONS):
     return np.array([noise.bits8(stream, tick, neurons) for tick in range(ticks)])
 
 
-def correlation(a, b):
-    """Return z of the mean product of two sets of mean 0 and variance 1."""
-    return float((a * b).sum() / np.sqrt(a.size))
-
-
-def worst(z):
-    return max(abs(value) for value in z)
-
-
 def bound(comparisons):
     return norm.isf(ALPHA / 2 / comparisons)
-
-
-def lagged(block):
-    """Return z of the correlation across ticks, across neurons and across both, at every lag."""
-    return [
-        correlation(block[a:, b:], block[: TICKS - a, : NEURONS - b])
-        for lag in LAGS
-        for a, b in ((lag, 0), (0, lag), (lag, lag))
-    ]
 
 
 def test_the_words_of_a_stream_never_change():
@@ -82,24 +62,6 @@ def test_the_uniform_numbers_are_uniform():
     assert draws.min() >= 0
     assert draws.max() < 1
     assert abs(draws.mean() - 0.5) * np.sqrt(12 * draws.size) < bound(1)
-
-
-@pytest.mark.parametrize("stream", [(7, 3, "GPe/0"), (0, 0, "STN/0"), (2**64 - 1, 2**64 - 1, "")])
-def test_no_correlation_across_neurons_and_ticks(stream):
-    z = lagged(bits8(noise.stream_key(*stream)))
-    assert worst(z) < bound(len(z))
-
-
-def test_no_correlation_across_trials_seeds_and_names():
-    keys = [(7, trial, "GPe/0") for trial in range(12)]
-    keys += [(seed, 0, "GPe/0") for seed in (0, 1, 2, 8, 2**32, 2**63)]
-    keys += [(7, 0, name) for name in ("GPe/1", "GPe/10", "STN/0", "D1/0", "D2/0", "SNr/0")]
-    # A seed is not a trial, nor the other way round.
-    keys += [(0, 7, "GPe/0"), (3, 7, "GPe/0")]
-    assert len({noise.stream_key(*key) for key in keys}) == len(keys)
-    blocks = [bits8(noise.stream_key(*key), 512, 256) for key in keys]
-    z = [correlation(a, b) for i, a in enumerate(blocks) for b in blocks[:i]]
-    assert worst(z) < bound(len(z))
 
 
 def words_asked(monkeypatch, draw):

@@ -12,7 +12,6 @@ from circuits.cells import Rate
 from circuits.circuit import Circuit
 from circuits.declaration.courses import Course
 from circuits.declaration.rows import Population, Projection
-from circuits.dynamics.fixed_point import solve, wired
 from circuits.dynamics.ticks import Clock
 from circuits.dynamics.timed import timed
 from circuits.dynamics.wiring import wire
@@ -194,25 +193,6 @@ def test_a_window_on_all_channels_is_the_sum_of_those_on_each(windows, dopamine)
     )
     np.testing.assert_array_equal(one.nats[one.of_block], two.nats[two.of_block])
     np.testing.assert_array_equal(one.factors[one.of_unit], two.factors[two.of_unit])
-
-
-@pytest.mark.parametrize("name", ["D2", "D1", "STN", "GPe"])
-def test_a_long_window_on_one_channel_settles_where_a_bias_of_that_channel_does(name):
-    """In its window OUT goes to the fixed point with that bias, after it back to that without."""
-    table, channel, amount = TABLES["macaque"], 1, -0.2
-    wiring = wired(table)
-    bias = wiring.bias.copy()
-    bias[wiring.blocks_of(name)[channel]] += amount
-    course = Course(f"{name}[{channel}]", amount, 8000, 16000)
-    drive = np.tile(SPREAD, (1, 24, 1))
-    ran = run(table.add(course), drive, engine="rate", step_ms=1000.0)
-    for time_ms, at in ((8000, wiring), (16000, replace(wiring, bias=bias)), (24000, wiring)):
-        place = int(np.searchsorted(ran.time_ms, time_ms, side="right")) - 1
-        rates = at.rates(solve(at, HELD[0, :1]))[0]
-        for row in table.populations:
-            np.testing.assert_allclose(
-                ran.rates_hz[row.name][0, place], rates[at.blocks_of(row.name)], atol=0.02
-            )
 
 
 @pytest.mark.parametrize("engine", ["rate", "population", "ensemble", "plain"])

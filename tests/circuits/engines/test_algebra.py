@@ -172,17 +172,6 @@ def test_lesions_with_all_pathways_follow_their_closed_form(edit, scaled, factor
     assert np.abs(expected - surprise(Full.drive)).max() > 0.01
 
 
-@pytest.mark.parametrize("fraction", [0.3, 0.6])
-def test_a_loss_of_stn_with_all_pathways_shifts_s_alone(fraction):
-    """Now w Sigma + v ln Sigma = S + ln(1 - f)."""
-    w, v, d = Full.w, Full.v, Full.d
-    s = logsumexp((1 + w * d) * Full.y, axis=1, keepdims=True) + np.log(1 - fraction)
-    sigma = solved(lambda x: w * x + v * np.log(x), s)
-    expected = sigma - v * (sigma - np.log(sigma) - d * Full.y) - (1 + d) * Full.y
-    assert np.abs(expected - (s - (1 + w * d) * Full.y)).max() < CLOSE
-    assert agrees(Full.circuit.lesion("STN", fraction), expected, Full.drive)
-
-
 def test_readings_and_trials_do_not_mix():
     circuit = anatomy.appendix_b(3)
     drive = evidence(3, trials=12)

@@ -13,8 +13,6 @@ from circuits.laws.fluctuation import extra
 from circuits.laws.spectra import out_variance
 from tests.circuits.helpers import creeping, run_algebra, run_ensemble, state
 
-TABLE = anatomy.spiking_msprt()
-
 
 def fed(*, cells, gain=1.0, tau_ms=5.0):
     """Return an irregular population that drives an exponential one through two filters."""
@@ -79,23 +77,6 @@ def test_the_noise_of_few_cells_is_in_the_fixed_point():
     )
     assert abs(measured.mean() - cells) > 4 * error
     assert abs(measured.mean() - finite) < 0.15 * abs(measured.mean() - cells)
-
-
-@pytest.mark.parametrize(
-    ("table", "what"),
-    [
-        (TABLE.with_connections(0.25), "ctx->D1 connects 25%"),
-        (
-            TABLE.with_projection("STN", "GPe", delay_ms=20).with_projection(
-                "GPe", "STN", delay_ms=20
-            ),
-            "is unstable",
-        ),
-    ],
-)
-def test_a_circuit_whose_noise_is_not_known_is_refused(table, what):
-    with pytest.raises(ValueError, match=what):
-        run_algebra(table, np.zeros((1, 1, 2)), laws="finite")
 
 
 def test_noise_is_refused_where_a_state_grows_without_an_oscillation():

@@ -56,15 +56,6 @@ def test_the_default_is_a_member_with_these_coordinates():
     assert "ctx->STN.weight" not in units  # it follows
 
 
-def test_a_move_to_where_it_is_changes_nothing():
-    circuit = load_circuit("macaque", 3)
-    same = moved(circuit, {one.name: one.value for one in directions(circuit)})
-    for name in circuit:
-        for field in ("weight", "bias_nats"):
-            value = getattr(circuit[name], field, 0.0)
-            assert getattr(same[name], field, 0.0) == pytest.approx(value, abs=1e-9)
-
-
 def test_a_move_keeps_resting_activity_and_dopamine_neutral_at_rest():
     circuit = load_circuit("macaque", 2)
     member = moved(circuit, {SIGMA0: 2.2, "GPe->STN.weight": -0.35})

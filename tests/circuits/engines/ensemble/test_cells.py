@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import pytest
 
 from circuits.cells import Lif, Phase, Rate, register
+from circuits.declaration.transfer import TRANSFERS
 from circuits.engines import run
 from circuits.engines.ensemble import cells as compiled_cells
 from tests.circuits.spiking import (
@@ -13,6 +14,8 @@ from tests.circuits.spiking import (
     GIVEN,
     NAMES,
     WITH_ADEX,
+    lacking,
+    one_sentence,
     spikes_of,
 )
 
@@ -61,3 +64,10 @@ def test_another_window_or_recording_changes_no_spike_of_a_type_of_ones_own(monk
     one = run(WITH_ADEX, DRIVE, engine="ensemble", spikes=NAMES, **settings)
     for other in (unrecorded, one):
         assert other.output_nats.tobytes() == recorded.output_nats.tobytes()
+
+
+def test_a_transfer_that_an_engine_does_not_know_is_refused_by_it(monkeypatch):
+    monkeypatch.setitem(TRANSFERS, "square", TRANSFERS["rectified"])
+    circuit = BASE.with_population("ctx", transfer="square")
+    one_sentence(lambda: lacking("ensemble")(circuit), "transfers", "square", "brian2")
+    assert lacking("plain")(circuit).output_nats.shape == (2, round(GIVEN["step_ms"]), 2)

@@ -2,7 +2,6 @@
 
 import warnings
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -104,18 +103,6 @@ def test_steady_state_is_the_fixed_point(name, channels):
         late = run_rate(circuit, drive, step_ms=3000, sample_ms=100).output_nats[:, -1]
     exact = run_algebra(circuit, drive).output_nats[:, 0]
     assert np.abs(late - exact).max() < SINGLE
-
-
-@pytest.mark.parametrize(("name", "order"), [("appendix_b", 1), ("spiking_msprt", 2)])
-def test_half_the_tick_takes_the_error_down_by_its_order(name, order):
-    """Where a reading jumps through blocks without a filter the error falls as the tick does."""
-    circuit = anatomy.load_circuit(name, 2)
-    drive = evidence(4, 5, 2)
-    dts = (0.5, 0.25, 0.125, 0.0625)
-    out = [run_rate(circuit, drive, step_ms=40, dt_ms=dt).output_nats for dt in dts]
-    errors = [np.abs(a - b).max() for a, b in pairwise(out)]
-    for coarse, fine in pairwise(errors):
-        assert fine < SINGLE or coarse / fine == pytest.approx(2**order, rel=0.3)
 
 
 @pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))

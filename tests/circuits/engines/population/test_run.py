@@ -119,18 +119,6 @@ def test_a_trial_has_its_bytes_whatever_runs_beside_it():
     assert other.output_nats.tobytes() != every.output_nats[:1].tobytes()
 
 
-def test_a_lesion_leaves_the_noise_of_what_survives():
-    """D1 reaches SNr alone: once it is lost, all others do what they did, to the byte."""
-    drive = np.random.default_rng(1).normal(0, 0.3, (5, 3, 2))
-    intact, lesioned = (
-        populations(table, drive, step_ms=100).rates_hz for table in (FULL, FULL.lesion("D1"))
-    )
-    for name in ("ctx", "D2", "STN", "GPe"):
-        assert intact[name].tobytes() == lesioned[name].tobytes()
-    assert not lesioned["D1"].any()
-    assert intact["SNr"].tobytes() != lesioned["SNr"].tobytes()
-
-
 def test_cells_that_differ_answer_as_their_mean_does():
     """Siegert's rate averaged over all cells of a channel, and the power of all of them."""
     heterogeneity, x = 0.15, np.linspace(-0.5, 1.5, 9)
