@@ -128,32 +128,20 @@ def test_changes_are_made_at_once_so_that_their_order_does_not_matter():
     assert TABLE.edited(*lif) == TABLE.with_cell("D1", reset_mv=16, threshold_mv=20)
 
 
-@pytest.mark.parametrize(
-    ("text", "row"),
-    [
-        ("D1->GPe weight=-0.1 delay_ms=4", Projection("D1", "GPe", -0.1, delay_ms=4)),
-        (
-            "D1 -> GPe like=D1->SNr weight=-0.1",
-            replace(
-                TABLE.projection("D1", "SNr"),
-                target="GPe",
-                weight=-0.1,
-                cite="as D1->SNr; assumed: weight",
-            ),
-        ),
-        (
-            "TRN like=STN bias_nats=-1 cell.cv=0.2 cite='my data'",
-            replace(
-                TABLE.population("STN"), name="TRN", bias_nats=-1, cell=Phase(0.2), cite="my data"
-            ),
-        ),
-        (
-            "TRN cell=Phase cell.cv=0.2 gain_hz_per_nat=20",
-            Population("TRN", Phase(0.2), gain_hz_per_nat=20),
-        ),
-        ("TRN cell=Rate transmitter=GABA", Population("TRN", Rate(), transmitter="GABA")),
-    ],
-)
+STN, D1_SNR = TABLE["STN"], TABLE["D1->SNr"]
+ADDED = {
+    "D1->GPe weight=-0.1 delay_ms=4": Projection("D1", "GPe", -0.1, delay_ms=4),
+    "D1 -> GPe like=D1->SNr weight=-0.1":
+        replace(D1_SNR, target="GPe", weight=-0.1, cite="as D1->SNr; assumed: weight"),
+    "TRN like=STN bias_nats=-1 cell.cv=0.2 cite='my data'":
+        replace(STN, name="TRN", bias_nats=-1, cell=Phase(0.2), cite="my data"),
+    "TRN cell=Phase cell.cv=0.2 gain_hz_per_nat=20":
+        Population("TRN", Phase(0.2), gain_hz_per_nat=20),
+    "TRN cell=Rate transmitter=GABA": Population("TRN", Rate(), transmitter="GABA"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "row"), ADDED.items(), ids=[*ADDED])
 def test_a_row_in_text_is_the_row_in_python(text, row):
     assert TABLE.add(text) == TABLE.add(row)
 
@@ -168,19 +156,16 @@ def test_a_row_like_another_does_not_cite_its_source_for_numbers_that_are_new():
 def test_a_row_may_be_like_one_that_is_added_with_it_in_any_order():
     nucleus = "Arky cell=Rate transmitter=GABA"
     paths = "Arky->D1 weight=-0.1 delay_ms=6", "Arky->D2 like=Arky->D1"
-    edited = TABLE.add(nucleus, "B like=Arky baseline_hz=3", *paths)
-    first, second = (edited.projection("Arky", name) for name in ("D1", "D2"))
-    assert replace(second, target="D1", cite=first.cite) == first
-    assert second.cite == "as Arky->D1"
-    assert edited.population("B").baseline_hz == 3
-    assert edited.population("B").transmitter == "GABA"
-    python = Projection("Arky", "D1", -0.1, delay_ms=6)
-    assert TABLE.add(nucleus, python, paths[1]).projection("Arky", "D2") == second
     rows = (nucleus, "B like=Arky baseline_hz=3", "C like=B", *paths)
     forth, back = TABLE.add(*rows), TABLE.add(*reversed(rows))
+    first, second = (forth.projection("Arky", name) for name in ("D1", "D2"))
+    assert second == replace(first, target="D2", cite="as Arky->D1")
+    assert (forth["C"].baseline_hz, forth["C"].transmitter) == (3, "GABA")
     assert set(back.populations) == set(forth.populations)
     assert set(back.projections) == set(forth.projections)
     assert back.populations[-3:] == forth.populations[:-4:-1]  # in their original order
+    python = Projection("Arky", "D1", -0.1, delay_ms=6)
+    assert TABLE.add(nucleus, python, paths[1]).projection("Arky", "D2") == second
     with refused("add rows that are like each other"):
         TABLE.add("B like=C", "C like=B", nucleus)
     with refused("add 'Arky like=STN'"):
