@@ -97,16 +97,6 @@ def test_a_fit_prints_its_largest_residuals_and_cells_without_errors(fit):
     assert facts["errors"] == too_few(fit.cells()) != ""
 
 
-def test_quantiles_of_a_model_are_those_of_its_draws():
-    values = {"sensitivity": 12.0, "bound": 0.6}
-    design = design_of(drawn(MODEL, [0.1], 20_000, 62, seconds=2.0, **values))
-    likelihood = likelihood_of(MODEL, design, free=["bound"], fixed={**TRUTH, "sensitivity": 12.0})
-    (row,) = cells_of(design, likelihood.density(np.array([0.6]))).to_dict("records")
-    for q in QUANTILES:
-        name = f"q{round(100 * q)}_s"
-        assert row[f"model_{name}"] == pytest.approx(row[name], abs=0.012)
-
-
 def test_a_cell_without_any_response_is_empty_and_not_an_error():
     some = drawn(MODEL, [0.05, 0.4], 30, 63, deadline_s=1.0, sensitivity=12.0, bound=0.6)
     design = design_of(some)

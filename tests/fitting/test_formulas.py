@@ -12,7 +12,6 @@ import bgmodel as bg
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.hierarchy.fit import check_people
-from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.settings import settings_of
 from bgmodel.support.seeds import stream
@@ -126,13 +125,6 @@ def test_ranges_are_those_in_which_the_parameter_can_stay_within_its_own():
     assert space.at_bound(np.array([1.0, 0.375])).tolist() == [True, False]
     assert space.at_bound(np.array([1.5, 0.25])).tolist() == [False, False]
     assert space.values(np.array([2.5, 0.25]))["a"].max() == 3.0
-
-
-def test_slopes_and_differences_are_recovered():
-    peak = optimum(likelihood(table(), formula="bound ~ instruction + block"))
-    assert peak.values["bound[Intercept]"] == pytest.approx(0.4, abs=0.06)
-    assert peak.values["bound[instruction[T.safe]]"] == pytest.approx(0.4, abs=0.05)
-    assert peak.values["bound[block]"] == pytest.approx(0.1, abs=0.04)
 
 
 def test_functions_are_over_trials():

@@ -40,13 +40,6 @@ def test_information_is_the_covariance_of_the_score():
     assert seen / scale == pytest.approx(expected / scale, abs=0.05)
 
 
-def test_errors_fall_with_the_root_of_the_number_of_trials():
-    few, many = (directions(likelihood_at(n), TRUE) for n in (50, 5000))
-    assert few.standard_errors / many.standard_errors == pytest.approx(10, rel=0.03)
-    assert few.cosines == pytest.approx(many.cosines, abs=0.02)
-    assert (few.alone <= few.standard_errors).all()
-
-
 def test_errors_are_those_of_the_inverse_of_the_information():
     errors = directions(likelihood_at(100), TRUE)
     assert errors.standard_errors == pytest.approx(

@@ -96,11 +96,6 @@ def test_what_cannot_be_fitted_is_named(trials, model, options, field):
         fit(trials, model, **{**SMALL, **options})
 
 
-def test_there_are_at_most_twelve_alternatives():
-    with refused("alternatives"):
-        Columns(alternatives=13)
-
-
 def test_a_hierarchy_is_of_two_alternatives(trials):
     people = pd.concat([trials.assign(participant_id=who) for who in ("a", "b")])
     with refused("alternatives"), pytest.warns(DataWarning):
@@ -111,12 +106,6 @@ def test_responses_below_chance_are_refused(trials):
     shifted = trials.assign(shown=trials["shown"].map({"a": "b", "b": "c", "c": "a"}))
     with refused("response"):
         design_of(read_trials(shifted, columns=Columns(stimulus="shown")))
-
-
-def test_a_simulated_model_has_as_many_parts_as_simulations(fits):
-    table = fits["msprt"].parameters()
-    assert (table["simulation_error"] > 0).all()
-    assert fits["race"].parameters()["simulation_error"].isna().sum() == 0
 
 
 def test_settings_pass_the_number_on():

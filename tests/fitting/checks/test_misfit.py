@@ -132,13 +132,6 @@ def test_a_cell_without_a_response_has_no_z_score_and_does_no_harm():
     assert checked.p["the distribution of responses and their times"] < 1e-6
 
 
-def test_cells_of_few_trials_are_tested_together():
-    """Of one trial each, none is tested on its own, and wrong ones can be unlikely: no alarm."""
-    some = drawn(MODEL, np.linspace(0.1, 0.5, 200), 1, SEED, seconds=4.0, **VALUES)
-    checked = at_truth(some)
-    assert min(checked.p.values()) > 0.001
-
-
 def test_the_error_of_simulated_trials_is_part_of_the_z_scores():
     seen = choices([0.1] * 40 + [0.4] * 40, [1, 0, 1, 1] * 20, 0.4 + np.arange(80) / 200)
     model = CircuitModel(load_circuit("bogacz_gurney", 2), "algebra", seconds=1.0, trials=16)

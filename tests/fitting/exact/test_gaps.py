@@ -5,13 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import bgmodel as bg
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.gaps import CONSTANT, EXPONENTIAL, FALL, FLOOR, GAPS, STEEPNESS, WEIBULL
 from bgmodel.fitting.exact.responses import Grid
 from bgmodel.fitting.settings import FitSettings
 from bgmodel.support.saved import packed, unpacked
-from tests.helpers import refused
 from tests.test_start_point import drawn, fitted
 
 pytestmark = pytest.mark.usefixtures("brief_search")
@@ -90,14 +88,6 @@ def test_no_trial_is_lost_or_made(gap, values, bound, start):
     assert (mass >= 0).all()
 
 
-def test_a_hyperbolic_gap_has_later_decisions_than_an_exponential_one_of_the_same_rate():
-    same = {"bound": 1.2, "fall_per_s": 2.0}
-    late = [
-        decided(GAPS[name], **same)[1, :, 150:].sum() for name in ("falling_gap", "hyperbolic_gap")
-    ]
-    assert late[1] > 2 * late[0]
-
-
 @EACH
 def test_each_shape_is_a_model_of_its_own_by_its_name(gap):
     model = FitSettings().model(gap.name)
@@ -105,11 +95,6 @@ def test_each_shape_is_a_model_of_its_own_by_its_name(gap):
     assert model.identity() == {"model": gap.name}
     assert set(gap.names) <= {each.name for each in model.parameters}
     assert gap.about
-
-
-def test_a_model_that_there_is_not_is_refused_with_the_names_of_all_gaps():
-    with refused("models must be of constant_gap, falling_gap, hyperbolic_gap, weibull_gap, "):
-        bg.fit("roitman_shadlen_2002", "linear_gap")
 
 
 @pytest.mark.parametrize(

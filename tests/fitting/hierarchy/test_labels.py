@@ -61,13 +61,6 @@ def test_each_trial_has_its_strength_and_conditions():
         assert set(block) == {"early", "late"}
 
 
-def test_libraries_of_arviz_summarise_the_file(tree):
-    from arviz_stats.base import array_stats
-
-    ess = array_stats.ess(tree["posterior/bound"].to_numpy(), chain_axis=0, draw_axis=1)
-    assert 1 < ess < 4 * MOST * 1.5
-
-
 def test_new_trials_of_each_person_are_those_of_their_densities(group):
     vectors = group.individual[:, :50].copy()
     # Far apart, so that the parameters of another person would be seen.

@@ -112,15 +112,6 @@ def test_group_has_the_posterior_of_a_quadrature(people, shift, narrower, guided
     assert_posterior_is_that_of_a_quadrature(drawn)
 
 
-def test_people_shrink_towards_the_group_by_their_errors(people):
-    drawn = draws(expansion(people), people, 2000)
-    middle = drawn.scaled[:, :, 0].mean(axis=0)
-    group = drawn.mean[:, 0].mean()
-    assert (np.abs(middle - group) < np.abs(ESTIMATES - group) + 0.05).all()
-    moved = np.abs(middle - ESTIMATES) / np.abs(ESTIMATES - group)
-    assert moved[ERRORS.argmax()] > 2 * moved[ERRORS.argmin()]
-
-
 def test_log_likelihood_is_that_of_the_kept_parameters(people):
     drawn = draws(expansion(people), people, 20)
     for scaled, log in zip(drawn.scaled, drawn.log_likelihood, strict=True):
@@ -351,20 +342,3 @@ def test_without_data_draws_are_those_of_the_priors(guided, correlated):
             assert size > 100
             off = (below.mean() - share) / np.sqrt(share * (1 - share) / size)
             assert abs(off) < 4, (share, off)
-
-
-@pytest.mark.parametrize("rho", [0.0, 0.7])
-def test_a_correlation_between_people_is_recovered(rho):
-    """In at least 17 of 20 groups, as by 95 % intervals; else chance would be below 0.02."""
-    held, sure, errors = 0, 0, np.array([0.3, 0.3])
-    for number in range(20):
-        rng = stream(SEED, "recovery", number)
-        true = rng.multivariate_normal(MIDDLE, [[1.0, 2 * rho], [2 * rho, 4.0]], size=40)
-        some = [Gaussian(x + errors * rng.normal(size=2), errors) for x in true]
-        group = Group(MIDDLE, np.ones(2), correlation=np.eye(2))
-        kept = draws(expansion(some), some, 300, group=group, warm_up=100).correlation[:, 0, 1]
-        low, high = np.quantile(kept, [0.025, 0.975])
-        held += low < rho < high
-        sure += low > 0 or high < 0
-    assert held >= 17
-    assert sure == (20 if rho else 20 - held)

@@ -33,11 +33,6 @@ def test_slope_is_the_derivative():
     assert SCALE.slope(at) == pytest.approx(numeric)
 
 
-def test_well_above_the_lower_bound_it_is_linear():
-    at = np.array([[6.0, 6.0], [9.0, 9.0]])
-    assert np.diff(SCALE.back(at), axis=0)[0] == pytest.approx(3 * SCALE.unit, rel=1e-3)
-
-
 def test_a_uniform_distribution_has_the_density_of_the_slope():
     at = np.linspace(-4, 4, 9)
     assert np.exp(log_uniform(at)) == pytest.approx(

@@ -168,21 +168,6 @@ def test_a_leak_and_its_absence_are_found():
     assert without["leak_hz"][0] < 0.3
 
 
-def test_evidence_of_other_trials_has_no_gain():
-    trials = simulated(300, 13)
-    order = np.roll(np.arange(300), 7)
-    shuffled = replace(trials, log_likelihood=trials.log_likelihood[order])
-    assert fitted(shuffled, free=["+gain"])[1]["gain"][0] < 0.1
-    assert fitted(trials, free=["+gain"])[1]["gain"][0] > 0.4
-
-
-def test_an_effect_of_runs_is_found_and_is_not_where_there_is_none():
-    effect = fitted(simulated(300, 14, run_effect=0.03), free=["+run_effect"])[1]["run_effect"]
-    absent = fitted(simulated(300, 14), free=["+run_effect"])[1]["run_effect"]
-    assert effect[0] > 3 * effect[1]
-    assert abs(absent[0]) < 3 * absent[1]
-
-
 def test_the_probability_of_a_response_by_a_time_is_the_integral_of_its_density():
     """After the last reading, which is then seen in every trial."""
     likelihood, step_s = known_likelihood(EXACT["msprt"], few()), 2e-3
@@ -228,12 +213,6 @@ def test_predictions_are_calibrated_even_if_readings_end_with_the_response(chann
     assert (abs(zs.mean(axis=0)) < 3 / np.sqrt(30)).all()
     assert (zs.std(axis=0) < 1.5).all()
     assert (ps < 0.05).mean() < 0.15
-
-
-def test_predictions_of_another_threshold_do_not_fit():
-    zs, ps = misfits(2, True, threshold=0.06)
-    assert zs[:, 1].mean() < -2
-    assert (ps[:, 1] < 0.05).mean() > 0.5
 
 
 def test_trials_left_out_keep_their_log_likelihood():

@@ -167,14 +167,6 @@ def test_the_score_halves_the_trials_of_every_drift():
     assert not np.array_equal(first.decided, second.decided)
 
 
-def test_the_score_draws_parameters_within_the_bounds(network):
-    points = list(likelihood.points(network))
-    assert len(points) == likelihood.SETS == 20
-    for name in PARAMETERS:
-        low, high = network.bounds[name]
-        assert all(low <= point[name] <= high for point in points)
-
-
 def test_trials_for_hssm_are_likeliest_near_the_parameters_they_were_made_with(
     network, monkeypatch
 ):

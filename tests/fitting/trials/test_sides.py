@@ -61,12 +61,6 @@ def sided(right, wrong, missed=0):
     return choices(strength, np.where(correct < 0, -1, response), deadline_s=2.0)
 
 
-def test_responses_against_the_strength_are_refused_with_their_number():
-    """Fitted, they would put sensitivity at the end of its range."""
-    with refused("response"):
-        design_of(sided(40, 160, missed=9))
-
-
 @given(st.integers(0, 200))
 def test_responses_are_refused_where_fewer_are_right_than_by_chance(right):
     z = (right - 100) / np.sqrt(50)
