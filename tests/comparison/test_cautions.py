@@ -17,7 +17,7 @@ from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.integrators.baselines import Lca
 from bgmodel.simulated_evidence import separated_evidence
 from circuits.errors import CalibrationWarning, DeadlineWarning
-from tests.helpers import run, unwarned
+from tests.helpers import unwarned
 
 
 def drawn(trials, steps, seed=1, hypotheses=2):
@@ -102,21 +102,6 @@ def test_the_sentence_is_said_where_zero_lies_outside_its_interval(posterior, ac
 def test_without_decisions_there_is_nothing_to_say():
     assert calibration(np.nan, np.nan, 0) == miscalibrated(np.nan, np.nan, 0) == ""
     silent(warn_of_calibration, np.array([]), np.array([], dtype=bool))
-
-
-@pytest.mark.parametrize("conflict", [0.0, 0.9])
-def test_a_run_under_conflict_says_that_posteriors_are_not_calibrated(conflict):
-    asked = ("circuit", "run", "--engine", "population", "--posterior", 0.7)
-    asked += ("--task", f"conflict={conflict}", "trials=200")
-    if not conflict:
-        silent(run, *asked)
-        return
-    with pytest.warns(CalibrationWarning, match="too sure: .* of 200 decisions are correct"):
-        assert run(*asked) == 0
-
-
-def test_few_trials_show_no_miscalibration():
-    silent(warn_of_calibration, np.full(10, 0.95), np.arange(10) < 8)
 
 
 def test_a_comparison_says_what_is_out_of_reach_before_it_runs():

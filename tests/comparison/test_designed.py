@@ -24,7 +24,6 @@ from bgmodel.comparison.designed import (
     designed_circuit,
     designs,
     kappa_of,
-    readings_of,
     size,
     text,
     theories,
@@ -174,14 +173,6 @@ def test_the_circuits_follow_the_msprt_by_populations(name):
     assert (table[~equal]["low"] < table[~equal]["high"]).all()
 
 
-def test_noise_is_the_same_in_all_designs_and_its_interval_shrinks_with_trials():
-    model = BasalGanglia(anatomy.macaque(4), Population(rates=False), 0.5, 7)
-    few, many = (designed_circuit(model, [0.25], trials=n) for n in (20, 180))
-    ratio = (few["high"] - few["low"])[few["held"] != ""].mean()
-    ratio /= (many["high"] - many["low"])[many["held"] != ""].mean()
-    assert 2 < ratio < 5  # 3 for means over independent trials
-
-
 def test_what_a_circuit_does_not_read_is_refused():
     macaque, spiking = anatomy.macaque(4), anatomy.spiking_msprt(4)
     for table, out, says in (
@@ -251,26 +242,6 @@ def test_a_difference_is_known_if_the_leader_is_chosen_in_nine_trials_of_ten():
     assert np.isfinite(low[0])
 
 
-def test_only_what_has_noise_is_shown_with_an_interval():
-    table = designed(Msprt(), OWN[MSPRT])
-    body, _, _ = text(table).partition("\n\n")
-    assert "[" not in body
-    body, _, _ = text(table.assign(low=table["value"] - 3, high=table["value"] + 3)).partition(
-        "\n\n"
-    )
-    others = (table["held"] != "").sum()
-    assert body.count("[") == others
-    # With equal competitors it is 0 by construction of the thresholds, and there is no test.
-    assert [line.split()[3] for line in body.splitlines()[1:]].count("-") == len(OWN[MSPRT])
-
-
-def test_trials_last_half_as_long_again_as_the_theory_needs():
-    """Of three competitors on average 0 one, all else hopeless, stands 2/3 of 1.6 nats up."""
-    rise_s = (1.5 + 1.6 * 2 / 3) / 2.0
-    needed = 1.5 * rise_s / (STEP_MS / 1000)
-    assert needed <= readings_of(MaxVsNext(), [-1.5]) <= needed + 5
-
-
 def test_without_nats_a_design_is_given_as_it_is():
     for design in designs():
         plain = design.evidence(3).own_totals[0, 1, 1:]
@@ -279,16 +250,6 @@ def test_without_nats_a_design_is_given_as_it_is():
     assert kappa_of(model) == 1
     assert kappa_of(exact("macaque", 0.3)) == 0.3
     assert theories()[MSPRT] == Msprt()
-
-
-def test_designed_trials_have_four_channels_and_three_thresholds_by_default():
-    table = designed(Msprt())
-    assert table["threshold"].drop_duplicates().tolist() == [0.35, 0.25, 0.15]
-    assert "3 equal" in set(table["design"])
-    # Readings of 50 ms, in which the leader rises by 2 nats per second.
-    evidence = designs()[0].evidence(3)
-    assert evidence.step_ms == 50
-    assert evidence.own_totals[0, -1].tolist() == pytest.approx([0.3, 0, 0, 0])
 
 
 @pytest.mark.parametrize("thresholds", [0.2, "0.2", [], [[0.2]], ["a"], None])

@@ -93,16 +93,6 @@ def test_wrong_evidence_reaches_no_accuracy_that_could_agree(kind):
     assert not equivalent(table).any()
 
 
-def test_extra_time_and_its_interval_do_not_hang_on_the_grid():
-    """A delay of 40 ms on a coarse grid of thresholds: the value and its interval hold 40."""
-    late = replace(TRACE, time_ms=TRACE.time_ms + 40.0)
-    table = measured(tradeoff(late, EVIDENCE, np.geomspace(1.2, 0.005, 120)))
-    for accuracy in (0.90, 0.95, 0.97):
-        assert value(table, "extra_ms", accuracy) == pytest.approx(40, abs=4)
-        ends = [value(table, "extra_ms", accuracy, column) for column in ("low", "high")]
-        assert ends[0] - 1 <= 40 <= ends[1] + 1
-
-
 def test_expected_accuracy_is_the_counted_one_with_a_smaller_error():
     """A martingale: the mean posterior of what is chosen is the accuracy, whatever chooses."""
     for integrator in (Msprt(), Race()):
@@ -136,14 +126,6 @@ def test_without_a_truth_all_but_the_errors_is_known():
     table = measured(TEST, truth=None)
     assert {"agreement", "accuracy_gap"} <= set(table["measure"])
     assert not {"accuracy", "error_agreement"} & set(table["measure"])
-
-
-def test_thresholds_fall_and_accuracy_rises():
-    accuracy, time = curve(TEST, np.ones((1, 800)))
-    assert (np.diff(TEST.settings) < 0).all()
-    assert (np.diff(accuracy) >= 0).all()
-    assert (np.diff(time) >= 0).all()
-    assert abs(TEST.posterior[TEST.settings == TEST.setting(0.9)].mean() - 0.9) < 0.01
 
 
 def test_parts_join_to_the_whole():

@@ -87,13 +87,6 @@ def test_tallies_of_two_halves_pool_to_that_of_all_trials():
     assert pooled.steps == pytest.approx(every.steps)
 
 
-def test_of_several_that_cross_at_once_the_largest_margin_wins():
-    out = np.array([[[2.0, 2.0, 2.0], [0.5, 0.2, 0.2]]])
-    trace = Trace(out, np.array([0.0, 1.0]))
-    assert first_crossing(trace, 1.0).choice[0] in (1, 2)
-    assert first_crossing(trace, [[1.5, 1.0, 1.1]]).choice.tolist() == [[0]]
-
-
 @pytest.mark.parametrize("hypotheses", [2, 3, 5])
 @pytest.mark.parametrize("threshold", [-np.log(0.99), 0.999 * np.log(2), "chance"])
 def test_evidence_that_says_nothing_is_shared_out_equally(hypotheses, threshold):
@@ -176,19 +169,6 @@ def test_a_prior_beyond_its_threshold_is_a_premature_response():
     patient = first_crossing(Msprt().run(evidence), -np.log(0.9))
     assert not patient.premature.any()
     assert (patient.time_ms >= 50).all()
-
-
-def test_undecided_is_a_value():
-    evidence = some_evidence(steps=2)
-    trace = Msprt().run(evidence)
-    free = first_crossing(trace, 1e-3, forced=False)
-    assert (free.choice == -1).all()
-    assert np.isnan(free.time_ms).all()
-    assert not free.forced.any()
-    forced = first_crossing(trace, 1e-3)
-    assert forced.forced.all()
-    assert (forced.choice == trace.out_nats[:, -1].argmin(axis=1)).all()
-    assert (forced.steps == 2).all()
 
 
 TRACE = Msprt().run(some_evidence())

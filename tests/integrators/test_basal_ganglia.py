@@ -15,10 +15,10 @@ from bgmodel.integrators import basal_ganglia
 from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import decide_at_thresholds
-from bgmodel.simulated_evidence import expecting, gaussian_evidence, separated_evidence
+from bgmodel.simulated_evidence import expecting, separated_evidence
 from bgmodel.tables.named import NamedEvidence, trial_table
 from circuits import anatomy
-from circuits.anatomy import load_circuit, macaque, macaque_small
+from circuits.anatomy import load_circuit, macaque
 from circuits.engines import Algebra, Ensemble, Population, Rate, engine_of
 from circuits.errors import (
     BgmodelWarning,
@@ -164,10 +164,6 @@ def test_a_model_has_the_gain_of_its_table_as_the_command_does(name, channels):
     assert BasalGanglia(table.dopamine(0.9), "algebra").gain == gain_of(table)
 
 
-def test_a_table_without_a_gain_takes_a_nat_for_a_nat():
-    assert BasalGanglia(load_circuit("bogacz_gurney"), "algebra").gain == 1
-
-
 @pytest.mark.parametrize("forced", [True, False])
 def test_decisions_that_are_not_right_as_often_as_their_posteriors_say_are_warned_of(forced):
     """Python warns as the command does; evidence that is shuffled has no truth in it."""
@@ -237,11 +233,6 @@ def test_expectancy_makes_a_circuit_without_stn_respond_before_the_evidence_and_
     assert shares[2] >= 0.2
 
 
-def test_rest_is_looked_at_for_half_a_second():
-    model = BasalGanglia(macaque(2), "population", GAIN, SEED)
-    assert model.out_at_rest(3).shape == (3, 500, 2)
-
-
 def test_evidence_drives_a_circuit_by_its_own_nats_unless_a_gain_is_given():
     total = EVIDENCE.totals
     wanted = total - total.mean(axis=2, keepdims=True)
@@ -258,24 +249,6 @@ def strong(d_prime, channels=2, trials=200, steps=40, step_ms=50.0):
         hypotheses=channels,
         step_ms=step_ms,
     )
-
-
-def mean_ms(d_prime, posterior):
-    """Mean decision time of the default circuit by populations, over 2000 trials."""
-    level = -np.log(posterior)
-    table = macaque_small(2)
-    model = BasalGanglia(table, "population", gain_of(table), SEED).until(level)
-    return first_crossing(model.run(strong(d_prime, trials=2000)), level).time_ms.mean()
-
-
-@pytest.mark.parametrize("posterior", [0.82, 0.9])
-def test_stronger_evidence_is_decided_sooner_up_to_the_stated_lead_and_later_beyond(posterior):
-    with unwarned():
-        times_ms = [mean_ms(d_prime, posterior) for d_prime in (0.7, 0.9, 1.15, 1.45)]
-    assert (np.diff(times_ms) < -20).all()
-    with pytest.warns(RangeWarning, match="too strong for macaque_small"):
-        late_ms = mean_ms(2.9, posterior)
-    assert late_ms > times_ms[-1]
 
 
 @pytest.mark.parametrize("channels", range(2, 13))
@@ -372,10 +345,3 @@ def test_decisions_against_the_evidence_are_warned_of_with_and_without_a_truth()
             for level in (0.6, 1.0):
                 model = BasalGanglia(macaque().dopamine(level), Rate(rates=False))
                 model.decide(given_truth, posterior=0.7)
-
-
-def test_a_threshold_that_looks_like_a_posterior_is_doubted():
-    evidence = gaussian_evidence(20, channels=4, d_prime=1.0, seed=1)
-    model = BasalGanglia(load_circuit("macaque", 4), "population", seed=1)
-    with pytest.warns(RangeWarning, match="did you mean a posterior"):
-        model.decide(evidence, 0.85)

@@ -79,14 +79,6 @@ def test_mean_posterior_at_stopping_is_the_accuracy(hypotheses):
     assert abs(gap.mean()) > 10 * gap.std() / np.sqrt(evidence.trials)
 
 
-def test_a_batch_does_not_change_a_trial():
-    evidence = some_evidence()
-    in_one = first_crossing(Msprt().run(evidence), 0.3)
-    part = first_crossing(Msprt().run(evidence[100:150]), 0.3)
-    assert (in_one.choice[100:150] == part.choice).all()
-    assert (in_one.time_ms[100:150] == part.time_ms).all()
-
-
 def test_sums_equal_up_to_rounding_are_equal():
     """Evidence of +-0.1 nats: bounds and ties are hit exactly, though floats miss them."""
     from bgmodel.theory.sprt import Empirical, sprt

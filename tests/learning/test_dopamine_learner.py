@@ -164,23 +164,6 @@ def test_reward_finds_the_best_level_and_its_opposite_the_worst(start):
     assert regret(flipped.learned, made, XI).min() > 0.09
 
 
-def test_credit_to_a_foreign_perturbation_teaches_nothing():
-    """Each run is paid for what its neighbour played."""
-    made, runs, start = synthetic(), 40, 1.8
-    rngs = [stream(SEED, "shuffled", run) for run in range(runs)]
-    world = made.environment(XI, rngs)
-    learned = learn(
-        lambda k, played: world(k, np.roll(played, 1)),
-        start,
-        rngs=[stream(SEED, "explored", run) for run in range(runs)],
-        policy=GaussianPolicy(bounds=PLAYED),
-        learner=Learner(episodes=2000, rate=0.01),
-    )
-    moved = learned.learned - start
-    assert abs(moved.mean()) < 4 * moved.std() / np.sqrt(runs) + 0.02
-    assert np.median(regret(learned.learned, made, XI)) > 0.3
-
-
 def touched(model, levels):
     readings = source(held_out_taps(), SameDifferent(period_mm=1.5), fold=0)
     drawn = readings.draw(1500, 30, rng=stream(SEED, "tactile"), step_ms=50.0)
@@ -219,29 +202,6 @@ def test_dopamine_learns_the_level_of_a_circuit_that_touches(request, outcomes, 
     late = slice(-1000, None)
     assert learned.mean_played[:, late].std(axis=1).max() < 0.1
     assert learned.prediction_error[:, late].std(axis=1).min() > 1
-
-
-def test_what_the_last_error_carries_over_lowers_the_next_level(tactile):
-    """An error makes dopamine dip; a dip that lasts takes the next trial's level down."""
-    rises = {}
-    for carried in (0.0, 0.5):
-        learned = learn_level(
-            tactile,
-            xi=XI,
-            start_level=1.5,
-            runs=8,
-            seed=SEED,
-            name=carried,
-            learner=Learner(episodes=8000, rate=0.001, half_episodes=np.inf, carried=carried),
-        )
-        wrong, level = learned.reward[:, 4000:-1] <= -XI, learned.played[:, 4001:]
-        runs = zip(level, wrong, strict=True)
-        rises[carried] = np.array(
-            [each[after].mean() - each[~after].mean() for each, after in runs]
-        )
-    error = rises[0.0].std() / np.sqrt(8)
-    assert abs(rises[0.0].mean()) < 4 * error
-    assert rises[0.5].max() < rises[0.0].min()
 
 
 def test_reward_needs_the_truth(swept, level_evidence):
@@ -319,34 +279,11 @@ def test_regret_has_the_value_of_the_mean_over_runs_and_an_interval_about_it():
     assert learned.regrets.loc["start", "value"] == pytest.approx(start)
 
 
-def test_few_trials_with_rare_errors_are_the_cause_of_learning_what_is_worse():
-    """A level without an error by luck is learned; on other trials it costs more than the start."""
-    errors, steps = (0.0, 0.002, 0.02, 0.06), (4.2, 3.4, 3.2, 2.9)
-    fresh = pool(errors, steps, 5000, 2)
-    long = Learner(episodes=10_000)
-    assert not found_on(pool(errors, steps, 5000, 3), fresh, 2.0, long).cautions
-    few = pool(errors, steps, 60, seed_of_lucky(errors, steps))
-    learned = found_on(few, fresh, 2.0, long)
-    assert few.expected(learned.value, 50.0) > few.expected(2.0, 50.0)  # it learned what it saw
-    (caution,) = learned.cautions
-    assert "worse than it began" in caution
-    assert "60 trials tell the best level only to" in caution
-
-
 def test_more_trials_are_asked_for_than_there_were(monkeypatch):
     monkeypatch.setattr(LevelOutcomes, "unresolved", lambda *_: 1.05 * level.RESOLVED)
     outcomes = pool((0.0, 0.002, 0.02, 0.06), (4.2, 3.4, 3.2, 2.9), 300, 1)
     caution, *_ = found_on(outcomes, outcomes, 4.0).cautions
     assert "give about 400" in caution
-
-
-def seed_of_lucky(errors, steps):
-    """Return a seed by which the last level has one error and is best on its own trials."""
-    for seed in range(1000):
-        made = pool(errors, steps, 60, seed)
-        if made.rewards(50.0).mean(axis=1).argmax() == 3 and (~made.correct[3]).sum() == 1:
-            return seed
-    raise AssertionError
 
 
 def test_runs_that_miss_the_best_of_their_own_trials_are_the_cause_if_they_end_worse():

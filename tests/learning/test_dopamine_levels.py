@@ -10,7 +10,6 @@ from bgmodel.learning import dopamine_levels as levels
 from bgmodel.learning.dopamine import THRESHOLD_NATS, working_range
 from bgmodel.learning.dopamine_levels import level_table
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.engines import Population
 from tests.helpers import ROOT
 from tests.levels import GAIN, MODEL, SEED
 
@@ -47,25 +46,6 @@ def test_the_gap_in_equal_time_sees_a_slower_decider(level_evidence):
     assert np.abs(gaps[1.0, 0.0]).max() < 0.005
     assert gaps[1.5, 0.0].max() < -0.01
     assert gaps[1.0, 100.0].max() < -0.005
-
-
-def test_dopamine_moves_the_default_circuit_along_the_curve_of_the_msprt(monkeypatch):
-    """200 trials of populations, each channel with its own evidence: 0.75 to 0.98 and further."""
-    monkeypatch.setattr(levels, "ENGINES", (Population(),))
-    table = levels.levels_against_msprt(SEED, 200)
-    for channels, part in table[table["engine"] == "population"].groupby("channels"):
-        known = part[part["measure"] == "mean_posterior"].set_index("level")["value"].sort_index()
-        assert np.all(np.diff(known) < 0.005)
-        assert known.iloc[0] > 0.98
-        assert known.iloc[-1] < 0.76
-        exact = part[part["measure"] == "fixed_point"].set_index("level")["value"].sort_index()
-        # Levels below the fixed point's are played too, and decided by swings and noise.
-        assert exact.isna().tolist() == sorted(exact.isna(), reverse=True)
-        assert 1 <= exact.isna().sum() <= 3
-        gaps = part[part["measure"] == "accuracy_gap"]
-        at_gain = gaps.loc[gaps["reference"] == "MSPRT at its gain", "value"]
-        assert at_gain.abs().max() < 0.03, channels
-    assert set(table["channels"]) == {2, 4}
 
 
 @pytest.mark.parametrize("channels", levels.LATENCY_MS)

@@ -98,13 +98,6 @@ def test_both_halves_of_a_table_have_the_same_truths(order, tmp_path):
     assert len({each.tobytes() for each in trials}) == 60
 
 
-def test_dopamine_without_a_circuit_is_that_of_the_default_one():
-    options = {"what": DOPAMINE, "runs": 1, "trials": 120, "seed": 3}
-    learned = learn(Gaussian(), learner=SHORT, **options)
-    named = learn(Gaussian(), bg.BasalGanglia("macaque", "rate", seed=3), learner=SHORT, **options)
-    assert np.array_equal(learned.learned, named.learned)
-
-
 @pytest.mark.filterwarnings("ignore::circuits.errors.BgmodelWarning")
 def test_that_nothing_was_learned_is_said():
     still = Learner(600, rate=1e-9)

@@ -1,16 +1,12 @@
 """Learning: the exhaustive search, and what reward converges to."""
 
-from dataclasses import fields
-
 import numpy as np
 import pytest
 
 from bgmodel import stream
 from bgmodel.deciding.reward import reward_of
-from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import (
-    Learned,
     Learner,
     LearningStopped,
     exhaustive_search,
@@ -23,13 +19,6 @@ from bgmodel.theory.sprt import gaussian_pair, optimal_separation, reward_curve
 from tests.helpers import ROOT, refused
 from tests.learning.helpers import SEPARATION, T_MAX, XI, D, draw
 from tests.levels import SEED
-
-
-def test_records_of_what_is_played_name_neither_gap_nor_threshold():
-    """A gap and a level of dopamine are two uses of one learner and of one sweep."""
-    names = {field.name for record in (Learned, Tradeoff) for field in fields(record)}
-    assert {"played", "mean_played", "learned", "settings"} <= names
-    assert not [name for name in names if "gap" in name or "separation" in name or "thresh" in name]
 
 
 def test_exhaustive_search_finds_the_exact_curve():
@@ -96,12 +85,6 @@ def test_what_is_carried_over_gets_no_credit():
     assert (none.played != some.played).mean() > 0.3
     assert none.mean_played.std() > 0.01
     np.testing.assert_array_equal(none.mean_played, some.mean_played)
-
-
-def test_prediction_error_is_reward_minus_a_running_baseline():
-    learned = run_from(7.5)
-    assert np.abs(learned.prediction_error[:, -1000:].mean()) < 0.5
-    assert np.corrcoef(learned.reward.ravel(), learned.prediction_error.ravel())[0, 1] > 0.9
 
 
 def test_smoothed_is_a_running_mean():

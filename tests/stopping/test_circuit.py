@@ -18,7 +18,7 @@ from bgmodel.stopping.inputs import StopSignal, with_stop
 from bgmodel.stopping.observer import StopMsprt, gaussian_stop_evidence
 from bgmodel.stopping.trials import drawn_delays, stop_trials
 from circuits import engines
-from circuits.errors import EditWarning, NoiseWarning, RangeWarning
+from circuits.errors import NoiseWarning, RangeWarning
 from tests.helpers import refused
 
 TRIALS, POSTERIOR = 300, 0.82
@@ -74,22 +74,6 @@ def test_a_delay_of_the_pathway_is_a_later_signal(evidence):
     late = decide_with_stop(MODEL, evidence, delays(200), StopSignal(delay_ms=100), threshold=LEVEL)
     direct = decide_with_stop(MODEL, evidence, delays(300), StopSignal(), threshold=LEVEL)
     np.testing.assert_array_equal(late.rt_ms, direct.rt_ms)
-
-
-def test_a_pulse_postpones_and_a_held_signal_cancels(evidence):
-    with pytest.warns(EditWarning, match="does not cancel"):
-        pulse = StopSignal(duration_ms=100)
-    kept = decide_with_stop(MODEL, evidence, delays(200), pulse, threshold=LEVEL)
-    held = decide_with_stop(MODEL, evidence, delays(200), StopSignal(), threshold=LEVEL)
-    assert kept.p_respond > 0.8 > 0.4 > held.p_respond
-
-
-def test_go_trials_are_those_without_a_signal(evidence):
-    mixed = drawn_delays(TRIALS, [200.0], 0.5, 3)
-    trials = decide_with_stop(MODEL, evidence, mixed, StopSignal(), threshold=LEVEL)
-    go = MODEL.decided(evidence, LEVEL, forced=False)
-    without = np.isnan(mixed)
-    np.testing.assert_array_equal(trials.rt_ms[without], np.maximum(go.time_ms, 0)[without])
 
 
 def test_an_onset_between_two_steps_counts_in_proportion():

@@ -45,16 +45,6 @@ def test_every_mth_trial_is_confounded_if_its_truths_are_not_all_of_them(channel
     assert missed <= set(one.message.truths)
 
 
-@pytest.mark.parametrize("channels", [2, 3, 8])
-def test_trials_drawn_at_random_are_not_warned_of(channels):
-    go = evidence(80, channels)
-    rng = np.random.default_rng(3)
-    with unwarned():
-        for share in np.repeat([0.1, 0.25, 0.5, 0.9], 50):
-            with_input(go, on_some(rng.random(80) < share, rng.uniform(0, 40, 80)))
-        with_input(go, rng.permutation(np.arange(80) % 2) * 20.0)
-
-
 @pytest.mark.parametrize("chance", [0.02, 0.2, 0.5])
 def test_of_all_ways_to_choose_trials_no_more_than_that_share_warns(monkeypatch, chance):
     """All 252 ways to choose 5 of 10 trials, and those of 3, counted one by one."""

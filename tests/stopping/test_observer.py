@@ -89,15 +89,6 @@ def test_an_abrupt_signal_is_the_horse_race():
         assert trials.responded[here].mean() == pytest.approx((go_ms[here] < end).mean(), abs=0.01)
 
 
-def test_withholding_is_a_response_that_ends_the_trial():
-    evidence = task(2000, 7)
-    decision = StopMsprt().decide(evidence, 0.9, 0.9)
-    withheld = decision.choice == 2
-    stop = ~np.isnan(evidence.ssd_ms)
-    assert stop[withheld].mean() == pytest.approx(0.95, abs=0.05)
-    assert (decision.accuracy > 0.5) & (withheld.mean() > 0.05)
-
-
 def test_an_extra_channel_stops_less_the_more_evidence_there_is_in_all():
     """It adds ln(1 + exp(z - S)) to every OUT, the ideal observer ln(1 + exp z)."""
     evidence = task(50, 8, channels=4)

@@ -101,15 +101,6 @@ def times_of(people):
     return {who: (trials.rt_ms.tolist(), trials.ssd_ms.tolist()) for who, trials in people.items()}
 
 
-def test_ids_are_text_as_written(tmp_path):
-    names = [*["NA"] * 12, *["01"] * 12]
-    for table in both(stops(participant_id=names), tmp_path):
-        assert [*read_people(table)] == ["01", "NA"]
-    mixed = stops(participant_id=[*["01"] * 12, *["1"] * 12])
-    with pytest.warns(DataWarning, match="capitals or in how a number is written"):
-        assert len(read_people(both(mixed, tmp_path)[1])) == 2
-
-
 def test_an_infinite_delay_is_that_of_a_go_trial(tmp_path):
     for table in both(stops(ssd=stops()["ssd"].fillna(np.inf)), tmp_path):
         assert str(times_of(read_people(table))) == str(times_of(read_people(stops())))

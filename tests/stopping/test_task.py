@@ -21,7 +21,6 @@ from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, ssrt_
 from bgmodel.stopping.inputs import StopSignal, with_input, with_stop
 from bgmodel.stopping.task import StopTask, decided
 from bgmodel.stopping.trials import StopTrials
-from bgmodel.support.files import read_provenance
 from bgmodel.sweeps.plan import Plan
 from bgmodel.sweeps.sweep import Sweep
 from bgmodel.task import Gaussian
@@ -72,13 +71,6 @@ def test_trigger_failures_are_go_trials(evidence, share):
     same = decision.time_ms == go.time_ms
     assert same.all() == (share == 1.0)
     assert not np.isnan(ssd).all()
-
-
-def test_the_spread_of_the_delay_leaves_its_mean(evidence):
-    spread, _ = decided(StopTask(delay_ms=80, delay_sd_ms=30), MODEL, evidence, LEVEL, rng())
-    fixed, _ = decided(StopTask(delay_ms=80), MODEL, evidence, LEVEL, rng())
-    assert (spread.time_ms != fixed.time_ms).any()
-    assert spread.forced.sum() == pytest.approx(fixed.forced.sum(), abs=12)
 
 
 def test_staircases_settle_where_half_of_the_signals_fail(evidence):
@@ -260,13 +252,6 @@ def test_a_sweep_goes_over_the_stop_signal():
         Plan(grid={"seed": (1, 2)}, show=("p_respond",))
 
 
-def test_a_sweep_shows_measures_of_stopping_if_only_its_grid_has_signals():
-    plan = Plan(task=TASK, show=("p_respond",), grid={"stop.amount_nats": (0.5, 1.0)})
-    assert [point.stop.amount_nats for point in plan.all_points()] == [0.5, 1.0]
-    with refused("show must name .*missed"):
-        Plan(task=TASK, show=("p_respond",), grid={"task.d_prime": (0.5, 1.0)})
-
-
 def test_workers_and_blocks_draw_their_own_signals(monkeypatch):
     monkeypatch.setattr("bgmodel.sweeps.plan.BLOCK", 100)
     plan = Plan(
@@ -353,20 +338,6 @@ def test_the_command_and_python_decide_alike(tmp_path, capsys):
     printed = json.loads(capsys.readouterr().out)
     assert printed["p_respond"] == mine.p_respond
     assert len(printed["records"]) == len(stop.delays_ms)
-
-
-def test_the_command_records_the_gain_that_fits_strong_evidence(tmp_path):
-    out = tmp_path / "out.csv"
-    task = Gaussian(d_prime=2, step_ms=10, trials=60, t_max=60)
-    asked = ["--task", "d_prime=2", "step_ms=10", "trials=60", "t_max=60", "--seed", "5"]
-    assert main([*RUN, "--save", str(out), *asked, "--stop", "delay_ms=40"]) == 0
-    condition = bg.Condition(task=task, seed=5)
-    evidence = condition.drawn(STREAM).evidence
-    model = condition.model(2)
-    mine = bg.StopTask(share=0.5, delay_ms=40.0).decide(model, evidence, posterior=0.82, seed=5)
-    pd.testing.assert_frame_equal(pd.read_csv(out), mine.to_dataframe())
-    gain = read_provenance(out)["parameters"]["command"]["gain"]
-    assert gain == model.adapted_to(evidence).gain < model.gain
 
 
 def test_the_command_says_why_there_is_no_estimate(capsys):

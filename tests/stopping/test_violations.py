@@ -81,13 +81,6 @@ def test_slowing_over_people_leaves_out_those_without_such_trials():
     assert table.loc["after_successful_stop_ms", "people"] == 0
 
 
-def test_a_race_slows_after_nothing():
-    people = {str(seed): raced(seed) for seed in range(40)}
-    table = slowing_of(people).set_index("measure")
-    for name in ("after_failed_stop_ms", "after_successful_stop_ms"):
-        assert abs(table.loc[name, "value"]) < 3.5 * table.loc[name, "se"]
-
-
 def test_a_delay_belongs_to_the_nearest_centre_and_half_way_to_the_later():
     ssd = np.array([np.nan, 126.0, 174.0, 175.0, 224.0, 226.0])
     table = violations(StopTrials([300.0, *[np.nan] * 5], ssd), SSRT_MS)

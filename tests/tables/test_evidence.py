@@ -14,7 +14,6 @@ from bgmodel.support.files import write_table
 from bgmodel.support.seeds import stream
 from bgmodel.tables.evidence import read_evidence_table, trials_from_table
 from bgmodel.tables.named import trial_table
-from bgmodel.tactile.task import Orientation, SameDifferent
 from circuits.errors import CalibrationWarning, DataWarning
 from tests.helpers import long_table, refused, unwarned
 
@@ -350,12 +349,6 @@ def test_natural_logarithms_are_never_taken_for_others():
                     trials, 30, separation, rng=seed, hypotheses=2 + seed % 3
                 )
                 warn_of_units(drawn)
-
-
-def test_taps_that_ship_are_natural_logarithms():
-    with unwarned():
-        for task in (SameDifferent(), Orientation(2)):
-            warn_of_units(task.evidence(1000, seed=stream(0, "taps")))
 
 
 def test_evidence_without_any_relation_to_its_truth_is_not_taken_for_another_unit():

@@ -45,13 +45,6 @@ def test_milliseconds_are_the_same_times():
         read_trials(table.assign(rt=wrong), **READ, columns=Columns(rt_unit="ms"))
 
 
-def test_a_missing_response_of_hssm_stays_missing_in_milliseconds():
-    table = silent(people(), [4, 9])
-    coded = table.assign(rt=(1000 * table["rt"]).fillna(-999.0), response=table["response"])
-    trials = read_trials(coded, **READ, columns=Columns(rt_unit="ms", deadline_s=4.0))
-    assert np.flatnonzero(trials.response == -1).tolist() == [4, 9]
-
-
 @pytest.mark.parametrize("to", [Trials.to_pyddm, Trials.to_hssm])
 @pytest.mark.parametrize("missing", [[], [4, 9]])
 def test_frames_of_other_tools_come_back_as_they_were(to, missing):

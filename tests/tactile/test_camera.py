@@ -47,11 +47,6 @@ def test_a_marker_at_the_rim_is_cut_off_where_the_picture_ends():
     assert min(small[0].max(), small[-1].max(), small[:, 0].max(), small[:, -1].max()) > 0.5
 
 
-def test_the_smallest_picture_and_the_largest_markers_are_drawn():
-    assert render(0, shape=(16, 16)).any()
-    assert render(0, marker_mm=Tip().pitch_mm).any()
-
-
 def test_a_picture_is_480_by_640_by_default():
     tip, image = Tip(), render(0)
     assert np.array_equal(image, render(0, tip, shape=(480, 640)))

@@ -75,14 +75,6 @@ def test_each_fold_is_scored_by_what_the_others_tell():
             assert same == (fold == 3)
 
 
-def test_a_decoder_of_nothing_says_nothing():
-    taps = taps_of()
-    taps["edge_deg"] = np.random.default_rng(64).permutation(taps["edge_deg"])
-    for task in (EdgeTurn(2, 5.0), EdgeDirection(4, 10.0)):
-        readings = source(taps, task)
-        assert np.ptp(np.concatenate(readings.log_likelihood), axis=1).max() < 0.1
-
-
 @pytest.mark.parametrize("task", [EdgeTurn(2, 5.0), EdgeDirection(2, 5.0)])
 def test_readings_span_a_whole_turn(task):
     likelihood = source(taps_of(), task).likelihood

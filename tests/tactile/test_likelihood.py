@@ -86,12 +86,6 @@ def test_no_difference_gives_no_evidence():
     assert np.abs(np.diff(raw(np.linspace(-40, 40, 50)))).max() > 0.1
 
 
-def test_two_inner_folds_are_enough_to_see_a_clear_difference():
-    """Their standard error has one degree of freedom, and the fewest folds that are allowed."""
-    folds = Density(inner_folds=2)
-    assert fit_likelihood(normal_pool(30), as_they_are, (-180, 180), density=folds).shrink > 0.5
-
-
 def test_the_cap_is_the_largest_ratio():
     for cap in (1.0, 3.0):
         likelihood = fit_likelihood(

@@ -5,7 +5,6 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from bgmodel.tactile.decoder import EDGE
 from bgmodel.tactile.networks import EdgeNetwork, GratingNetwork, wrapped
 
 # PyTorch is imported where it is used: every process of a run of tests reads all files.
@@ -34,11 +33,6 @@ def test_the_network_for_edges_has_two_hidden_layers_and_drops_a_tenth_after_eac
     assert widths == [256, 256, 2]
     assert dropped == pytest.approx([0.1, 0.1])
     assert layers(EdgeNetwork.build((662,), 0.5, 2.0)) == ([128, 128, 2], pytest.approx([0.2, 0.2]))
-
-
-def test_edges_are_read_by_the_perceptron_of_full_width_and_dropout():
-    built = EdgeNetwork.build((662,), EDGE.width, EDGE.dropout)
-    assert layers(built) == layers(EdgeNetwork.build((662,), 1.0, 1.0))
 
 
 def test_normalisation_brings_a_variance_of_a_thousandth_to_a_half():

@@ -341,23 +341,6 @@ def edge_taps():
     return read_taps(folder / "csv_train", mm_per_px=0.33, limit=1500)
 
 
-def test_real_markers_are_found(edge_taps):
-    assert edge_taps.rest_mm.shape == (331, 2)
-    assert edge_taps.labels["markers_found"].min() > 0.95 * 331
-    assert edge_taps.labels["markers_found"].mean() > 0.99 * 331
-
-
-def test_real_displacement_is_smooth(edge_taps):
-    """What a quarter of the taps explain of the rest: tracking slips would leave a pitch."""
-    flat = edge_taps.displacement_mm.reshape(len(edge_taps.labels), -1).astype(float)
-    flat = flat - flat.mean(axis=0)
-    main = np.linalg.svd(flat[::4], full_matrices=False)[2][:20]
-    rest = np.delete(flat, np.s_[::4], axis=0)
-    residual = rest - rest @ main.T @ main
-    assert 0.005 < residual.std() < 0.07
-    assert residual.std() < 0.5 * rest.std()
-
-
 def test_real_displacement_tells_the_yaw(edge_taps):
     yaw = np.deg2rad(edge_taps.labels["yaw_deg"].to_numpy())
     x = edge_taps.displacement_mm.reshape(len(yaw), -1).astype(float)

@@ -280,13 +280,6 @@ def test_a_third_name_of_a_response_is_found():
         )
 
 
-def test_the_row_of_an_error_is_that_of_the_users_table():
-    table = at("rt", 40, -1.0)(people())
-    with refused("rt"):
-        read_trials(table.set_index(np.arange(TRIALS) + 1000), participant="8")
-    assert read_trials(table, participant="007").trials == 30
-
-
 names = st.text("aäb 0.,;\"'", min_size=1, max_size=4).filter(
     lambda text: text and text == " ".join(text.split())
 )

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.people import read_people
 from bgmodel.stopping.staircases import walk
 from bgmodel.stopping.trials import StopTrials
@@ -54,20 +53,6 @@ def test_delays_that_are_known_are_found_again():
     assert missing > 60
     # Where both staircases explain what follows, either may be chosen.
     assert np.mean(errors) < 0.15
-
-
-def test_an_estimate_is_biased_by_missing_delays_and_restored_with_them():
-    pairs = [(walked(seed), unrecorded(walked(seed))) for seed in range(20)]
-    true, zeroed, mended = (
-        np.mean([estimate_ssrt(each, checked=False).ssrt_ms for each in some])
-        for some in (
-            [full for full, _ in pairs],
-            [some for _, some in pairs],
-            [restored(some) for _, some in pairs],
-        )
-    )
-    assert zeroed > true + 10
-    assert mended == pytest.approx(true, abs=2)
 
 
 def test_the_shipped_delays_of_zero_contradict_no_staircase():

@@ -86,15 +86,6 @@ def test_the_ideal_learner_is_the_sum_over_all_histories(one, other, hazard, see
     assert belief.sum() == pytest.approx(1)
 
 
-def test_without_reversals_the_log_odds_are_a_sum_and_at_a_hazard_of_a_half_nothing_is_known():
-    choices, rewards = [1, 1, 0, 1], [1, 0, 0, 1]
-    belief = after(IdealLearner(better=0.8, worse=0.3, hazard=0.0), choices, rewards)
-    gain, loss = np.log(0.8 / 0.3), np.log(0.2 / 0.7)
-    assert logit(belief[1]) == pytest.approx(gain + loss - loss + gain)
-    belief = after(IdealLearner(better=0.8, worse=0.3, hazard=0.5), choices, rewards)
-    assert belief.tolist() == [0.5, 0.5]
-
-
 def test_the_ideal_learner_has_the_least_regret_where_reversals_have_its_hazard():
     bandit = Bandit(hazard=0.03)
     ideal = play(ideal_of(bandit), bandit, trials=400, runs=150, seed=4)

@@ -220,17 +220,6 @@ def test_a_hierarchy_of_learners_has_a_distribution_of_each_parameter(three):
     assert group.individual.shape[2:] == (3, 5)
 
 
-def test_the_median_person_is_found_in_a_hierarchy_of_twelve():
-    rng = np.random.default_rng(6)
-    rate, bound = rng.normal(size=(2, 12))
-    true = {"rate": 1 / (1 + np.exp(1.0 - 0.5 * rate)), "bound": 0.9 * np.exp(0.15 * bound)}
-    people = made("q", ONE, people=12, seed=6, **true)
-    group = fit_group({who: likelihood("q", one) for who, one in people.items()}, most_draws=300)
-    table = group.summary()
-    for name, middle in (("rate", 1 / (1 + np.exp(1.0))), ("bound", 0.9)):
-        assert table.loc[name, "low"] < middle < table.loc[name, "high"]
-
-
 def test_the_built_in_set_is_read_for_each_person():
     people = read_pairs().by_participant()
     assert len(people) == 28

@@ -20,7 +20,7 @@ from bgmodel.learning.weights.learned import (
     time_at_accuracy,
 )
 from bgmodel.learning.weights.rules import rule_of
-from bgmodel.learning.weights.sources import GaussianFeatures, PoissonFeatures, tap_features
+from bgmodel.learning.weights.sources import PoissonFeatures, tap_features
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.source import held_out_taps
 from bgmodel.tactile.task import SameDifferent
@@ -128,25 +128,6 @@ def test_reward_teaches_nearly_the_exact_likelihoods_of_taps(gratings):
     course = learned.course
     assert course.correct[:, -500:].mean() > 0.9
     assert course.readings[:, :100].mean() > 3 * course.readings[:, -100:].mean()
-
-
-def test_shuffled_labels_teach_nothing():
-    drawn = GaussianFeatures(d_prime=1.0, t_max=10).draw(4000, rng=5)
-    shuffled = replace(drawn, truth=np.random.default_rng(6).permutation(drawn.truth))
-    learned = learn_weights(shuffled, seed=7, learner=WeightLearner(trials=2000), runs=4)
-    assert np.abs(learned.calibration(drawn).slope).max() < 0.15
-    assert learned.course.correct.mean() == pytest.approx(0.5, abs=0.03)
-
-
-def test_exchanged_labels_are_learned_again(gratings):
-    learned = learn_weights(
-        gratings[0], seed=8, runs=4, feedback=Feedback(reversal=1500),
-        learner=WeightLearner(trials=2500, half_trials=np.inf),
-    )  # fmt: skip
-    correct = learned.course.correct.mean(axis=0)
-    assert correct[1000:1500].mean() > 0.9
-    assert correct[1500:1530].mean() < 0.4
-    assert correct[2000:].mean() > 0.9
 
 
 def test_unreliable_feedback_spoils_the_confidence_critic_and_not_the_affine_one(gratings):
@@ -268,14 +249,6 @@ def test_rewards_and_names_that_do_not_fit_are_refused(wanted, options):
 def test_options_out_of_range_are_refused(wanted, make):
     with refused(wanted):
         make()
-
-
-def test_rewards_of_any_size_suit_a_critic_that_only_averages():
-    learned = learn_weights(
-        CELLS, seed=1, runs=2, rule="reinforce", feedback=Feedback(right=2, wrong=-1),
-        learner=WeightLearner(trials=200),
-    )  # fmt: skip
-    assert np.isfinite(learned.weights).all()
 
 
 def test_a_class_without_trials_and_a_silent_unit_are_refused():

@@ -79,15 +79,6 @@ def test_the_confidence_rule_is_the_gradient_of_the_log_probability_of_the_rewar
     assert change == pytest.approx(numerical_gradient(log_probability, weights), abs=1e-8)
 
 
-def test_for_two_hypotheses_the_confidence_rule_is_logistic_regression_with_the_truth():
-    weights = some_weights(2)
-    trial = trial_of(weights)
-    truth = np.where(trial.reward == 1, trial.choice, 1 - trial.choice)
-    error = trial.reward - trial.of_choice(trial.posterior)
-    known = (np.eye(2)[truth] - trial.posterior)[:, :, None] * trial.eligibility[:, None]
-    assert ConfidenceRule().change(weights, trial, error) == pytest.approx(known)
-
-
 def test_the_chosen_rule_is_the_confidence_rule_in_the_chosen_channel():
     weights = some_weights(3)
     trial = trial_of(weights)
