@@ -168,8 +168,3 @@ def test_files_are_those_of_the_state(explorer, widgets):
     assert len(rows) == 1 + 2 * explorer.state.experiment.trials
     assert "condition" in rows[0]
     assert "intact" in texts["circuit.toml"]
-
-
-def test_template_and_notebook_show_the_same_parts(explorer):
-    page, layout = explorer.template(), explorer.layout()
-    assert [*page.header, *page.main] == [explorer.tools, explorer.body] == [*layout]

@@ -8,9 +8,8 @@ import pytest
 from bgmodel.deciding.measures import MEASURES as MEASURED
 from bgmodel.deciding.measures import OF_ALL, OF_DIFFUSION
 from bgmodel.experiments.experiment import Experiment
-from bgmodel.explorer.panels import CIRCUIT, KEPT, MEASURES, TITLES, TRADEOFF, TRIAL, Memory, panels
+from bgmodel.explorer.panels import CIRCUIT, KEPT, MEASURES, TITLES, TRADEOFF, Memory, panels
 from bgmodel.explorer.state import State, opened
-from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
 from bgmodel.plots import labelled
 from circuits.laws.stability import is_stable
 from tests.explorer.helpers import small
@@ -78,10 +77,6 @@ def test_an_experiment_shows_its_source_and_the_verdicts_of_the_command(tmp_path
     assert state.experiment.source in by[MEASURES].text
 
 
-def test_without_predictions_there_are_no_verdicts(shown):
-    assert len(shown[1][MEASURES].tables) == 1
-
-
 def test_the_python_that_is_copied_computes_the_same(shown, memory):
     state, _ = shown
     code = state.experiment.to_python().replace("print(", "found = (")
@@ -89,18 +84,6 @@ def test_the_python_that_is_copied_computes_the_same(shown, memory):
     exec(code, names)
     assert names["experiment"] == state.experiment
     assert names["found"].equals(memory.outcome[1].summary())
-
-
-@pytest.mark.usefixtures("shown")
-def test_the_curve_of_the_msprt_passes_through_its_decisions(memory):
-    (curve,) = memory.others.kinds["test"].values()
-    outcome = memory.outcome[1]
-    evidence, gain = outcome.given.evidence, outcome.models[0].gain
-    assert curve["mean_ms"].is_monotonic_increasing
-    decision = Msprt(gain).decide(evidence, float(threshold_from_posterior(0.8, 2)))
-    late = curve["mean_ms"].searchsorted(decision.time_ms.mean())
-    low, high = curve["accuracy"].iloc[max(0, late - 2)], curve["accuracy"].iloc[late + 1]
-    assert low - 0.02 <= decision.accuracy <= high + 0.02
 
 
 def test_without_edits_the_control_is_shown_alone():
@@ -172,13 +155,6 @@ def test_names_are_text_and_not_mathematics_or_markup(tmp_path):
     for panel in panels(state, Memory(), workers=1):
         assert not panel.refused
         assert "<script>" not in panel.svg + panel.folded
-
-
-def test_a_trial_of_a_circuit_without_spikes_has_rates():
-    state = small("bogacz_gurney")
-    (panel,) = (p for p in panels(state, Memory(), workers=1) if p.name == TRIAL)
-    assert not panel.refused
-    assert panel.svg
 
 
 def test_what_is_remembered_does_not_grow():

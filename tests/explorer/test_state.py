@@ -2,9 +2,8 @@
 
 import pytest
 
-from bgmodel.experiments.experiment import Experiment, shipped
-from bgmodel.explorer.state import MOST_TRIALS, History, State, opened
-from bgmodel.task import Gaussian
+from bgmodel.experiments.experiment import Experiment
+from bgmodel.explorer.state import History, State, opened
 from circuits.errors import InputError
 from tests.explorer.helpers import small
 from tests.helpers import refused
@@ -42,13 +41,6 @@ def test_a_link_that_unpacks_to_much_more_than_an_experiment_is_refused():
         State.from_link(f"?state={bomb}")
 
 
-def test_every_included_experiment_opens_with_few_enough_trials():
-    for name, experiment in shipped().items():
-        state = opened(name)
-        assert state.experiment.trials <= MOST_TRIALS
-        assert state.experiment.manipulation == experiment.manipulation
-
-
 @pytest.mark.parametrize(
     ("name", "value", "field"),
     [
@@ -83,13 +75,6 @@ def test_the_edited_circuit_becomes_the_control():
     assert not more.alike
 
 
-def test_the_hash_is_that_of_the_edited_circuit_and_the_key_of_everything():
-    state = small()
-    edited, slower = state.edited("lesion STN 10%"), state.with_setting("d_prime", 0.9)
-    assert edited.digest != state.digest == slower.digest
-    assert len({state.key, edited.key, slower.key}) == 3
-
-
 def test_learning_is_not_for_the_explorer():
     text = small().experiment.to_toml() + "\n[learning]\ntrials = 100\n"
     with refused("learning"):
@@ -106,20 +91,6 @@ def test_a_circuit_of_a_file_opens_with_its_alternatives(tmp_path):
     path.write_text("name = 'x'\n= 3")
     with pytest.raises(InputError, match="not valid TOML"):
         opened(path)
-
-
-@pytest.mark.parametrize("trials", [7, 99, MOST_TRIALS + 1])
-def test_a_number_of_trials_that_cannot_be_shown_is_refused_at_its_field(trials):
-    with refused("trials"):
-        small().with_setting("trials", trials)
-
-
-def test_no_trials_at_all_are_refused_in_the_words_of_the_task():
-    with pytest.raises(InputError) as here:
-        small().with_setting("trials", 0)
-    with pytest.raises(InputError) as there:
-        Gaussian(trials=0)
-    assert str(here.value) == str(there.value)
 
 
 def test_undo_and_redo_lead_to_the_states_before_and_after():
@@ -147,13 +118,3 @@ def test_a_refused_state_leaves_the_history_unchanged():
         history.go(history.state.edited("lesion ctx"))
     assert history.state is history.first
     assert not history.past
-
-
-def test_only_the_last_states_are_kept(monkeypatch):
-    monkeypatch.setattr("bgmodel.explorer.state.LONGEST", 3)
-    history = History(small())
-    for k in range(9):
-        history.go(history.state.with_setting("trial", 1 + k))
-    while history.past:
-        history.undo()
-    assert history.state.trial == 6

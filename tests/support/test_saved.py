@@ -80,12 +80,6 @@ def test_a_loaded_result_is_the_result(kind, tmp_path):
         again.plot()
 
 
-def test_a_loaded_model_decides_as_before(tmp_path):
-    again = bg.load(MODEL.save(tmp_path / "model.npz"))
-    decision = again.decide(EVIDENCE, posterior=0.8)
-    assert np.array_equal(decision.time_ms, MODEL.decide(EVIDENCE, posterior=0.8).time_ms)
-
-
 def test_a_file_is_replaced_only_if_asked_and_never_lost(tmp_path):
     path = EVIDENCE.save(tmp_path / "a.npz")
     with refused("path already exists"):
@@ -198,22 +192,6 @@ def test_a_record_is_one_short_line_and_a_table_of_the_same_facts(records):
             assert f"{name} {value}" in line
 
 
-def test_of_many_thresholds_trials_are_counted_at_each():
-    decision = first_crossing(TRACE, THRESHOLDS, forced=False)
-    facts = decision.facts()
-    assert facts["thresholds"] == str(len(THRESHOLDS))
-    assert facts["trials"] == str(SHOWN.trials)
-    counts = {
-        "undecided": (decision.choice == -1).sum(axis=1),
-        "premature": decision.premature.sum(axis=1),
-        "forced": first_crossing(TRACE, THRESHOLDS).forced.sum(axis=1),
-    }
-    facts["forced"] = first_crossing(TRACE, THRESHOLDS).facts()["forced"]
-    assert counts["forced"].any()
-    for name, count in counts.items():
-        assert facts[name] == span(count, ".0f")
-
-
 def test_what_is_not_known_is_said_and_nothing_is_warned_of(recwarn):
     blank = first_crossing(TRACE, 1e-9, forced=False, checked=False)
     assert "mean_time_ms unknown" in repr(blank)
@@ -261,18 +239,6 @@ def test_times_are_drawn_by_choice_and_every_decided_trial_counts():
     assert ax.get_title("left") == f"n = {SHOWN.trials}, {left} undecided"
     blank = first_crossing(TRACE, 1e-9, forced=False, checked=False).plot()
     assert blank.axes[0].get_title("left") == "n = 120, 120 undecided"
-
-
-def test_several_thresholds_are_drawn_as_speed_and_accuracy():
-    decision = first_crossing(TRACE, THRESHOLDS)
-    (ax,) = decision.plot(Figure().subplots(), SHOWN.truth).axes
-    counts = tally(TRACE, SHOWN.truth, THRESHOLDS)
-    order = np.argsort(counts.mean_steps)
-    assert ax.lines[0].get_ydata() == pytest.approx(np.asarray(counts.accuracy)[order])
-    times = np.nanmean(decision.time_ms, axis=1)
-    assert ax.lines[0].get_xdata() == pytest.approx(np.sort(times))
-    with refused("truth several thresholds need the truth"):
-        replace(decision, truth=None).plot()
 
 
 def test_speed_and_accuracy_are_those_of_decided_trials():

@@ -12,7 +12,7 @@ from bgmodel.support.seeds import stream
 from bgmodel.sweeps import outcome, shards
 from bgmodel.sweeps.plan import Plan
 from bgmodel.task import Gaussian
-from tests.helpers import behaving, refused, told
+from tests.helpers import refused, told
 
 TASK = Gaussian(trials=80, t_max=30)
 
@@ -73,11 +73,6 @@ def test_posteriors_that_are_not_accuracies_are_said(tmp_path):
     assert "posteriors" not in remarks[0.0]
 
 
-def test_too_few_decisions_are_said(tmp_path):
-    _, table = swept(tmp_path, grid={"posterior": (0.94,)}, task=Gaussian(trials=80, t_max=1))
-    assert set(table["remark"]) == {"fewer than 20 trials are decided in time"}
-
-
 def test_a_point_that_could_not_run_is_there_without_numbers(tmp_path, monkeypatch):
     def refused(*_):
         raise ValueError("rates run away")
@@ -116,24 +111,6 @@ def test_a_map_has_the_first_key_up_and_the_second_across(tmp_path, monkeypatch)
     assert (panel.get_ylabel(), panel.get_xlabel()) == ("lesion STN (fraction)", "posterior")
 
 
-@pytest.mark.parametrize(
-    ("key", "label"),
-    [
-        ("lesion STN", "lesion STN (fraction)"),
-        ("cut STN->GPe", "cut STN->GPe (fraction)"),
-        ("scale STN->GPe", "scale STN->GPe"),
-        ("set STN.bias_nats", "set STN.bias_nats"),
-        ("add D1->GPe delay_ms=4 weight", "add D1->GPe delay_ms=4 weight"),
-        ("dopamine", "dopamine"),
-        ("task.d_prime", "task.d_prime"),
-    ],
-)
-def test_an_axis_says_what_its_numbers_are_of(key, label):
-    plan = Plan(grid={key: (0.1, 0.2)}, show=("mean_ms",))
-    panel = outcome.draw(plan, points_of(plan, [300.0, 200.0])).axes[0]
-    assert (panel.get_xlabel(), panel.get_ylabel()) == (label, "Mean decision time (ms)")
-
-
 def points_of(plan, values, remarks=None):
     """Return a table of one measure at each point of a plan."""
     table = pd.DataFrame(list(plan.each))
@@ -150,18 +127,6 @@ def test_a_star_stands_at_every_number_that_has_a_remark():
     (panel,) = (figure := outcome.draw(plan, points_of(plan, [0.6, 0.7, 0.8]))).axes
     assert not panel.texts
     assert "*" not in figure.get_suptitle()
-
-
-def test_a_grid_with_a_short_key_is_a_line_per_value_of_it():
-    plan = Plan(
-        grid={"engine": ("rate", "algebra"), "posterior": (0.7, 0.8, 0.9)}, show=("accuracy",)
-    )
-    figure = outcome.draw(plan, points_of(plan, [0.6, 0.7, 0.8, 0.5, 0.6, 0.7]))
-    lines = [bars.lines[0] for bars in figure.axes[0].containers]
-    assert [list(line.get_ydata()) for line in lines] == [[0.6, 0.7, 0.8], [0.5, 0.6, 0.7]]
-    (legend,) = figure.legends
-    labels = [text.get_text() for text in legend.get_texts()]
-    assert labels == ["engine = rate", "engine = algebra"]
 
 
 def test_a_line_has_bars_from_the_lower_to_the_upper_end():
@@ -200,31 +165,6 @@ def test_a_map_of_few_points_says_each_number_in_white_on_dark(across, written, 
     colours = [text.get_color() for text in figure.axes[0].texts]
     assert set(colours[:2]) == {"w"}
     assert set(colours[across:]) == {"k"}
-
-
-def test_a_map_without_any_number_is_a_map_of_dashes(monkeypatch):
-    monkeypatch.setattr(outcome, "LINES", 0)
-    plan = Plan(grid={"lesion STN": (0.0, 0.2), "posterior": (0.7, 0.9)}, show=("accuracy",))
-    figure = outcome.draw(plan, points_of(plan, [np.nan] * 4, ["rates run away"] * 4))
-    assert [text.get_text() for text in figure.axes[0].texts] == ["-*"] * 4
-
-
-def test_only_where_there_are_two_alternatives_a_diffusion_is_said_to_be_withheld(
-    tmp_path, monkeypatch
-):
-    """Times that do not vary are those of no diffusion."""
-    for channels, says in (
-        (2, "drift, boundary_separation, non_decision_ms are withheld: no diffusion"),
-        (4, ""),
-    ):
-        plan = Plan(grid={"task.channels": (channels,)}, task=TASK)
-        truth = np.arange(80) % channels
-        behaviour = behaving(truth, np.full(80, 400.0), truth, channels=channels)
-        monkeypatch.setattr(outcome, "read", lambda *_, behaviour=behaviour: (behaviour, ""))
-        (setting,) = plan.all_points()
-        (remark,) = set(outcome.measured(setting, tmp_path)["remark"])
-        assert remark.startswith(says)
-        assert bool(remark) == bool(says)
 
 
 def test_three_keys_have_a_table_and_no_figure():
