@@ -11,7 +11,6 @@ from hypothesis import strategies as some
 import bgmodel as bg
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.formulas import Formula
-from bgmodel.fitting.hierarchy.fit import check_people
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.settings import settings_of
 from bgmodel.support.seeds import stream
@@ -176,13 +175,6 @@ def test_a_parameter_has_one_rule():
         likelihood(formula="bound ~ block", vary={"bound": "instruction"})
     with refused("fix"):
         checked(table(60), formula="bound ~ block", fix={"bound": 0.7})
-
-
-@pytest.mark.parametrize("formula", ["bound ~ 0 + instruction", "bound ~ block"])
-def test_a_hierarchy_takes_values_and_differences(formula):
-    every = table(60)
-    people = {f"p{k}": every.assign(participant_id=f"p{k}") for k in range(3)}
-    check_people({who: likelihood(some, formula=formula) for who, some in people.items()})
 
 
 def test_noise_of_the_search_does_not_leave_the_range():

@@ -71,13 +71,6 @@ def test_a_short_chain_says_so_and_what_it_is_worth(caplog, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_what_the_draws_are_worth_is_how_their_mean_scatters():
-    chains = [GAUSSIAN.draw(most_steps=300, steps=300, seed=seed) for seed in range(12)]
-    scatter = np.var([each.mean[1] / 2 for each in chains])
-    expected = np.mean([1 / each.effective for each in chains])
-    assert 0.25 < scatter / expected < 4
-
-
 def test_steps_are_told():
     told = []
     GAUSSIAN.draw(most_steps=20, tell=told.append)

@@ -98,18 +98,6 @@ def test_cells_are_summed_by_strength_whoever_lacks_one():
     assert sorted(off) == pytest.approx(sorted(by_strength.values()))
 
 
-def test_cells_of_almost_equal_strengths_are_all_counted():
-    """They have one name to six digits, but are two cells."""
-    choices = people()
-    for who, some in choices.items():
-        first = np.arange(some.trials) % 2 == 0
-        choices[who] = replace(some, strength=np.where(first, 1.0, 1 + 1e-9) * some.strength)
-    misfit = at_truth(choices)
-    assert len(set(misfit.cells["ben"])) == 2 * len(STRENGTHS) - 1
-    total = sum(each.excess["accuracy"].off.sum() for each in misfit.people.values())
-    assert misfit.sums("accuracy").off.sum() == pytest.approx(total)
-
-
 def test_the_error_of_shared_simulated_trials_adds_up():
     """Drawn trials are independent, so their variances add; simulated ones are the same twice."""
     parts = np.random.default_rng(SEED).normal(size=(8, 3))

@@ -72,13 +72,6 @@ class Varying(GapModel):
         return mass
 
 
-def test_clean_data_are_not_warned_of():
-    fit, texts = fitted(CLEAN)
-    assert texts == []
-    table = fit.cells()
-    assert (table[["z_accuracy", "z_mean_rt"]].abs() < 3.5).all(axis=None)
-
-
 @pytest.mark.parametrize(
     "some",
     [guessing, mixed_units, lambda: drawn(Varying(), STRENGTHS, 500, SEED, seconds=4.0, **VALUES)],

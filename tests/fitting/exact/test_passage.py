@@ -177,14 +177,6 @@ def test_a_falling_gap_is_where_pyddm_goes_as_its_step_goes_to_nothing(bound, fa
     assert abs(ours - coarse)[2] > 1e-3
 
 
-def test_a_few_terms_of_the_series_are_enough():
-    away, scaled = np.meshgrid(np.linspace(0.02, 0.98, 25), np.geomspace(1e-3, 4, 200))
-    exact = passage.standard_at_rest(away, scaled, 40)
-    assert passage.standard_at_rest(away, scaled, 4) == pytest.approx(exact, abs=1e-9)
-    assert passage.standard_at_rest(away, scaled) == pytest.approx(exact, abs=1e-12)
-    assert np.abs(passage.standard_at_rest(away, scaled, 2) - exact).max() > 1e-9
-
-
 @pytest.mark.parametrize("fall_per_s", [0.0, 1.5])
 @pytest.mark.parametrize(("start", "drift_sd"), [(0.0, 0.0), (0.2, 0.0), (-0.1, 0.8)])
 def test_sums_in_bins_are_those_of_the_densities(fall_per_s, start, drift_sd):

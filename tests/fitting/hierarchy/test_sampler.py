@@ -184,25 +184,6 @@ def test_moves_under_an_exact_surrogate_have_the_posterior(people):
     assert_posterior_is_that_of_a_quadrature(alone(sampler, moved, 4000))
 
 
-@pytest.mark.parametrize("step", ["_individual", "_guided"])
-def test_people_given_the_group_have_their_exact_posterior(people, astray, step):
-    group, rng = Group(MIDDLE, np.ones(2)), stream(SEED, "people")
-    state, kept = astray.first(group, rng), []
-    for _ in range(3000):
-        arguments = (state,) if step == "_individual" else (astray.guide, state)
-        state = getattr(astray, step)(*arguments)
-        kept.append(state.scaled)
-    draws_ = np.array(kept)
-    precision = 1 / np.array([each.error for each in people]) ** 2
-    exact = (precision * np.array([each.middle for each in people]) + MIDDLE) / (1 + precision)
-    sd = 1 / np.sqrt(1 + precision)
-    size = array_stats.ess(np.moveaxis(draws_, 0, 2)[:, :, None], chain_axis=2, draw_axis=3)
-    assert size.min() > 300
-    z = (draws_.mean(axis=0) - exact) / (sd / np.sqrt(size))
-    # Twelve numbers, each within 4 errors.
-    assert np.abs(z).max() < 4
-
-
 def with_slope(estimates, errors, column):
     """Return mean and sd of mean, sd and slope of a group, by quadrature; a flat scale."""
     mean = np.mean(estimates) + np.linspace(-4, 4, 81)[:, None, None]

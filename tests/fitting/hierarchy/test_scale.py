@@ -10,15 +10,6 @@ SPACE = freedom([Parameter("bound", 0.1, 8.0, 0.7), Parameter("spread", 0.0, 5.0
 SCALE = Scale.of(SPACE)
 
 
-def test_unit_is_a_part_of_the_default_value_above_the_lower_bound():
-    assert SCALE.unit == pytest.approx([0.6 / PARTS, 1 / PARTS])
-
-
-def test_it_returns_to_where_it_came_from():
-    natural = np.array([[0.7, 0.01], [7.9, 4.0]])
-    assert SCALE.back(SCALE.to(natural)) == pytest.approx(natural)
-
-
 def test_ends_of_the_range_are_finite_and_never_crossed():
     scaled = SCALE.to(np.array([[0.1, 0.0], [8.0, 5.0]]))
     assert scaled[0].tolist() == [LOWEST, LOWEST]

@@ -5,13 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.evidence import Evidence
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.known.circuit import KnownCircuit, on_grid
 from bgmodel.fitting.known.hazard import lowest_between
 from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
-from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import Msprt
 from circuits.anatomy import load_circuit
 from tests.helpers import refused
@@ -122,10 +120,3 @@ def test_what_a_circuit_can_not_do_is_refused(trials):
     strong = replace(trials, log_likelihood=1e3 * trials.log_likelihood)
     with refused("evidence"):
         known_likelihood(KnownCircuit(MACAQUE), strong)
-
-
-def test_evidence_is_that_of_the_seen_readings_alone(trials):
-    evidence, _ = on_grid(trials)
-    assert isinstance(evidence, Evidence)
-    assert (evidence.readings <= trials.seen + 1).all()
-    BasalGanglia(MACAQUE).check_strength(evidence)

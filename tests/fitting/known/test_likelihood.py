@@ -8,12 +8,10 @@ from scipy.stats import norm
 
 from bgmodel.evidence import minus_log_softmax
 from bgmodel.fitting.checks.misfit import misfit
-from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.hierarchy.fit import fit_group
 from bgmodel.fitting.identify import directions
-from bgmodel.fitting.known.likelihood import OnTrials, known_likelihood
+from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT, runs_of_cues
-from bgmodel.fitting.model_comparison import compare_fits
 from bgmodel.fitting.optimum import Optimum, optimum
 from circuits.errors import InputError
 from tests.known_trials import TRUTH, few, simulated
@@ -45,23 +43,6 @@ def test_it_is_the_sum_over_readings_of_hazard_and_non_decision_time():
             alive *= 1 - hazard.sum()
         expected = 0.95 * density + 0.05 / (3 * trials.rt_s.max())
         assert log_density[trial] == pytest.approx(np.log(expected))
-
-
-def test_responses_and_none_have_probability_one_in_all():
-    trials = few()
-    late = np.linspace(0.001, 1.2, 2400)
-    values = {**VALUES, "urgency": 0.0, "run_effect": 0.0, "lapse": 0.0}
-    total = 0.0
-    for rt_s in late[late > 0.3]:
-        likelihood = known_likelihood(EXACT["msprt"], replace(trials, rt_s=np.full(20, rt_s)))
-        density, none = likelihood.responses(values)
-        total = total + density.sum(axis=1) * (late[1] - late[0])
-    # Responses before the last reading have seen fewer of them.
-    for rt_s in late[late <= 0.3][100:]:
-        some = replace(trials, rt_s=np.full(20, max(rt_s, 0.1001)))
-        density, _ = known_likelihood(EXACT["msprt"], some).responses(values)
-        total = total + density.sum(axis=1) * (late[1] - late[0])
-    np.testing.assert_allclose(total + none, 1.0, atol=0.01)
 
 
 def test_a_trial_without_a_response_is_one_without_a_decision():
@@ -133,11 +114,6 @@ def test_options_add_to_replace_and_fix_parameters():
         known_likelihood(EXACT["run"], trials, free=["gain"])
 
 
-def test_each_alternative_but_the_first_has_a_bias():
-    names = [each.name for each in OnTrials(EXACT["run"], few()).parameters]
-    assert [name for name in names if name.startswith("bias_")] == ["bias_b", "bias_c"]
-
-
 def fitted(trials, model="msprt", **options):
     """Return an optimum, and each parameter with its standard error by name."""
     peak = optimum(known_likelihood(EXACT[model], trials, **options))
@@ -159,13 +135,6 @@ def test_parameters_of_the_test_are_found_again(channels):
 
 def truth_of(likelihood):
     return np.array([TRUTH.get(name, 0.0) for name in likelihood.freedom.names])
-
-
-def test_a_leak_and_its_absence_are_found():
-    with_it = fitted(simulated(300, 12, "leaky_sum", leak_hz=2.0, threshold=0.8), "leaky_sum")[1]
-    without = fitted(simulated(300, 12, "leaky_sum", leak_hz=0.0, threshold=0.8), "leaky_sum")[1]
-    assert with_it["leak_hz"][0] == pytest.approx(2.0, abs=3.5 * with_it["leak_hz"][1])
-    assert without["leak_hz"][0] < 0.3
 
 
 def test_the_probability_of_a_response_by_a_time_is_the_integral_of_its_density():
@@ -221,17 +190,6 @@ def test_trials_left_out_keep_their_log_likelihood():
     part = likelihood.part(some).part(np.arange(5))
     np.testing.assert_array_equal(part.each(start), likelihood.each(start)[10:15])
     assert part.design.trials.sum() == 5
-
-
-def test_models_are_compared_by_the_trials_left_out():
-    trials = simulated(200, 31, "leaky_sum", leak_hz=3.0, threshold=0.7, noise=0.05)
-    fits = {name: fit_likelihood(known_likelihood(EXACT[name], trials))
-            for name in ("msprt", "leaky_sum")}  # fmt: skip
-    comparison = compare_fits(fits)
-    assert comparison.best == "leaky_sum"
-    assert comparison.table.loc["msprt", "verdict"] == "leaky_sum predicts better"
-    leaky = comparison.table.loc["leaky_sum"]
-    assert leaky["log_likelihood"] - 20 < leaky["score"] < leaky["log_likelihood"]
 
 
 def test_a_group_is_fitted():

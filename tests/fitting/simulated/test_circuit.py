@@ -195,12 +195,6 @@ def test_evidence_comes_with_its_noise_in_nats():
     assert not np.allclose(two(read, 0).out_nats, one(read, 0).out_nats, atol=0.01)
 
 
-def test_points_are_all_values_of_the_axes():
-    points = model(mechanism=MECHANISMS["onset_stn"]).points()
-    assert len(points) == len(set(points)) == 13 * 5
-    assert model().points() == [()]
-
-
 def test_other_than_two_channels_and_unknown_engines_are_refused():
     with pytest.raises(ValueError, match="two channels for a fit, got 3"):
         model(circuit=load_circuit("macaque", 3))

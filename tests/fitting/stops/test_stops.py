@@ -7,10 +7,8 @@ import pytest
 from scipy.stats import norm
 
 from bgmodel.fitting.fit import fit_likelihood
-from bgmodel.fitting.formulas import formula_of
 from bgmodel.fitting.hierarchy.fit import fit_group
 from bgmodel.fitting.hierarchy.group import ALMOST
-from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.stops.data import GO, go_process, laid
 from bgmodel.fitting.stops.model import TEST, StopModel, circuit_stop, stop_model
 from bgmodel.fitting.stops.race import StopRace, likelihood
@@ -97,21 +95,6 @@ def test_known_parameters_are_found_and_the_model_fits(times):
     assert min(fit.misfit.p.values()) > 0.001
 
 
-def test_a_block_changes_the_ssrt():
-    parts = (StopTrials.of(raced(3, 400)), StopTrials.of(raced(3, 400, ssrt_ms=280.0)))
-    one = StopTrials(*(np.concatenate([getattr(part, name) for part in parts])
-                       for name in ("rt_ms", "ssd_ms")))  # fmt: skip
-    trials = one.to_trials()
-    trials = replace(trials, conditions=trials.conditions.assign(block=["a"] * 400 + ["b"] * 400))
-    by = optimum(likelihood(ALIKE, trials, vary={"ssrt_ms": "block"})).values
-    linear = optimum(likelihood(ALIKE, trials, formulas=[formula_of("ssrt_ms ~ block")])).values
-    # The same go times, so that the difference is little blurred by them.
-    assert 40 < linear["ssrt_ms[block[T.b]]"] < 130
-    assert by["ssrt_ms[block=b]"] - by["ssrt_ms[block=a]"] == pytest.approx(
-        linear["ssrt_ms[block[T.b]]"], abs=1
-    )
-
-
 def test_a_hierarchy_finds_the_group_and_one_standard_deviation_between_trials():
     every = [raced(100 + who, 160, 30.0) for who in range(12)]
     group = fit_group({each.people()[0]: likelihood(ALIKE, each) for each in every})
@@ -123,19 +106,6 @@ def test_a_hierarchy_finds_the_group_and_one_standard_deviation_between_trials()
     low, high = table.loc["ssrt_ms", ["between_low", "between_high"]]
     assert low < 30 < high
     assert between.max() <= ALMOST * group.scale.unit[1]
-
-
-def test_the_bias_and_the_coverage_of_estimates_over_100_people():
-    """Intervals of 90 %, for people of 100 stop trials with a known stop process."""
-    inside, apart = [], []
-    for seed in range(1000, 1100):
-        fit = fit_likelihood(likelihood(ALIKE, raced(seed)), draws=True)
-        row = fit.parameters().set_index("parameter").loc["ssrt_ms"]
-        inside.append(row["low"] < TRUE["ssrt_ms"] < row["high"])
-        apart.append(np.median(fit.posterior.draws[:, 0]) - TRUE["ssrt_ms"])
-    assert abs(np.mean(apart)) < 3.5 * np.std(apart) / 10
-    error = np.sqrt(0.9 * 0.1 / 100)
-    assert 0.86 - error < np.mean(inside) < 0.94 + error
 
 
 def weak():

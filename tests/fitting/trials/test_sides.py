@@ -91,7 +91,3 @@ def test_right_and_wrong_beside_strengths_with_a_sign_are_hinted_at(other, hint)
     with pytest.warns(DataWarning) as caught:
         design_of(some)
     assert ("strengths without a sign" in str(caught[0].message)) == hint
-
-
-def test_responses_to_no_evidence_are_neither_right_nor_wrong():
-    design_of(choices(np.zeros(100), [0] * 20 + [1] * 20 + [0, 1] * 30))

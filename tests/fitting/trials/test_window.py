@@ -13,10 +13,9 @@ from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.fitting.trials.window import fence_s
-from bgmodel.trials.reading import read_trials
 from circuits.errors import DataWarning
 from tests.drawn import drawn
-from tests.helpers import refused, unwarned
+from tests.helpers import refused
 
 MODEL, SEED = GapModel(), 83
 VALUES = {"sensitivity": 12.0, "bound": 0.6}
@@ -43,18 +42,6 @@ def test_one_late_time_sets_neither_the_grid_nor_the_lapses_nor_the_fit(late_s, 
     assert design.grid.bins * BIN_S < 2.5
     peak = optimum(likelihood_of(MODEL, design, free=FREE))
     assert peak.vector == pytest.approx(clean_fit.vector, rel=0.03)
-
-
-def test_nothing_is_left_out_of_the_published_sets():
-    for name in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005", "cavanagh_2011"):
-        strength = None if name.startswith("cav") else "coherence"
-        every = read_trials(name, strength=strength, conditions=["conflict"][: strength is None])
-        for who in every.people():
-            some = every.where(every.participant == who)
-            with unwarned():
-                design = design_of(some, list(some.conditions))
-            assert design.left_out == 0
-            assert design.grid.bins == int(np.ceil((some.rt_s.max() + 10 * BIN_S) / BIN_S))
 
 
 def test_a_window_that_is_asked_for_leaves_out_what_lies_outside_and_says_how_many():
