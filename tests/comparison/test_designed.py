@@ -23,7 +23,6 @@ from bgmodel.comparison.designed import (
     designed,
     designed_circuit,
     designs,
-    kappa_of,
     size,
     text,
     theories,
@@ -35,7 +34,7 @@ from bgmodel.integrators.sprt import Msprt
 from circuits import anatomy
 from circuits.engines import Population
 from circuits.laws.controls import linear_stn
-from tests.helpers import refused, unwarned
+from tests.helpers import refused
 
 OF_COMPETITORS = {
     MSPRT: lambda competitors: np.log(np.exp(competitors).sum()),
@@ -135,13 +134,6 @@ def test_without_the_exponential_of_stn_a_circuit_follows_max_vs_average():
     assert outcomes(differences) == {MSPRT: APART, "max vs next": APART, "max vs average": FOLLOWS}
 
 
-def test_a_gpr_circuit_works_in_its_own_unit_and_follows_max_vs_average():
-    table = designed_circuit(BasalGanglia(anatomy.gpr(4), "rate", 0.1), [0.05])
-    assert outcomes(table)["max vs average"] == FOLLOWS
-    assert (table["latency_ms"] > 0).all()
-    assert "OUT: the circuit's threshold, salience" in text(table, "salience")
-
-
 @pytest.mark.parametrize("leader", [1, 3])
 @pytest.mark.parametrize(
     ("table", "engine"),
@@ -231,25 +223,6 @@ def test_a_theory_is_followed_within_60_ms_and_told_apart_beyond_100():
     legend = text(designed(Msprt(), OWN[MSPRT]))
     assert f"{FOLLOWS}: all intervals within 60 ms; {APART}: at each OUT an interval" in legend
     assert "beyond 100 ms" in legend
-
-
-def test_a_difference_is_known_if_the_leader_is_chosen_in_nine_trials_of_ten():
-    moved = np.ones((4, 100))
-    moved[0, :9], moved[1, :11], moved[2, :99], moved[3] = (np.nan,) * 4
-    with unwarned():
-        value, low, _ = _intervals(moved)
-    assert np.isfinite(value).tolist() == [True, False, False, False]
-    assert np.isfinite(low[0])
-
-
-def test_without_nats_a_design_is_given_as_it_is():
-    for design in designs():
-        plain = design.evidence(3).own_totals[0, 1, 1:]
-        assert plain == pytest.approx(design.competitors)
-    model = BasalGanglia(anatomy.gpr(4), "rate", 0.1)
-    assert kappa_of(model) == 1
-    assert kappa_of(exact("macaque", 0.3)) == 0.3
-    assert theories()[MSPRT] == Msprt()
 
 
 @pytest.mark.parametrize("thresholds", [0.2, "0.2", [], [[0.2]], ["a"], None])

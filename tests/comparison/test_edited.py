@@ -20,7 +20,6 @@ from bgmodel.integrators.deciding import (
     CIRCUIT,
     DECODER,
     decide_at_thresholds,
-    sample_ms,
     thresholds_about,
     without_noise_alone,
 )
@@ -122,19 +121,6 @@ def test_a_page_has_the_main_measures_and_explains_what_is_unknown(table):
     assert "[unknown]: more than 5 % of the bootstrap's resamples" in page(loose)
 
 
-def test_a_warning_is_below_the_verdict_at_the_accuracy_that_it_names(table):
-    lost = table.assign(value=table["value"].mask(table["accuracy"] == 0.95))
-    cautions = [
-        "no comparison is possible at accuracy 0.95: because",
-        "posteriors are not calibrated",
-    ]
-    lines = verdicts(lost, cautions).splitlines()
-    assert lines[0] == "circuit against MSPRT at its gain:"
-    assert re.match(r"  at 0.9: same choice 0\.\d{3} \(0\.\d{3} by chance\), ", lines[1])
-    assert lines[2:4] == ["  at 0.95: not reached", f"    warning: {cautions[0]}"]
-    assert lines[-1] == f"  warning: {cautions[1]}"
-
-
 @pytest.mark.parametrize(
     ("late_ms", "remark"),
     [(58.2, "; 58 ms later;"), (-3.4, "; 3 ms earlier;"), (np.nan, "chance); ")],
@@ -211,10 +197,6 @@ def test_the_ceiling_is_the_circuit_beside_itself_and_1_without_noise():
     for measure in ("agreement", "agreement_corrected", "pearson_r", "within_50_ms"):
         assert of(without, measure, reference=OTHER_NOISE) == pytest.approx(1)
     assert of(without, "r_noise_corrected") == pytest.approx(of(without, "pearson_r"))
-
-
-def test_out_is_sampled_each_ms_or_fifty_times_a_slow_reading():
-    assert [sample_ms(step) for step in (1, 50, 99, 100, 120, 150, 1000)] == [1, 1, 1, 2, 1, 3, 20]
 
 
 class Steep:

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from bgmodel import Msprt, stream
-from bgmodel.bootstrap import check_resamples, check_trials, interval, resampled, shown
+from bgmodel.bootstrap import check_resamples, check_trials, interval, resampled
 from bgmodel.comparison.matched import at_equal_accuracy, equivalent, latency, matched_measures
 from bgmodel.deciding.trace import Trace
 from bgmodel.deciding.tradeoff import Tradeoff, curve, decides_without_evidence, margin, tradeoff
-from bgmodel.integrators.baselines import MaxVsAverage, Race
+from bgmodel.integrators.baselines import Race
 from bgmodel.simulated_evidence import separated_evidence
 from tests.helpers import refused
 
@@ -56,29 +56,6 @@ def test_a_delay_is_an_offset_and_nothing_else():
     assert equivalent(table).all()
     # Unless it is declared to be decision time.
     assert (measured(late, latency_ms=0.0).query("measure == 'accuracy_gap'")["high"] < 0).all()
-
-
-def test_times_that_are_stretched_show_as_a_slope():
-    slow = replace(TRACE, time_ms=TRACE.time_ms * 1.1)
-    table = measured(replace(tradeoff(slow, EVIDENCE, TEST.settings), posterior=TEST.posterior))
-    assert value(table, "slope") == pytest.approx(0.1, abs=1e-8)
-    assert value(table, "offset_ms") == pytest.approx(0, abs=1e-5)
-
-
-def test_a_monotone_function_of_the_test_is_the_test():
-    squared = tradeoff(Trace(TRACE.out_nats**3, TRACE.time_ms, 0.0, 50.0), EVIDENCE)
-    table = measured(squared)
-    assert value(table, "agreement", 0.95) > 0.995
-    assert equivalent(table).all()
-
-
-def test_baselines_differ_as_they_must():
-    """Negative controls: less efficient at N = 4, the intervals clear of zero."""
-    for baseline in (Race(), MaxVsAverage()):
-        table = measured(tradeoff(baseline.run(EVIDENCE), EVIDENCE), latency_ms=0.0)
-        assert value(table, "accuracy_gap", 0.95, "high") < -0.01
-        assert value(table, "extra_ms", 0.95, "low") > 0
-        assert not equivalent(table).any()
 
 
 @pytest.mark.parametrize("kind", ["sign", "shuffled"])
@@ -260,11 +237,6 @@ def test_early_and_forced_decisions_count_in_more_than_half_of_the_trials(share,
         assert np.isnan(value(table, "agreement", 0.9)) == most
 
 
-def test_an_interval_leaves_a_fortieth_of_its_resamples_on_either_side():
-    values = np.concatenate([[7.0], np.linspace(0, 1, 1001)])
-    assert interval(values) == pytest.approx((7, 0.025, 0.975))
-
-
 def test_an_interval_is_known_where_the_value_is_and_all_but_a_twentieth_of_its_resamples():
     values = np.concatenate([[7.0], np.linspace(0, 1, 1000)])
     for unknown, known in ((40, True), (60, False)):
@@ -274,13 +246,6 @@ def test_an_interval_is_known_where_the_value_is_and_all_but_a_twentieth_of_its_
         assert np.isfinite(interval(some)[1:]).tolist() == [known, known]
     values[0] = np.nan
     assert np.isnan(interval(values)).all()
-
-
-def test_a_number_that_is_not_known_is_said_to_be_so():
-    assert shown(1.25, 1.0, 1.5, ".2f") == "1.25 [1.00, 1.50]"
-    assert shown(np.nan, 1.0, 1.5, ".2f") == "unknown"
-    for ends in ((np.nan, 1.5), (1.0, np.nan), (np.nan, np.nan)):
-        assert shown(1.25, *ends, ".2f") == "1.25 [unknown]"
 
 
 def test_the_latency_is_that_of_accuracies_from_85_to_98_per_cent_and_of_no_others():

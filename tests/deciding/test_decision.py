@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
-from bgmodel.deciding.decision import any_crossing, crossing_of_each
+from bgmodel.deciding.decision import crossing_of_each
 from bgmodel.deciding.tally import tally
 from tests.helpers import refused, some_evidence
 
@@ -52,13 +52,6 @@ def test_one_pass_over_thresholds_equals_a_plain_loop(seed, ticks, channels, cou
             assert free.choice[k, n] == (decision.choice[k, n] if tick >= 0 else -1)
 
 
-def test_without_evidence_only_an_output_below_the_threshold_is_a_response():
-    """The rule is that up to the onset of evidence: equality decides nothing."""
-    out = np.array([[[0.5, 0.7], [0.4, 0.7]], [[0.5, 0.7], [0.3, 0.7]], [[0.9, 0.2], [0.9, 0.9]]])
-    assert any_crossing(out, 0.4).tolist() == [False, True, True]
-    assert any_crossing(out[:, :1], 0.4).tolist() == [False, False, True]
-
-
 def test_tally_and_each_agree_with_first_crossing():
     evidence = some_evidence()
     trace = Msprt().run(evidence)
@@ -73,18 +66,6 @@ def test_tally_and_each_agree_with_first_crossing():
     rows = np.arange(evidence.trials) % 9, np.arange(evidence.trials)
     assert (each.choice == decision.choice[rows]).all()
     assert (each.time_ms == decision.time_ms[rows]).all()
-
-
-def test_tallies_of_two_halves_pool_to_that_of_all_trials():
-    evidence = some_evidence()
-    thresholds = np.linspace(0.02, 1.0, 5)
-    halves = [evidence[: evidence.trials // 2], evidence[evidence.trials // 2 :]]
-    first, second = (tally(Msprt().run(half), half.truth, thresholds) for half in halves)
-    pooled, every = first + second, tally(Msprt().run(evidence), evidence.truth, thresholds)
-    assert pooled.trials == every.trials
-    assert pooled.correct.tolist() == every.correct.tolist()
-    assert pooled.forced.tolist() == every.forced.tolist()
-    assert pooled.steps == pytest.approx(every.steps)
 
 
 @pytest.mark.parametrize("hypotheses", [2, 3, 5])
@@ -185,6 +166,11 @@ TRACE = Msprt().run(some_evidence())
         (lambda: crossing_of_each(TRACE, [np.inf] * 300), "thresholds 300 finite"),
         (lambda: tally(TRACE, np.zeros(300, int), 0.3), r"thresholds \(K,\)"),
         (lambda: tally(TRACE, None, [0.3]), "truth needs the truth"),
+        (lambda: tally(TRACE, np.zeros(3, int), [0.3]), "truth must"),
+        (lambda: tally(TRACE, np.full(300, 3), [0.3]), "truth must"),
+        (lambda: tally(TRACE, np.full(300, -1), [0.3]), "truth must"),
+        (lambda: tally(TRACE, np.zeros(300), [0.3]), "truth must"),
+        (lambda: tally(TRACE, ["a"] * 300, [0.3]), "truth must"),
     ],
 )
 def test_thresholds_without_sense_are_refused(call, says):

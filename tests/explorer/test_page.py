@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("panel", reason="the explorer needs Panel: pip install '.[explore]'")
 
 from bgmodel.explorer.controls import CHOOSE, NUMBERS
-from bgmodel.explorer.page import FILES, Explorer
+from bgmodel.explorer.page import Explorer
 from bgmodel.explorer.panels import CIRCUIT, TITLES
 from bgmodel.explorer.ranking import RANKING
 from bgmodel.explorer.state import State
@@ -91,16 +91,6 @@ def test_circuits_and_experiments_are_opened(explorer, widgets):
     assert explorer.state == explorer.history.first
 
 
-def test_a_change_that_changes_nothing_leaves_the_run_alone(explorer, widgets, monkeypatch):
-    """A browser reports an Enter twice: as a new text, and as a key."""
-    asked = []
-    monkeypatch.setattr(explorer.runs, "show", asked.append)
-    for _ in range(2):
-        widgets["line"].value = "lesion STN 10%"
-    assert asked == [explorer.state]
-    assert widgets["line"].value == ""
-
-
 def test_a_click_in_the_drawing_chooses_its_row(explorer):
     drawing, row = explorer.views[CIRCUIT].figure, explorer.controls.row
     for name in ("GPe->STN", "figure_1"):
@@ -128,13 +118,6 @@ def test_a_refusal_is_text_below_its_field_which_keeps_what_was_typed(explorer, 
     assert widgets["d_prime"].value == FEW.d_prime
 
 
-@pytest.mark.parametrize("name", ["lesion", "dopamine", "d_prime"])
-def test_an_emptied_number_is_no_traceback(explorer, widgets, name):
-    widgets["line"].value = "lesion STN 10%"
-    widgets[name].value = None
-    assert explorer.state.edits == (() if name == "lesion" else ("lesion STN 10%",))
-
-
 def test_panels_are_dimmed_until_they_show_the_new_state(explorer, widgets):
     until(lambda: len(explorer.panels) == len(TITLES))
     before = {panel.name: panel.svg or panel.tables[0].to_csv() for panel in explorer.panels}
@@ -159,12 +142,3 @@ def test_losses_are_ranked_and_the_ranking_of_another_state_says_so(explorer, wi
     assert "another state" in view.card.title
     explorer.buttons["Undo"].clicks += 1
     assert "another state" not in view.card.title
-
-
-def test_files_are_those_of_the_state(explorer, widgets):
-    widgets["line"].value = "lesion STN 5%"
-    texts = {name: explorer.file(name).read().decode() for name in FILES}
-    rows = texts["trials.csv"].splitlines()
-    assert len(rows) == 1 + 2 * explorer.state.experiment.trials
-    assert "condition" in rows[0]
-    assert "intact" in texts["circuit.toml"]

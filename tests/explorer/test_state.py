@@ -2,7 +2,6 @@
 
 import pytest
 
-from bgmodel.experiments.experiment import Experiment
 from bgmodel.explorer.state import History, State, opened
 from circuits.errors import InputError
 from tests.explorer.helpers import small
@@ -61,26 +60,6 @@ def test_a_setting_out_of_range_is_refused_and_names_its_field(name, value, fiel
     assert field in (refused.value.field, None)
 
 
-def test_a_threshold_takes_the_place_of_a_posterior_and_the_reverse():
-    state = small().with_setting("threshold", 0.3)
-    assert state.experiment.posterior is None
-    assert state.with_setting("posterior", 0.8).experiment.threshold is None
-
-
-def test_the_edited_circuit_becomes_the_control():
-    state = small("macaque", "algebra", "lesion STN 10%").as_control()
-    assert state.alike
-    more = state.edited("dopamine 0.9")
-    assert more.control == state.circuit
-    assert not more.alike
-
-
-def test_learning_is_not_for_the_explorer():
-    text = small().experiment.to_toml() + "\n[learning]\ntrials = 100\n"
-    with refused("learning"):
-        State(Experiment.from_text(text))
-
-
 def test_a_circuit_of_a_file_opens_with_its_alternatives(tmp_path):
     from circuits.anatomy import load_circuit
     from circuits.declaration.table_writer import write
@@ -112,9 +91,7 @@ def test_undo_and_redo_lead_to_the_states_before_and_after():
     assert history.state.edits == ("dopamine 0.9",)
 
 
-def test_a_refused_state_leaves_the_history_unchanged():
-    history = History(small())
-    with pytest.raises(InputError):
-        history.go(history.state.edited("lesion ctx"))
-    assert history.state is history.first
-    assert not history.past
+def test_learning_is_not_for_the_explorer():
+    text = small().experiment.to_toml() + "\n[learning]\ntrials = 100\n"
+    with refused("learning"):
+        State(Experiment.from_text(text))

@@ -21,7 +21,6 @@ from circuits import anatomy
 from circuits.anatomy import load_circuit, macaque
 from circuits.engines import Algebra, Ensemble, Population, Rate, engine_of
 from circuits.errors import (
-    BgmodelWarning,
     CalibrationWarning,
     EditWarning,
     NoiseWarning,
@@ -155,15 +154,6 @@ def test_a_gain_is_the_tables_own_or_asked_for():
     assert anatomy.spiking_msprt(2).with_channels(2).default_gain == 0.7
 
 
-@pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
-@pytest.mark.parametrize("channels", [2, 4, 8])
-def test_a_model_has_the_gain_of_its_table_as_the_command_does(name, channels):
-    table = load_circuit(name, channels)
-    assert BasalGanglia(table, "algebra").gain == gain_of(table)
-    assert BasalGanglia(table, "algebra", gain=1.0).gain == 1
-    assert BasalGanglia(table.dopamine(0.9), "algebra").gain == gain_of(table)
-
-
 @pytest.mark.parametrize("forced", [True, False])
 def test_decisions_that_are_not_right_as_often_as_their_posteriors_say_are_warned_of(forced):
     """Python warns as the command does; evidence that is shuffled has no truth in it."""
@@ -208,29 +198,6 @@ def test_what_is_expected_reaches_all_channels_before_the_onset():
     np.testing.assert_array_equal(
         model.trace(model.activity(part, 1), part).out_nats, trace.out_nats[1:2]
     )
-
-
-def test_a_circuit_without_the_mean_over_channels_refuses_what_is_expected():
-    ahead = expecting(
-        separated_evidence(3, 4, 0.5, rng=stream(1, "x")), 3.0, 5.0, rng=stream(1, "r")
-    )
-    with refused("evidence ^the expectation is common to all channels"):
-        BasalGanglia(macaque(2), "algebra", gain=0.5, centred=True).run(ahead)
-
-
-def test_expectancy_makes_a_circuit_without_stn_respond_before_the_evidence_and_no_other():
-    """STN holds all channels back; without it they race independently."""
-    drawn = separated_evidence(300, 4, 0.5, rng=stream(2, "x"), step_ms=50.0)
-    intact = macaque(2)
-    gain = gain_of(intact)
-    ahead = expecting(drawn, 3 / gain, 800.0, rng=stream(2, "r"))
-    half, none = intact.lesion("STN", 0.5), intact.lesion("STN")
-    shares = []
-    for table in (intact, half.compensate(), none.compensate(rebound_nats={"SNr": 0.3})):
-        model = BasalGanglia(table, Population(rates=False), gain, seed=2)
-        shares.append((first_crossing(model.run(ahead), 0.33).time_ms < 0).mean())
-    assert max(shares[:2]) <= 0.01
-    assert shares[2] >= 0.2
 
 
 def test_evidence_drives_a_circuit_by_its_own_nats_unless_a_gain_is_given():
@@ -321,16 +288,6 @@ def test_a_delay_acts_in_rates_and_not_at_the_fixed_point():
     with unwarned():
         BasalGanglia(edited, "rate")
         BasalGanglia(macaque().set("STN.neurons", 9), Algebra(laws="finite"))
-
-
-def test_rare_samples_of_out_are_warned_of():
-    few = EVIDENCE[:4]
-    for sample_ms in (10.0, 50.0):
-        model = BasalGanglia(TABLE, Rate(sample_ms=sample_ms), GAIN)
-        with pytest.warns(BgmodelWarning):
-            model.run(few)
-    with unwarned():
-        BasalGanglia(TABLE, Rate(sample_ms=5.0), GAIN).run(few)
 
 
 def test_decisions_against_the_evidence_are_warned_of_with_and_without_a_truth():

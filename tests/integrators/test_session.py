@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import bgmodel as bg
-from circuits.errors import DeadlineWarning, RangeWarning
+from circuits.errors import DeadlineWarning
 from tests.helpers import refused
 
 CIRCUIT = bg.load_circuit("macaque", 2)
@@ -140,29 +140,6 @@ def test_the_deadline_forces_what_the_readings_favour_or_leaves_it_undecided():
 def test_bad_input_gets_one_clear_sentence(call, says):
     with refused(says):
         call()
-
-
-def test_a_session_says_once_that_readings_leave_the_range_of_the_circuit():
-    """As `decide` says it of the same readings."""
-    model = bg.BasalGanglia(CIRCUIT, "rate")
-    session = model.session(posterior=0.82, step_ms=20.0, t_max=20, baseline=0.0)
-    with pytest.warns(RangeWarning, match="macaque works from"):
-        session.add([-9.0, -9.0])
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", RangeWarning)
-        session.add([-9.0, -9.0])
-        session.next()
-        session.add([-9.0, -9.0])
-
-
-@pytest.mark.parametrize(
-    ("test", "stop"), [(bg.Msprt(), {"posterior": 0.8}), (bg.Sprt(), {"threshold": -1.0})]
-)
-def test_a_session_without_a_step_counts_time_as_evidence_does(test, stop):
-    """By default a reading takes as long as in ``Evidence``: both decide at the same time."""
-    drawn = evidence_of(5, step_ms=bg.Evidence.step_ms)
-    columns, _ = decided(test.session(**stop), drawn)
-    np.testing.assert_array_equal(columns[1], test.decide(drawn, **stop).time_ms)
 
 
 @pytest.mark.filterwarnings("ignore::circuits.errors.DeadlineWarning")

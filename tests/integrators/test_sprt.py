@@ -12,14 +12,6 @@ from bgmodel.simulated_evidence import separated_evidence
 from tests.helpers import refused, some_evidence
 
 
-def test_zero_gap_takes_exactly_one_reading_and_a_flat_prior_never_decides():
-    evidence = some_evidence(hypotheses=2)
-    decision = first_crossing(Sprt().run(evidence), Sprt.threshold(0.0))
-    assert (decision.steps == 1).all()
-    ratio = evidence.log_likelihood[:, 0, 1] - evidence.log_likelihood[:, 0, 0]
-    assert (decision.choice == (ratio > 0)).all()
-
-
 def test_a_posterior_and_a_gap_give_one_criterion_each():
     """-ln P, and ln(1 + exp(-gap / 2)): the gap 2 logit P stops where the posterior P does."""
     posterior = np.array([0.6, 0.9, 0.99])

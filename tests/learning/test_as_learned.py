@@ -55,16 +55,6 @@ def test_regret_is_what_the_best_threshold_of_the_trials_for_learning_would_have
         assert low <= value <= high
 
 
-def test_the_regret_of_the_test_is_its_cost_beyond_that_at_the_best_gap():
-    def cost(gap):
-        test = Msprt().decide(EVIDENCE, float(Msprt.threshold(gap)))
-        return XI * (1 - test.accuracy) + test.time_ms.mean() / EVIDENCE.step_ms
-
-    table = decide_as_learned(learned(2.0), EVIDENCE, gaps=(1.0, GAP), engine="algebra")
-    regret = table.set_index(["who", "measure"]).loc[(TEST, "regret"), "value"]
-    assert regret == pytest.approx(100 * (cost(1.0) / cost(GAP) - 1))
-
-
 def test_a_level_of_dopamine_is_no_threshold():
     with refused("learned criterion"):
         decide_as_learned(learned(1.0, what=LEVEL), EVIDENCE, engine="algebra")

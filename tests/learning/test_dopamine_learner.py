@@ -12,7 +12,6 @@ from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.learning import dopamine_learner as level
 from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.dopamine_learner import (
     CRITERION,
@@ -27,6 +26,7 @@ from bgmodel.learning.dopamine_learner import (
     scored_runs,
     threshold_of,
 )
+from bgmodel.learning.gap import check_start
 from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learned, Learner, learn
 from bgmodel.learning.worlds import LevelOutcomes
@@ -36,7 +36,7 @@ from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Rate
 from circuits.errors import DeadlineWarning, LearningWarning, quiet
-from tests.helpers import refused, told
+from tests.helpers import refused
 from tests.levels import LEVELS, MODEL, PLAYED, SEED, XI, synthetic
 
 
@@ -50,13 +50,6 @@ def test_a_run_is_scored_where_fresh_trials_know_its_level_and_nowhere_else():
     wanted = (table["best_reward"] - table["reward"]) / table["best_reward"].abs()
     np.testing.assert_allclose(table["regret"], wanted)
     assert table["start_regret"].eq(float(regret(made.levels[0], made, XI))).all()
-
-
-def test_a_level_that_was_not_run_has_no_reward():
-    made = synthetic()
-    beyond = [made.levels[0] - 1e-3, made.levels[-1] + 1e-3, 100.0]
-    assert np.isnan(regret(beyond, made, XI)).all()
-    assert np.isfinite(regret(made.levels, made, XI)).all()
 
 
 def test_the_deadline_is_warned_of_where_it_decides_more_than_half_of_the_trials(recwarn):
@@ -103,19 +96,6 @@ def test_the_trial_and_the_level_are_drawn_by_chances_of_their_own():
     expected = np.bincount((10 * row + trial // 10).astype(int), minlength=20)
     assert chisquare(expected).pvalue > 1e-4
     assert abs(np.corrcoef(row, trial)[0, 1]) < 4 / np.sqrt(runs)
-
-
-def test_trials_and_exploration_have_streams_of_their_own(monkeypatch):
-    asked = []
-
-    def recorded(*names):
-        asked.append(names)
-        return stream(*names)
-
-    monkeypatch.setattr(level, "stream", recorded)
-    short(runs=3)
-    assert len(asked) == len(set(asked)) == 6
-    assert short(runs=1).learned.shape == (1,)
 
 
 @pytest.mark.parametrize("mean", [0.95, 1.6])
@@ -223,21 +203,15 @@ def short(start_level=1.0, runs=2, **options):
         (lambda: short(start_level=np.nan), "start_level"),
         (lambda: short(policy=GaussianPolicy()), "bounds"),
         (lambda: short(runs=0), "runs"),
+        (lambda: GaussianPolicy(bounds=(2.0, 1.0)), "bounds"),
+        (lambda: GaussianPolicy(first_share=-1.0), "first_share"),
+        (lambda: check_start(-0.01), "start_separation"),
+        (lambda: check_start(8.01), "start_separation"),
     ],
 )
 def test_learning_of_a_level_without_sense_is_refused(call, says):
     with refused(says):
         call()
-
-
-def test_a_learner_of_levels_ends_with_an_exploration_of_a_twelfth_of_their_range(monkeypatch):
-    """The share is 0.08: with 0.05, as for gaps, an optimum near an edge is reached late."""
-    asked = []
-    monkeypatch.setattr(level, "learn", lambda *a, policy, **k: asked.append(policy))
-    short()
-    (policy,) = asked
-    assert policy.bounds == PLAYED
-    assert policy.sd(10**12) == pytest.approx(0.08 * (PLAYED[1] - PLAYED[0]))
 
 
 def pool(errors, steps, trials, seed):
@@ -277,13 +251,6 @@ def test_regret_has_the_value_of_the_mean_over_runs_and_an_interval_about_it():
     assert low <= value <= high
     start = 100 * regret(outcomes.levels[3], fresh, 50.0)
     assert learned.regrets.loc["start", "value"] == pytest.approx(start)
-
-
-def test_more_trials_are_asked_for_than_there_were(monkeypatch):
-    monkeypatch.setattr(LevelOutcomes, "unresolved", lambda *_: 1.05 * level.RESOLVED)
-    outcomes = pool((0.0, 0.002, 0.02, 0.06), (4.2, 3.4, 3.2, 2.9), 300, 1)
-    caution, *_ = found_on(outcomes, outcomes, 4.0).cautions
-    assert "give about 400" in caution
 
 
 def test_runs_that_miss_the_best_of_their_own_trials_are_the_cause_if_they_end_worse():
@@ -326,14 +293,3 @@ def test_an_exact_circuit_learns_the_threshold_of_the_test():
     assert learned.start == levels[0]
     assert learned.regrets.loc["learned", "value"] < 5 < learned.regrets.loc["start", "value"]
     assert learned.threshold_nats == pytest.approx(np.log1p(np.exp(-learned.value)))
-
-
-def test_a_cause_is_warned_of_once_however_many_levels_are_run():
-    evidence, fresh = (gaussian_evidence(60, d_prime=4, t_max=15, seed=seed) for seed in (1, 2))
-    for gain, strong in ((None, 0), (0.55, 1)):
-        model = BasalGanglia(DEFAULT, Rate().coarse(), gain)
-        texts = told(
-            learn_in_circuit, model, evidence, fresh, levels=[0.9, 1.0, 1.1], runs=1, learner=SHORT
-        )
-        assert sum("too strong" in text for text in texts) == strong
-        assert len(texts) == len(set(texts))

@@ -14,20 +14,6 @@ from tests.helpers import ROOT
 from tests.levels import GAIN, MODEL, SEED
 
 
-def test_more_dopamine_is_faster_and_less_accurate(swept, level_evidence):
-    """150 trials: monotone, near the fixed point, and near the MSPRT in equal time."""
-    test = tradeoff(Msprt(GAIN).run(level_evidence), level_evidence)
-    options = {"circuit": MODEL.circuit, "gain": GAIN, "rng": stream(SEED, "boot")}
-    table = level_table(swept, {"MSPRT": test}, latency_ms=56.0, **options)
-    wide = table.pivot(index="level", columns="measure", values="value")
-    assert np.all(np.diff(wide["mean_ms"]) < 0)
-    assert np.all(np.diff(wide["mean_posterior"]) < 0.01)
-    both = wide.dropna()
-    # Readings of d' = 1 carry the posterior past the bound, never below it but by latency.
-    assert np.all(both["mean_posterior"] > both["fixed_point"] - 0.03)
-    assert wide["accuracy_gap"].abs().max() < 0.03
-
-
 def test_the_gap_in_equal_time_sees_a_slower_decider(level_evidence):
     """The MSPRT itself has none; with times half as long again, or 100 ms late, it loses."""
     test = tradeoff(Msprt(GAIN).run(level_evidence), level_evidence)

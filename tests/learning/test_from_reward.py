@@ -69,12 +69,6 @@ def test_all_that_reward_moves_has_one_kind_of_result(task, model, what):
     assert f"{learned.learned.mean():.2f}" in repr(learned)
 
 
-def test_by_default_the_test_learns_its_threshold_and_a_circuit_its_dopamine():
-    assert learn(SameDifferent(), learner=SHORT, **FEW).what == THRESHOLD
-    learned = learn(Gaussian(d_prime=1.0), RATE, learner=SHORT, trials=200, **FEW)
-    assert learned.what == DOPAMINE
-
-
 def test_taps_of_another_sensor_teach_another_threshold():
     rng = np.random.default_rng(4)
     yaw = rng.uniform(-180, 180, 1200)

@@ -70,12 +70,6 @@ def test_the_closed_form_is_the_full_run_trial_by_trial(evidence, amount, ssd):
     assert 0.05 < full.p_respond < 0.5
 
 
-def test_a_delay_of_the_pathway_is_a_later_signal(evidence):
-    late = decide_with_stop(MODEL, evidence, delays(200), StopSignal(delay_ms=100), threshold=LEVEL)
-    direct = decide_with_stop(MODEL, evidence, delays(300), StopSignal(), threshold=LEVEL)
-    np.testing.assert_array_equal(late.rt_ms, direct.rt_ms)
-
-
 def test_an_onset_between_two_steps_counts_in_proportion():
     evidence = bg.gaussian_evidence(2, d_prime=0.5, t_max=3, step_ms=10, seed=1)
     coarse = with_stop(evidence, [np.nan, 15.0], StopSignal()).inputs_nats
@@ -88,11 +82,6 @@ def test_a_signal_where_common_input_is_cancelled_is_refused(evidence):
     for nucleus in ("ctx", "ctx_inh", "ctx_inh[0]", "GPe_ctx", "GPe_ctx[1]"):
         with refused(f"nucleus behind cortex, got {re.escape(repr(nucleus))}"):
             decide_with_stop(MODEL, evidence, delays(200), StopSignal(nucleus), threshold=LEVEL)
-
-
-def test_a_signal_that_rings_is_warned_of():
-    with pytest.warns(RangeWarning, match="20 Hz"):
-        StopSignal(amount_nats=3.0)
 
 
 @pytest.mark.parametrize(

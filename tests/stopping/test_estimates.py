@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, nth_time
+from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function
 from bgmodel.stopping.staircases import walk
 from bgmodel.stopping.trials import StopTrials, drawn_delays
 from circuits.errors import DataWarning
@@ -65,10 +65,6 @@ def test_the_inhibition_function_rises_and_its_time_is_constant_in_a_race():
     assert table["ssrt_ms"].to_numpy() == pytest.approx(TRUE_MS, abs=4)
 
 
-def test_the_nth_time_is_found_by_counting():
-    assert nth_time(np.array([3.0, 1.0, 2.0, 4.0]), 0.5) == 2.0
-
-
 @pytest.mark.parametrize(
     ("rt", "ssd", "says"),
     [
@@ -107,11 +103,3 @@ def test_impossible_trials_are_refused(rt, ssd, more, says):
 def test_delays_in_seconds_are_warned_of():
     with pytest.warns(DataWarning, match="not in seconds"):
         StopTrials([400.0, 300.0], [np.nan, 0.25])
-
-
-def test_outcomes_are_four():
-    trials = StopTrials([300, np.nan, 300, np.nan], [np.nan, np.nan, 100, 100])
-    names = ["response", "omission", "failed stop", "successful stop"]
-    assert trials.outcome.tolist() == names
-    assert trials.to_dataframe()["outcome"].tolist() == names
-    assert trials.p_respond == 0.5

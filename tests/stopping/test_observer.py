@@ -50,13 +50,6 @@ def test_the_recursion_is_the_sum_over_all_times_of_the_signal():
             assert 1 / (1 + np.exp(-z[trial, t])) == pytest.approx(brute_force(evidence, trial, t))
 
 
-@pytest.mark.parametrize("channels", [2, 4])
-def test_probabilities_of_responses_and_of_the_stop_sum_to_one(channels):
-    out = StopMsprt().run(task(20, 4, channels=channels)).out_nats
-    assert out.shape == (20, STEPS + 1, channels + 1)
-    assert np.exp(-out).sum(axis=2) == pytest.approx(1.0)
-
-
 @pytest.mark.parametrize("late", [15, 30, 60])
 def test_it_is_calibrated(late):
     """Among trials with P(stop) = p, a proportion p has a stop signal; likewise for responses."""

@@ -11,12 +11,11 @@ import pytest
 import bgmodel as bg
 from bgmodel.cli import main
 from bgmodel.commands.circuit import STOPPED
-from bgmodel.conditions import STREAM, Observed
+from bgmodel.conditions import STREAM
 from bgmodel.deciding.decision import UNDECIDED, Decision
 from bgmodel.deciding.measures import OF_STOP, Behaviour
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.stopping.circuit import decide_with_stop, receiving
-from bgmodel.stopping.drawing import draw
 from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, ssrt_by_delay
 from bgmodel.stopping.inputs import StopSignal, with_input, with_stop
 from bgmodel.stopping.task import StopTask, decided
@@ -62,15 +61,6 @@ def test_drawn_delays_are_a_stop_signal_of_that_delay(evidence):
     )
     np.testing.assert_array_equal(~decision.forced, same.responded)
     assert set(ssd[~np.isnan(ssd)]) <= set(task.delays_ms)
-
-
-@pytest.mark.parametrize("share", [0.0, 1.0])
-def test_trigger_failures_are_go_trials(evidence, share):
-    decision, ssd = decided(StopTask(failures=share), MODEL, evidence, LEVEL, rng())
-    go = MODEL.decided(evidence, LEVEL)
-    same = decision.time_ms == go.time_ms
-    assert same.all() == (share == 1.0)
-    assert not np.isnan(ssd).all()
 
 
 def test_staircases_settle_where_half_of_the_signals_fail(evidence):
@@ -128,18 +118,6 @@ def of_lengths(drawn, lengths, **changes):
     read = np.arange(drawn.steps) < np.asarray(lengths)[:, None]
     values = np.where(read[:, :, None], drawn.log_likelihood, 0.0)
     return replace(drawn, log_likelihood=values, lengths=lengths, **changes)
-
-
-def test_a_cancelled_trial_is_back_at_its_prior_in_each_channel():
-    """Channels that get their own evidence, with a baseline, and trials of several lengths."""
-    drawn = bg.gaussian_evidence(4, d_prime=1.0, t_max=20, step_ms=10, seed=1)
-    shifted = replace(drawn, log_likelihood=drawn.log_likelihood - 0.4)
-    ragged = of_lengths(shifted, [20, 12, 7, 20], baseline=-0.4)
-    cancel = with_stop(ragged, [50, 50, 50, np.nan], StopSignal(cancel_ms=40))
-    before, after = ragged.own_totals, cancel.own_totals
-    np.testing.assert_allclose(after[:2, 9:], 0.0, atol=1e-12)
-    np.testing.assert_array_equal(after[2:], before[2:])  # ended before, and a go trial
-    np.testing.assert_array_equal(after[:, :9], before[:, :9])
 
 
 def test_a_signal_after_the_end_of_its_own_trial_is_refused(evidence):
@@ -240,18 +218,6 @@ def test_an_experiment_measures_stopping():
     assert "p_respond" in done.text()
 
 
-def test_a_sweep_goes_over_the_stop_signal():
-    plan = Plan(
-        task=replace(TASK, trials=200), stop=StopTask(share=0.5, delays_ms=(300.0,)),
-        grid={"stop.amount_nats": (0.05, 1.0)}, show=("p_respond", "ssrt_ms"),
-    )  # fmt: skip
-    table = Sweep(plan).run().summary()
-    assert table["p_respond"].iloc[0] > 0.8 > 0.5 > table["p_respond"].iloc[1]
-    assert np.isfinite(table["ssrt_ms"].iloc[1])
-    with refused("show must name"):
-        Plan(grid={"seed": (1, 2)}, show=("p_respond",))
-
-
 def test_workers_and_blocks_draw_their_own_signals(monkeypatch):
     monkeypatch.setattr("bgmodel.sweeps.plan.BLOCK", 100)
     plan = Plan(
@@ -312,14 +278,6 @@ def test_measures_of_stopping_need_stop_signals(tmp_path):
         Experiment.from_toml(path)
 
 
-def test_a_condition_without_signals_is_as_before(evidence):
-    assert Observed().stop is None
-    behaviour = Observed(task=TASK).behaviour(MODEL, evidence)
-    assert behaviour.ssd_ms is None
-    assert behaviour.go.all()
-    assert "p_respond" not in behaviour.measures(np.ones((1, 400)))
-
-
 def test_the_command_and_python_decide_alike(tmp_path, capsys):
     """One seed, one table, at the terminal and in Python."""
     out, drawing = tmp_path / "out.csv", tmp_path / "out.png"
@@ -340,19 +298,6 @@ def test_the_command_and_python_decide_alike(tmp_path, capsys):
     assert len(printed["records"]) == len(stop.delays_ms)
 
 
-def test_the_command_says_why_there_is_no_estimate(capsys):
-    options = ["--task", "d_prime=0.35", "step_ms=10", "trials=120", "t_max=40", "--stop"]
-    options += ["share=0.5", "delays_ms=20"]
-    assert main([*RUN, *options]) == 0
-    text = capsys.readouterr().out
-    assert "no stop-signal reaction time: at no delay do 25% to 75% of the stop trials" in text
-    assert "% of go trials missed, no failed stops, responses in 0.0% of stop trials" in text
-    assert "nan" not in text.partition("mean go time")[2]
-    assert main([*RUN, "--json", *options]) == 0
-    printed = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
-    assert printed["ssrt_by_delay_ms"] is None
-
-
 @pytest.mark.parametrize(
     ("options", "says"),
     [
@@ -370,13 +315,6 @@ def test_the_command_refuses_in_one_sentence(options, says, capsys, tmp_path):
     assert main([*RUN, "--save", str(tmp_path / "x.csv"), *SHORT, *options]) == 2
     assert says in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
-
-
-def test_a_figure_says_when_no_estimate_is_accepted(evidence):
-    trials = StopTask(delays_ms=(50.0,)).decide(MODEL, evidence, threshold=LEVEL)
-    text = draw(trials).get_suptitle()
-    assert f"{int(trials.stop.sum())} stop trials" in text
-    assert "accepts no SSRT" in text
 
 
 def test_a_signal_of_nothing_is_warned_of():

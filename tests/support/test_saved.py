@@ -12,7 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import bgmodel as bg
-from bgmodel import BasalGanglia, Evidence, Msprt, first_crossing
+from bgmodel import BasalGanglia, Msprt, first_crossing
 from bgmodel.deciding.decision import Decision
 from bgmodel.deciding.measures import OF_ALL
 from bgmodel.deciding.tally import tally
@@ -24,7 +24,6 @@ from bgmodel.plots import LABELS
 from bgmodel.support.saved import TREE, Facts, save, span
 from circuits.anatomy import load_circuit
 from circuits.engines import Ensemble
-from circuits.errors import BgmodelWarning
 from tests.helpers import refused, some_evidence
 
 QUICK = Learner(500)
@@ -148,13 +147,6 @@ def test_what_is_no_saved_result_is_refused(tmp_path):
         bg.load(path)
 
 
-def test_warnings_of_a_record_are_not_given_again(tmp_path, recwarn):
-    path = bg.BasalGanglia("macaque", engine="algebra").save(tmp_path / "a.npz")
-    recwarn.clear()
-    bg.load(path)
-    assert not [one for one in recwarn if issubclass(one.category, BgmodelWarning)]
-
-
 SHOWN = some_evidence(trials=120, prior=[0.5, 0.3, 0.2], onset_ms=100.0, step_ms=50.0)
 TRACE = Msprt().run(SHOWN)
 THRESHOLDS = np.linspace(0.1, 0.6, 5)
@@ -190,22 +182,6 @@ def test_a_record_is_one_short_line_and_a_table_of_the_same_facts(records):
         assert page.count("<tr>") == len(record.facts())
         for name, value in record.facts().items():
             assert f"{name} {value}" in line
-
-
-def test_what_is_not_known_is_said_and_nothing_is_warned_of(recwarn):
-    blank = first_crossing(TRACE, 1e-9, forced=False, checked=False)
-    assert "mean_time_ms unknown" in repr(blank)
-    assert f"undecided {SHOWN.trials}" in repr(blank)
-    assert "truth unknown" in repr(Evidence(np.zeros((2, 3, 2))))
-    assert not recwarn.list
-
-
-def test_evidence_says_by_how_much_the_truth_is_favoured():
-    values = np.zeros((2, 4, 3))
-    values[:, :2, 1] = 0.6
-    drawn = Evidence(values, np.array([1, 1]), lengths=np.array([2, 2]))
-    assert "truth known, favoured by 0.6 nats per reading" in repr(drawn)
-    assert "readings up to 4" in repr(drawn)
 
 
 def test_a_table_of_facts_is_escaped():
@@ -271,10 +247,4 @@ def test_an_outcome_is_a_forest_of_changes_with_their_verdicts(outcome):
     assert sorted(rows) == sorted(LABELS[name] for name in shown)
     texts = [text.get_text().lower() for ax in figure.axes for text in ax.texts]
     assert all(verdict in texts for verdict in outcome.verdicts()["outcome"])
-    plt.close(figure)
-
-
-def test_a_plot_makes_a_figure_of_its_own_where_no_axes_are_given():
-    figure = TRACE.plot()
-    assert figure in map(plt.figure, plt.get_fignums())
     plt.close(figure)

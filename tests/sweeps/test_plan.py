@@ -37,16 +37,6 @@ def test_a_grid_is_every_combination_and_its_last_key_changes_fastest():
     assert read.axes == {"lesion STN": [0.0, 0.1], "dopamine": [0.9, 1.0, 1.1]}
 
 
-def test_points_one_by_one_make_the_settings_of_their_grid():
-    grid = Plan(grid={"lesion STN": (0.0, 0.1), "dopamine": (0.9,)})
-    points = Plan(
-        points=({"lesion STN": 0.0, "dopamine": 0.9}, {"lesion STN": 0.1, "dopamine": 0.9})
-    )
-    assert points.each == grid.each
-    assert points.axes == grid.axes
-    assert points.all_points() == grid.all_points()
-
-
 def test_a_sweep_and_an_experiment_have_the_same_defaults():
     """A reader who turns one into the other keeps the numbers."""
     sweep, experiment = ({f.name: f.default for f in fields(kind)} for kind in (Point, Experiment))
@@ -165,14 +155,6 @@ def test_more_trials_keep_the_blocks_that_are_there():
     assert [shard.name for shard in many[:2]] == [shard.name for shard in few]
 
 
-def test_blocks_of_a_setting_differ_in_evidence_and_noise_and_points_share_both():
-    one, other = Plan(grid={"lesion STN": (0.1, 0.2)}).all_points()
-    first, again, later = one.block(0, 20), other.block(0, 20), one.block(BLOCK, 20)
-    assert np.array_equal(first.evidence.log_likelihood, again.evidence.log_likelihood)
-    assert not np.array_equal(first.evidence.log_likelihood, later.evidence.log_likelihood)
-    assert one.block_seed(0) == other.block_seed(0) != one.block_seed(BLOCK)
-
-
 def test_evidence_of_a_table_is_read_beside_the_file_and_every_trial_once(tmp_path):
     shown = some_evidence(trials=30, steps=21, hypotheses=3)
     long_table(shown).to_csv(tmp_path / "own.csv", index=False)
@@ -229,12 +211,6 @@ def test_an_edit_is_of_the_circuit_of_its_own_point_whatever_comes_first():
         assert point.edited == other.lesion("common", 0.2)
     with refused("nucleus spiking_msprt has no nucleus 'ctx_inh'"):
         Plan(points=({"lesion ctx_inh": 0.2, "circuit": other.name},)).all_points()
-
-
-def test_a_tactile_task_depends_on_its_taps():
-    (point,) = Plan(grid={"task.name": ("same-different",)}).all_points()
-    (shard,) = point.shards()
-    assert len(shard.key["task"]["taps"]) == 64
 
 
 SETTINGS = {

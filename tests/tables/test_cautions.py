@@ -13,13 +13,12 @@ from bgmodel.tables.cautions import (
     STEPS_S,
     check_deadline,
     check_signs,
-    check_times,
     without_rounding,
 )
 from bgmodel.tables.shipped import shipped
 from bgmodel.trials.reading import read_trials
 from circuits.errors import DataWarning
-from tests.helpers import refused, unwarned
+from tests.helpers import refused
 from tests.read import read
 
 TRIALS = 400
@@ -95,22 +94,12 @@ def test_hundredths_of_a_second_are_no_seconds():
     assert f"{hundredths.median():.3g} s" in text
 
 
-def test_times_of_minutes_are_doubted():
-    (text,) = texts(table(rt=GOOD["rt"] / 60), **NAMED)
-    assert f"{GOOD['rt'].median() / 60:.3g} s" in text
-
-
 @pytest.mark.parametrize("step_s", STEPS_S)
 def test_coarse_times_are_said_with_their_step_and_what_it_does(step_s):
     rt = np.maximum(step_s * np.round(GOOD["rt"] / step_s), step_s)
     (text,) = texts(table(rt=rt), **NAMED)
     assert f"multiples of {step_s:.3g} s" in text
     assert f" {1000 * step_s / np.sqrt(12):.0f} ms" in text
-
-
-@pytest.mark.parametrize("step_s", [0.01, 0.005, 0.002, 0.001])
-def test_finer_steps_are_not_worth_a_word(step_s):
-    assert texts(table(rt=step_s * np.round(GOOD["rt"] / step_s)), **NAMED) == []
 
 
 def test_many_times_that_are_exactly_the_longest_are_doubted():
@@ -173,12 +162,6 @@ def test_times_in_coarse_steps_are_no_copies(step_s):
         assert not any("duplicates" in text for text in texts(many.assign(rt=rounded), **NAMED))
 
 
-def test_trials_without_a_response_are_no_copies():
-    late = shuffled(TRIALS, 1)
-    late.loc[late.index % 4 == 0, ["rt", "response"]] = np.nan
-    assert texts(late, **NAMED, deadline_s=3.0) == []
-
-
 def shuffled(rows, seed):
     """Return trials as of ``table``, with times that depend on the strength."""
     rng = stream(seed, "copies")
@@ -200,11 +183,6 @@ def test_strengths_in_per_cent_in_some_trials_are_doubted():
     assert texts(table(coherence=signs * np.array([1.0, 10, 30, 100] * 100)), **NAMED) == []
 
 
-def test_few_times_say_nothing_of_their_steps():
-    with unwarned():
-        check_times(np.full(9, 8.0))
-
-
 @pytest.mark.parametrize("name", ["id", "monkey", "Monkey_ID", "rat", "animal name", "observer"])
 def test_columns_that_may_hold_participants_are_not_pooled(name):
     who = np.where(np.arange(TRIALS) < 150, "b", "n")
@@ -213,12 +191,6 @@ def test_columns_that_may_hold_participants_are_not_pooled(name):
     read(table(**{name: who, "participant_id": who}), **NAMED)
     read(table(**{name: who}), **NAMED, conditions=[name])
     read(table(**{name: "b"}), **NAMED)
-
-
-def test_ids_of_trials_and_other_columns_are_no_participants():
-    read_trials(table(id=np.arange(TRIALS)), **NAMED)
-    for name in ("valid", "rate", "subject_age", "session", "idle"):
-        read_trials(table(**{name: np.arange(TRIALS) % 2}), **NAMED)
 
 
 def test_a_strength_that_is_not_named_is_said_by_its_name_or_by_what_it_does():

@@ -1,14 +1,11 @@
 """Users' tables: their files, columns of other names or units, and those of PyDDM and HSSM."""
 
 import numpy as np
-import pandas as pd
 import pytest
 
-import bgmodel as bg
-from bgmodel.tables.foreign import read_rows
 from bgmodel.trials.reading import Columns, read_trials
 from bgmodel.trials.record import Trials
-from tests.helpers import refused, run, unwarned
+from tests.helpers import refused, unwarned
 from tests.read import read
 from tests.trials.test_reading import READ, people, silent
 
@@ -98,32 +95,6 @@ def test_a_column_that_has_our_name_already_is_not_overwritten():
     table = people().assign(latency=1.0)
     with refused("rt is 'latency', but there is also a column rt"):
         read_trials(table, **READ, columns=Columns(rt="latency"))
-
-
-def test_fits_read_them_at_the_terminal_and_in_python(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    table = people(seed=6, trials=80)
-    odd = table.assign(rt=1000 * table["rt"]).rename(columns=OTHER)
-    odd.to_csv("odd.csv", index=False)
-    quick = {"free": ["sensitivity", "t0_s"], "participant": "8", "strength": "coherence"}
-    fit = bg.fit(odd, "constant_gap", columns=bg.Columns(**NAMED, rt_unit="ms"), **quick)
-    expected = bg.fit(table, "constant_gap", **quick)
-    assert fit.optimum.values == expected.optimum.values
-    options = ["--columns", "rt=latency", "response=key", "participant=who", "rt_unit=ms"]
-    asked = ["odd.csv", *options, "--strength", "coherence"]
-    asked += ["--models", "constant_gap", "--free", "sensitivity", "t0_s", "--participant", "8"]
-    assert run("fit", *asked) == 0
-    fitted = pd.read_csv("fits/odd/parameters.csv").set_index("parameter")["value"]
-    assert fitted["sensitivity"] == pytest.approx(expected.optimum.values["sensitivity"])
-    assert "odd.csv: 40 trials" in capsys.readouterr().out
-
-
-def test_cells_stay_as_they_are_written(tmp_path):
-    path = tmp_path / "mine.csv"
-    path.write_text("\ufeffparticipant_id,rt,tag\n007,0.50,NA\n7, 1e0,\n")
-    table = read_rows(path)
-    assert table.columns.tolist() == ["participant_id", "rt", "tag"]
-    assert table.to_numpy().tolist() == [["007", "0.50", "NA"], ["7", " 1e0", ""]]
 
 
 @pytest.mark.parametrize(

@@ -10,15 +10,6 @@ from bgmodel.tables.named import NamedEvidence, trial_table
 from tests.helpers import refused, some_evidence
 
 
-def test_trial_table_names_undecided_trials(decided_trials):
-    undecided = decided_trials["undecided"]
-    assert 0 < undecided.sum() < len(decided_trials)
-    assert decided_trials.loc[undecided, "rt"].isna().all()
-    assert (decided_trials.loc[undecided, "response"] == "").all()
-    assert decided_trials.loc[undecided, "correct"].isna().all()
-    assert decided_trials.loc[~undecided, "correct"].notna().all()
-
-
 @pytest.mark.parametrize("condition", ["", "lesion"])
 def test_a_users_columns_stay_and_those_that_a_result_replaces_are_called_given(condition):
     columns = pd.DataFrame(

@@ -65,16 +65,6 @@ def test_accuracy_rises_with_the_strength_of_motion_and_times_fall(name):
     assert np.array_equal(np.isnan(choices.correct), table["correct"].isna())
 
 
-def test_without_coherence_the_monkeys_times_scatter_as_published():
-    spreads = statistics(read_trials("roitman_shadlen_2002", strength="coherence"))
-    spreads = spreads.set_index(["participant_id", "strength"])
-    assert spreads.loc["b", 0.0]["sd_s"] == pytest.approx(0.197, abs=5e-4)
-    assert spreads.loc["n", 0.0]["sd_s"] == pytest.approx(0.242, abs=5e-4)
-    quantiles = spreads.loc["b", 0.0][["q10_s", "q50_s", "q90_s"]]
-    assert quantiles.tolist() == pytest.approx([0.559, 0.763, 1.037], abs=5e-4)
-    assert np.isnan(spreads.loc["b", 0.0]["accuracy"])
-
-
 PUBLISHED = {
     ("off", "high"): (1.518, 0.592),
     ("on", "high"): (1.391, 0.580),

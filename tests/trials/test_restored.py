@@ -69,19 +69,6 @@ def test_the_shipped_delays_of_zero_contradict_no_staircase():
         assert (new + 10 >= times).all()
 
 
-def test_the_restored_delays_follow_the_responses_even_if_times_are_not_used():
-    """A test of the inference: nothing but the staircases puts these delays after the response."""
-    with pytest.warns(DataWarning, match="268 of 274"):
-        people = read_people()
-    late = []
-    for trials in people.values():
-        missing = (trials.ssd_ms == 0) & trials.responded
-        rebuilt = restored(trials, use_times=False)
-        late += list(rebuilt.ssd_ms[missing] + 10 >= trials.rt_ms[missing])
-    assert len(late) == 268
-    assert np.mean(late) > 0.9
-
-
 def test_trials_without_missing_delays_are_returned_as_they_are():
     trials = StopTrials([400.0, np.nan, 300.0], [np.nan, 0.0, 3.0]).to_trials()
     with unwarned():
