@@ -2,6 +2,7 @@
 
 import pytest
 
+from bgmodel.experiments.experiment import Experiment
 from bgmodel.explorer.state import History, State, opened
 from circuits.errors import InputError
 from tests.explorer.helpers import small

@@ -12,7 +12,7 @@ from bgmodel.support.seeds import stream
 from bgmodel.sweeps import outcome, shards
 from bgmodel.sweeps.plan import Plan
 from bgmodel.task import Gaussian
-from tests.helpers import told
+from tests.helpers import refused, told
 
 TASK = Gaussian(trials=80, t_max=30)
 
