@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
-from bgmodel.deciding.decision import crossing_of_each
+from bgmodel.deciding.decision import any_crossing, crossing_of_each
 from bgmodel.deciding.tally import tally
 from tests.helpers import refused, some_evidence
 
@@ -204,3 +204,22 @@ def test_a_crossing_between_onset_and_the_first_reading_is_premature():
     decision = first_crossing(Trace(out, time_ms, 0.0, 50.0), 0.2)
     assert decision.premature.tolist() == [True, False]
     assert decision.time_ms.tolist() == [31.0, 50.0]
+
+
+def test_without_evidence_only_an_output_below_the_threshold_is_a_response():
+    """The rule is that up to the onset of evidence: equality decides nothing."""
+    out = np.array([[[0.5, 0.7], [0.4, 0.7]], [[0.5, 0.7], [0.3, 0.7]], [[0.9, 0.2], [0.9, 0.9]]])
+    assert any_crossing(out, 0.4).tolist() == [False, True, True]
+    assert any_crossing(out[:, :1], 0.4).tolist() == [False, False, True]
+
+
+def test_tallies_of_two_halves_pool_to_that_of_all_trials():
+    evidence = some_evidence()
+    thresholds = np.linspace(0.02, 1.0, 5)
+    halves = [evidence[: evidence.trials // 2], evidence[evidence.trials // 2 :]]
+    first, second = (tally(Msprt().run(half), half.truth, thresholds) for half in halves)
+    pooled, every = first + second, tally(Msprt().run(evidence), evidence.truth, thresholds)
+    assert pooled.trials == every.trials
+    assert pooled.correct.tolist() == every.correct.tolist()
+    assert pooled.forced.tolist() == every.forced.tolist()
+    assert pooled.steps == pytest.approx(every.steps)

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("panel", reason="the explorer needs Panel: pip install '.[explore]'")
 
 from bgmodel.explorer.controls import CHOOSE, NUMBERS
-from bgmodel.explorer.page import Explorer
+from bgmodel.explorer.page import FILES, Explorer
 from bgmodel.explorer.panels import CIRCUIT, TITLES
 from bgmodel.explorer.ranking import RANKING
 from bgmodel.explorer.state import State
@@ -142,3 +142,19 @@ def test_losses_are_ranked_and_the_ranking_of_another_state_says_so(explorer, wi
     assert "another state" in view.card.title
     explorer.buttons["Undo"].clicks += 1
     assert "another state" not in view.card.title
+
+
+@pytest.mark.parametrize("name", ["lesion", "dopamine", "d_prime"])
+def test_an_emptied_number_is_no_traceback(explorer, widgets, name):
+    widgets["line"].value = "lesion STN 10%"
+    widgets[name].value = None
+    assert explorer.state.edits == (() if name == "lesion" else ("lesion STN 10%",))
+
+
+def test_files_are_those_of_the_state(explorer, widgets):
+    widgets["line"].value = "lesion STN 5%"
+    texts = {name: explorer.file(name).read().decode() for name in FILES}
+    rows = texts["trials.csv"].splitlines()
+    assert len(rows) == 1 + 2 * explorer.state.experiment.trials
+    assert "condition" in rows[0]
+    assert "intact" in texts["circuit.toml"]

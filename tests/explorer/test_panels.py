@@ -8,7 +8,7 @@ import pytest
 from bgmodel.deciding.measures import MEASURES as MEASURED
 from bgmodel.deciding.measures import OF_ALL, OF_DIFFUSION
 from bgmodel.experiments.experiment import Experiment
-from bgmodel.explorer.panels import CIRCUIT, MEASURES, Memory, panels
+from bgmodel.explorer.panels import CIRCUIT, KEPT, MEASURES, Memory, panels
 from bgmodel.explorer.state import State, opened
 from bgmodel.plots import labelled
 from circuits.laws.stability import is_stable
@@ -127,3 +127,12 @@ def test_names_are_text_and_not_mathematics_or_markup(tmp_path):
     for panel in panels(state, Memory(), workers=1):
         assert not panel.refused
         assert "<script>" not in panel.svg + panel.folded
+
+
+def test_what_is_remembered_does_not_grow():
+    memory = Memory()
+    for k in range(20):
+        state = small("bogacz_gurney").with_setting("seed", k)
+        memory.evidence(state)
+    assert len(memory.others.kinds["evidence"]) == KEPT
+    assert memory.evidence(state) is memory.evidence(state)

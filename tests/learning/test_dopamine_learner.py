@@ -12,6 +12,7 @@ from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
+from bgmodel.learning import dopamine_learner as level
 from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.dopamine_learner import (
     CRITERION,
@@ -293,3 +294,16 @@ def test_an_exact_circuit_learns_the_threshold_of_the_test():
     assert learned.start == levels[0]
     assert learned.regrets.loc["learned", "value"] < 5 < learned.regrets.loc["start", "value"]
     assert learned.threshold_nats == pytest.approx(np.log1p(np.exp(-learned.value)))
+
+
+def test_trials_and_exploration_have_streams_of_their_own(monkeypatch):
+    asked = []
+
+    def recorded(*names):
+        asked.append(names)
+        return stream(*names)
+
+    monkeypatch.setattr(level, "stream", recorded)
+    short(runs=3)
+    assert len(asked) == len(set(asked)) == 6
+    assert short(runs=1).learned.shape == (1,)

@@ -324,3 +324,8 @@ def test_natural_logarithms_are_never_taken_for_others():
                     trials, 30, separation, rng=seed, hypotheses=2 + seed % 3
                 )
                 warn_of_units(drawn)
+
+
+def test_the_baseline_is_the_mean_of_all_numbers():
+    evidence = trials_from_table(ragged(stream(3, "baseline"))[0]).evidence
+    assert evidence.baseline == evidence.mean_reading

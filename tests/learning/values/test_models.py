@@ -241,3 +241,8 @@ def test_other_bad_input_is_refused(person):
     ):  # fmt: skip
         with refused(field):
             call()
+
+
+def test_an_absurd_drift_has_a_finite_density():
+    density = log_density(np.array([0.31, 3.0]), np.array([1, 0]), 500.0, 1.0, 0.0, 0.3)
+    assert np.isfinite(density).all()
