@@ -39,12 +39,6 @@ def silent(call, *arguments):
         return call(*arguments)
 
 
-def test_the_ceiling_is_the_accuracy_of_all_readings():
-    evidence = drawn(4000, 12)
-    right = (evidence.posterior[:, -1].argmax(axis=1) == evidence.truth).mean()
-    assert abs(accuracy_after(evidence) - right) < 4 * np.sqrt(right * (1 - right) / 4000)
-
-
 def test_an_accuracy_beyond_the_readings_is_said_with_what_they_allow():
     evidence = drawn(400, 5)
     top = f"{accuracy_after(evidence):.3f}"

@@ -149,11 +149,6 @@ def test_relabelling_channels_changes_nothing(table, engine, leader):
     np.testing.assert_allclose(other, one, atol=0.02)
 
 
-def test_the_gain_of_a_circuit_in_nats_changes_nothing():
-    one, other = (designed_circuit(exact("macaque", gain), [0.25]) for gain in (0.5, 0.8))
-    np.testing.assert_allclose(one["value"], other["value"], atol=1e-6)
-
-
 @pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
 def test_the_circuits_follow_the_msprt_by_populations(name):
     model = BasalGanglia(anatomy.CIRCUITS[name](4), Population(rates=False), 0.5, 7)

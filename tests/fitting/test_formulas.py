@@ -13,7 +13,6 @@ from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.settings import settings_of
-from bgmodel.support.seeds import stream
 from circuits.errors import InputError
 from tests.drawn import drawn
 from tests.helpers import refused
@@ -175,16 +174,6 @@ def test_a_parameter_has_one_rule():
         likelihood(formula="bound ~ block", vary={"bound": "instruction"})
     with refused("fix"):
         checked(table(60), formula="bound ~ block", fix={"bound": 0.7})
-
-
-def test_noise_of_the_search_does_not_leave_the_range():
-    one = likelihood(formula="bound ~ instruction * block")
-    rng = stream(SEED, "points")
-    for _ in range(20):
-        vector = rng.uniform(one.freedom.low, one.freedom.high)
-        if not one.freedom.inside(vector):
-            assert one(vector) == -np.inf
-        assert np.isfinite(one.each(vector)).all()
 
 
 def test_a_covariate_of_any_number_of_values_has_the_slope_that_made_the_data():

@@ -71,12 +71,6 @@ def test_a_short_chain_says_so_and_what_it_is_worth(caplog, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_steps_are_told():
-    told = []
-    GAUSSIAN.draw(most_steps=20, tell=told.append)
-    assert told == list(range(1, 21))
-
-
 def test_an_interval_holds_nine_tenths_unless_another_share_is_asked_for():
     draws = np.linspace(0, 1, 1001)[:, None] * [1.0, 10.0]
     chain = Posterior(["a", "b"], draws, draws[:, 0], 1.0, 1.0)

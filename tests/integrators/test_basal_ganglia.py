@@ -19,7 +19,7 @@ from bgmodel.simulated_evidence import expecting, separated_evidence
 from bgmodel.tables.named import NamedEvidence, trial_table
 from circuits import anatomy
 from circuits.anatomy import load_circuit, macaque
-from circuits.engines import Algebra, Ensemble, Population, Rate, engine_of
+from circuits.engines import Algebra, Ensemble, Population, Rate
 from circuits.errors import (
     CalibrationWarning,
     EditWarning,
@@ -167,21 +167,6 @@ def test_decisions_that_are_not_right_as_often_as_their_posteriors_say_are_warne
     model.decide(replace(evidence, truth=None), posterior=0.8)
 
 
-@pytest.mark.parametrize("engine", ["ensemble", "rate"])
-def test_the_memory_of_a_run_is_told_in_gigabytes(engine):
-    """As much as what it gives, and not many times that."""
-    model = BasalGanglia(load_circuit("spiking_msprt"), engine, 0.5, 1)
-    activity = model.run_drive(np.zeros((10, 4, 2)), 50.0)
-    held = activity.output_nats.nbytes + sum(rates.nbytes for rates in activity.rates_hz.values())
-    assert 0.5 * held < 1e9 * model.memory_gb(10, 4, 50.0) < 20 * held
-    # The documented memory for 200 samples, one per ms, in units of 1e9 bytes.
-    kept = engine_of(engine).memory_bytes(model.circuit, 10, 200)
-    assert 1e9 * model.memory_gb(10, 4, 50.0) == pytest.approx(kept)
-    coarse = replace(model, engine=engine_of(engine, sample_ms=5.0))
-    kept = coarse.engine.memory_bytes(model.circuit, 10, 40)
-    assert 1e9 * coarse.memory_gb(10, 4, 50.0) == pytest.approx(kept)
-
-
 def test_what_is_expected_reaches_all_channels_before_the_onset():
     drawn = separated_evidence(3, 4, 0.5, rng=stream(1, "x"), step_ms=50.0)
     ahead = expecting(drawn, 3.0, 100.0, rng=stream(1, "r"))
@@ -216,15 +201,6 @@ def strong(d_prime, channels=2, trials=200, steps=40, step_ms=50.0):
         hypotheses=channels,
         step_ms=step_ms,
     )
-
-
-@pytest.mark.parametrize("channels", range(2, 13))
-def test_usual_evidence_is_not_too_strong_for_the_default_circuit(channels):
-    table = macaque(channels)
-    model = BasalGanglia(table, "population", gain_of(table), SEED)
-    with unwarned():
-        for d_prime in (0.5, 1.0) if channels < 10 else (0.5, 0.75):
-            model.check_strength(strong(d_prime, channels))
 
 
 @given(st.sampled_from([2, 4, 8]), st.sampled_from([10.0, 50.0, 200.0]), st.floats(0.05, 40))

@@ -94,18 +94,6 @@ def test_a_gain_that_is_given_is_used_and_warned_of():
         BasalGanglia(TABLE, "rate").run(STRONG)
 
 
-def test_a_session_has_the_default_gain_since_its_evidence_is_unknown():
-    model = BasalGanglia(TABLE, seed=1)
-    session = model.session(posterior=0.8, t_max=20, baseline=0.0)
-    for reading in STRONG.log_likelihood[0]:
-        if session.add(reading) is not None:
-            break
-    with pytest.warns(RangeWarning, match="too strong"):
-        alone = model.unadapted.decided(STRONG[:1], -np.log(0.8))
-    assert session.decision.gain == TABLE.default_gain
-    assert session.decision.time_ms[0] == alone.time_ms[0]
-
-
 def test_python_a_file_and_the_terminal_use_one_gain_and_say_it(tmp_path, capsys):
     task = {"d_prime": 4, "trials": 100, "t_max": 20}
     text = "\n".join(

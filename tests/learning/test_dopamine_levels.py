@@ -7,9 +7,7 @@ import pytest
 from bgmodel import Msprt, stream
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.learning import dopamine_levels as levels
-from bgmodel.learning.dopamine import THRESHOLD_NATS, working_range
 from bgmodel.learning.dopamine_levels import level_table
-from circuits.anatomy import DEFAULT, load_circuit
 from tests.helpers import ROOT
 from tests.levels import GAIN, MODEL, SEED
 
@@ -43,32 +41,3 @@ def test_the_latency_is_what_was_measured_on_raw_evidence(channels):
     extra_ms = table[table["accuracy"].isin([0.9, 0.95])]["extra_ms"]
     assert len(extra_ms) == 2
     assert levels.LATENCY_MS[channels] == pytest.approx(extra_ms.mean(), abs=1)
-
-
-def test_readings_have_a_d_prime_of_a_half_per_50_ms_and_spiking_runs_half_of_the_trials(
-    monkeypatch,
-):
-    heard = []
-
-    def decided(model, evidence, played, threshold_nats):
-        heard.append((model.engine, evidence, played))
-
-    monkeypatch.setattr(levels, "decide_at_levels", decided)
-    monkeypatch.setattr(levels, "msprt_tradeoffs", lambda *a: {})
-    monkeypatch.setattr(levels, "level_table", lambda *a, **k: pd.DataFrame({"level": [1.0]}))
-    levels.levels_against_msprt(SEED, 300, 2)
-    assert len(heard) == 6
-    for engine, evidence, played in heard:
-        spikes = engine.spiking
-        assert (evidence.trials, len(played)) == ((150, 7) if spikes else (300, 14))
-        assert evidence.step_ms == 50
-        # From below the lowest level at which the fixed point decides to just below the highest.
-        low, high = working_range(load_circuit(DEFAULT, evidence.hypotheses), THRESHOLD_NATS)
-        ends = (0.85 * low, 0.98 * high) if not spikes else (0.85 * low, played.max())
-        assert (played.min(), played.max()) == pytest.approx(ends)
-        # The log odds of the truth over another one grow by d'^2 / 2 per reading.
-        trial, truth = np.arange(evidence.trials), evidence.truth
-        other = (truth + 1) % evidence.hypotheses
-        values = evidence.log_likelihood
-        grown = (values[trial, :, truth] - values[trial, :, other]).mean()
-        assert grown == pytest.approx(0.5**2 / 2, abs=0.016)

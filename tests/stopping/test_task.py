@@ -202,22 +202,6 @@ def test_pooling_wide_delays_is_biased_where_each_delay_is_not():
     assert measured == pytest.approx(ssrt_by_delay(inhibition_function(trials)))
 
 
-def test_an_experiment_measures_stopping():
-    """After a loss of STN too large for the signal to block, more stops fail."""
-    weak = Experiment(
-        name="x", note="", manipulation=Experiment.from_toml("stn_lesion_partial").manipulation,
-        task=TASK, stop=StopTask(amount_nats=0.4, share=0.4), seed=4,
-    )  # fmt: skip
-    done = weak.run()
-    change = done.measures[done.measures["condition"] == "change"].set_index("measure")
-    assert change.loc["p_respond", "low"] > 0
-    counts = done.measures.groupby("measure")["trials"].max()
-    assert counts["p_respond"] + counts["missed"] == 600
-    assert {"ssd_ms", "anticipatory"} <= set(done.trials)
-    assert list(done.summary().index[-3:]) == list(OF_STOP)
-    assert "p_respond" in done.text()
-
-
 def test_workers_and_blocks_draw_their_own_signals(monkeypatch):
     monkeypatch.setattr("bgmodel.sweeps.plan.BLOCK", 100)
     plan = Plan(

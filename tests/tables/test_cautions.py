@@ -154,14 +154,6 @@ def test_trials_some_of_which_are_there_twice_are_doubted_where_chance_is_no_rea
             assert f"of {len(copied)} rows" in text
 
 
-@pytest.mark.parametrize("step_s", [0.01, 1 / 60, 0.1, 0.5])
-def test_times_in_coarse_steps_are_no_copies(step_s):
-    for seed in range(5):
-        many = shuffled(2000, seed)
-        rounded = ((many["rt"] / step_s).round() * step_s).clip(lower=step_s).round(3)
-        assert not any("duplicates" in text for text in texts(many.assign(rt=rounded), **NAMED))
-
-
 def shuffled(rows, seed):
     """Return trials as of ``table``, with times that depend on the strength."""
     rng = stream(seed, "copies")
@@ -191,17 +183,6 @@ def test_columns_that_may_hold_participants_are_not_pooled(name):
     read(table(**{name: who, "participant_id": who}), **NAMED)
     read(table(**{name: who}), **NAMED, conditions=[name])
     read(table(**{name: "b"}), **NAMED)
-
-
-def test_a_strength_that_is_not_named_is_said_by_its_name_or_by_what_it_does():
-    named = table(signed_coherence=GOOD["coherence"]).drop(columns="coherence")
-    (text,) = texts(named)
-    assert "signed_coherence (4 values, correlation with response 1 0." in text
-    (text,) = texts(GOOD.rename(columns={"coherence": "x"}).astype({"x": str}))
-    assert " x (4 values" in text
-    assert texts(named, strength="signed_coherence") == []
-    (text,) = texts(table(contrast=0.1 + np.arange(TRIALS) % 2).drop(columns="coherence"))
-    assert "contrast (2 values" in text
 
 
 def test_columns_that_hold_no_strength_are_not_taken_for_one():

@@ -9,7 +9,6 @@ import pytest
 from bgmodel.stopping.people import read_people
 from bgmodel.stopping.staircases import walk
 from bgmodel.stopping.trials import StopTrials
-from bgmodel.trials.reading import Columns
 from bgmodel.trials.restored import restored_delays
 from circuits.errors import DataWarning
 from tests.helpers import refused, unwarned
@@ -75,15 +74,6 @@ def test_trials_without_missing_delays_are_returned_as_they_are():
         assert restored_delays(trials).checksum == trials.checksum
     with refused("ssd must have stop-signal delays"):
         restored_delays(replace(trials, ssd_s=None))
-
-
-def test_the_reader_restores_the_delays_of_each_person():
-    with unwarned():
-        people = read_people(columns=Columns(restore_delays=True))
-    with pytest.warns(DataWarning, match="268 of 274"):
-        recorded = read_people()
-    for who, trials in people.items():
-        np.testing.assert_array_equal(trials.ssd_ms, restored(recorded[who]).ssd_ms)
 
 
 def test_delays_that_are_no_staircase_are_warned_of():

@@ -7,7 +7,6 @@ import pytest
 from bgmodel.fits import fit
 from bgmodel.fitting.alternatives.msprt import MsprtModel
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
-from bgmodel.fitting.model_comparison import compare_fits
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.trials.reading import Columns, read_trials
@@ -38,16 +37,6 @@ def test_the_test_is_recovered_from_its_own_trials(fits):
     estimates = fits["msprt"].parameters().set_index("parameter")
     off = (estimates["value"] - pd.Series({**TRUTH, "t0_s": 0.3})) / estimates["standard_error"]
     assert np.abs(off).max() < 3
-
-
-def test_models_are_compared_on_the_same_trials(fits):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("bgmodel.fitting.optimum.POPULATION", 6)
-        patch.setattr("bgmodel.fitting.predicted.FOLDS", 2)
-        compared = compare_fits(fits).table
-    assert set(compared.index) == {"msprt", "race"}
-    assert compared.loc["msprt", "parameters"] == 3
-    assert compared.loc["race", "parameters"] == 4
 
 
 def test_a_wrong_response_is_one_of_several():

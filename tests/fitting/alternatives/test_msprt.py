@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.alternatives.msprt import MsprtModel, ends, odds_of, passages
+from bgmodel.fitting.alternatives.msprt import MsprtModel
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
 
@@ -53,28 +53,6 @@ def test_sensitivity_scales_time_alone():
         for k in (1.0, 2.0)
     )
     assert np.allclose(twice[:, :150], once[:, 3::4], atol=1e-12)
-
-
-def mean_times(alternatives):
-    """Return the mean time, scaled by the gain, to each stored threshold."""
-    steps = ends()
-    counts = passages(alternatives, 0.5, PATHS, SEED).sum(axis=(0, 2))
-    return counts @ ((steps[1:] + steps[:-1]) / 2) / counts.sum(axis=1)
-
-
-def test_times_grow_with_the_log_odds_and_with_the_number_of_alternatives():
-    """Exactly by Wald's identity with two; with more, losing channels make it slower."""
-    means = {n: mean_times(n) for n in (2, 4, 8)}
-    exact = 2 * odds_of(2) * np.tanh(odds_of(2) / 2)
-    high = odds_of(2) > 1
-    assert means[2][high] == pytest.approx(exact[high], rel=0.03)
-    slopes = [np.polyfit(odds_of(n)[-20:], means[n][-20:], 1)[0] for n in (2, 4, 8)]
-    assert slopes[0] < slopes[1] < slopes[2]
-    # Nearly the logarithm of the number of alternatives (Hick's law), from ln 2 to ln 4 to ln 8.
-    at_posterior = [np.interp(2.0, odds_of(n), means[n]) for n in (2, 4, 8)]
-    first, second = np.diff(at_posterior)
-    assert first == pytest.approx(second, rel=0.4)
-    assert first > 1
 
 
 def test_parts_are_independent_and_add_up():

@@ -15,11 +15,8 @@ from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import Optimum
-from bgmodel.fitting.simulated.circuit import CircuitModel
-from bgmodel.fitting.simulated.error import without_parts
 from bgmodel.fitting.trials.design import design_of
-from circuits.anatomy import load_circuit
-from tests.drawn import TRUTH, choices, drawn
+from tests.drawn import TRUTH, drawn
 
 MODEL, SEED = GapModel(), 92
 STRENGTHS = [0.0, 0.1, 0.2, 0.4]
@@ -123,20 +120,6 @@ def test_a_cell_without_a_response_has_no_z_score_and_does_no_harm():
     assert np.isfinite(checked.z_accuracy[:3]).all()
     # That many misses are no chance.
     assert checked.p["the distribution of responses and their times"] < 1e-6
-
-
-def test_the_error_of_simulated_trials_is_part_of_the_z_scores():
-    seen = choices([0.1] * 40 + [0.4] * 40, [1, 0, 1, 1] * 20, 0.4 + np.arange(80) / 200)
-    model = CircuitModel(load_circuit("bogacz_gurney", 2), "algebra", seconds=1.0, trials=16)
-    likelihood = likelihood_of(model, design_of(seen), free=["threshold_nats"])
-    best = Optimum(likelihood, np.array([0.25]), 0.0, 0)
-    from bgmodel.fitting.identify import directions
-
-    left = without_parts(likelihood, directions(likelihood, best.vector))
-    alone, with_error = misfit(best), misfit(best, left)
-    assert (np.abs(with_error.z_accuracy) < np.abs(alone.z_accuracy)).all()
-    assert (np.abs(with_error.z_mean_rt) < np.abs(alone.z_mean_rt)).all()
-    assert all(with_error.p[name] >= p for name, p in alone.p.items())
 
 
 @given(

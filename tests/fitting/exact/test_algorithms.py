@@ -33,14 +33,6 @@ def test_bins_hold_the_mass_accuracy_and_mean_of_the_closed_forms(drift, bound):
 
 
 @pytest.mark.parametrize("model", [CONSTANT, FALLING])
-def test_evidence_for_the_other_response_exchanges_them(model):
-    parameters = {"sensitivity": 9.0, "bound": 0.8, "fall_per_s": 1 / 0.7}
-    one, other = decided(model, [0.4, -0.4], **parameters)
-    assert one == pytest.approx(other[::-1], rel=1e-12)
-    assert one[1].sum() > 2 * one[0].sum()
-
-
-@pytest.mark.parametrize("model", [CONSTANT, FALLING])
 def test_each_cell_has_its_own_parameters(model):
     some = {"sensitivity": [4.0, 12, 8], "bound": [0.5, 0.9, 0.5], "fall_per_s": [1.7, 1.7, 0.5]}
     strength = [0.1, 0.5, 0.2]

@@ -69,21 +69,6 @@ def test_guesses_are_warned_of():
     assert [str(each.message) for each in warned if "does not fit" in str(each.message)]
 
 
-def test_a_formula_has_a_coefficient_of_the_group_and_of_each_person():
-    """Blocks do not differ here: the data cannot make the difference large."""
-    with short_chains(), pytest.warns(FitWarning, match="converged"):
-        fitted = fit(
-            table({"anna": 8.0, "ben": 9.0, "cleo": 10.0}, trials=40), "constant_gap",
-            strength="strength", fix={**FIXED, "t0_s": 0.3},
-            formula="bound ~ C(block, contr.sum)", most_draws=MOST, hierarchical=True)  # fmt: skip
-    assert fitted.parameters == ["sensitivity", "bound[Intercept]", *fitted.parameters[2:]]
-    assert len(fitted.parameters) == 3
-    half = fitted.group[..., 2]
-    assert np.abs(np.median(half)) < 4 * half.std()
-    assert np.median(np.abs(half)) < 0.2
-    assert np.median(fitted.group[..., 1]) == pytest.approx(0.5, abs=0.2)
-
-
 TRIALS_OF = {"ben": 12, "cleo": 16}
 
 

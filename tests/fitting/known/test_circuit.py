@@ -83,14 +83,6 @@ def test_stored_out_is_that_of_a_simulation_and_between_gains_close_to_it(trials
     np.testing.assert_allclose(at_node, model._simulated(trials, model.gains[2], 0.0))
 
 
-def test_runs_differ_in_their_noise_and_repeat_with_the_seed(trials, outputs):
-    out = outputs.out({"gain": float(outputs.gains[0])})
-    assert out.shape == (8, trials.seen.sum(), 2)
-    assert out.std(axis=0).mean() > 0.005
-    again = KnownCircuit(MACAQUE, runs=8).on(trials, SPAN)
-    np.testing.assert_array_equal(again.stored, outputs.stored)
-
-
 def test_the_log_likelihood_is_corrected_for_runs(trials):
     """Few runs have a bias, which the jackknife takes from the mean over parts of them."""
     likelihood = known_likelihood(KnownCircuit(MACAQUE, runs=8), trials)

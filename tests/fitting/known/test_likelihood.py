@@ -8,7 +8,6 @@ from scipy.stats import norm
 
 from bgmodel.evidence import minus_log_softmax
 from bgmodel.fitting.checks.misfit import misfit
-from bgmodel.fitting.hierarchy.fit import fit_group
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT, runs_of_cues
@@ -190,20 +189,6 @@ def test_trials_left_out_keep_their_log_likelihood():
     part = likelihood.part(some).part(np.arange(5))
     np.testing.assert_array_equal(part.each(start), likelihood.each(start)[10:15])
     assert part.design.trials.sum() == 5
-
-
-def test_a_group_is_fitted():
-    fixed = {"noise": 0.03, "t0_sd_s": 0.05, "lapse": 0.02, "bias_1": 0.0}
-    people = {
-        f"p{k}": known_likelihood(
-            EXACT["msprt"], simulated(40, 60 + k, threshold=level), fixed=fixed
-        )
-        for k, level in enumerate((0.08, 0.12, 0.16))
-    }
-    group = fit_group(people, most_draws=25)
-    table = group.to_dataframe().set_index(["participant", "parameter"])["median"]
-    assert table["p0", "threshold"] < table["p1", "threshold"] < table["p2", "threshold"]
-    assert group.cells()["participant"].tolist() == list(people)
 
 
 def test_new_trials_have_the_times_that_are_predicted():

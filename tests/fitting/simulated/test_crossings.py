@@ -98,18 +98,6 @@ def test_a_longer_grid_adds_bins_and_changes_none(stored, drift, threshold):
     assert long[:, :, 300:].sum() == 0
 
 
-@pytest.mark.parametrize("toward", [0.25, 0.5, 0.8])
-def test_a_threshold_between_two_stored_ones_lies_between_them_in_time(stored, toward):
-    at = THRESHOLDS[18] + np.array([0, toward, 1]) * (THRESHOLDS[19] - THRESHOLDS[18])
-    means = [
-        float(moments(decided([(stored, 1.0)], x, [3.0], GRID) / BIN_S, GRID)["mean_s"][0])
-        for x in at
-    ]
-    assert means[0] > means[1] > means[2]
-    expected = (1 - toward) * means[0] + toward * means[2]
-    assert means[1] == pytest.approx(expected, abs=0.05 * (means[0] - means[2]))
-
-
 def shifted(stored, by):
     """Return the same trials at a setting where all decide some bins later."""
     bins = stored.bins + np.int32(by)

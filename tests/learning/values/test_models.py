@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import bgmodel as bg
 from bgmodel.fitting.exact import passage
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.formulas import Formula
@@ -28,7 +27,6 @@ from tests.helpers import refused
 TRUE = {"rate": 0.3, "rate_minus": 0.15, "scale": 2.5, "bound": 0.9, "t0_s": 0.35,
         "stickiness": 0.15}  # fmt: skip
 TWO = MODELS["q, two rates"]
-ONE = {name: value for name, value in TRUE.items() if name != "rate_minus"}
 
 
 def made(model, true, people=1, seed=1, trials=60, **changes):
@@ -161,21 +159,6 @@ def test_decisions_change_over_trials_and_learners_do_not(person):
         asked = likelihood(TWO, slower, vary={name: "half"})
         with refused(name):
             optimum(asked)
-
-
-@pytest.fixture(scope="module")
-def three():
-    return made("q", ONE, people=3, seed=4, rate=np.array([0.15, 0.3, 0.5]))
-
-
-def test_models_of_learning_are_fitted_and_compared(three):
-    fits = {
-        name: {who: fit_likelihood(likelihood(name, one)) for who, one in three.items()}
-        for name in ("q", "no learning")
-    }
-    table = bg.compare_fits(fits).table
-    assert table.index[0] == "q"
-    assert table["parameters"].to_dict() == {"q": 15, "no learning": 18}
 
 
 def test_the_built_in_set_is_read_for_each_person():
