@@ -10,7 +10,7 @@ from bgmodel import stream
 from bgmodel.comparison.compare import compare, with_other_noise
 from bgmodel.comparison.edited import compare_edits
 from bgmodel.comparison.matched import OTHER_NOISE, matched_measures
-from bgmodel.comparison.page import behaviour, page, verdicts
+from bgmodel.comparison.page import behaviour, page
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.integrators import basal_ganglia
@@ -119,18 +119,6 @@ def test_a_page_has_the_main_measures_and_explains_what_is_unknown(table):
     assert "unknown" not in page(table.assign(value=table["value"].fillna(1), low=0, high=1))
     loose = table.assign(low=table["low"].where(table["measure"] != "extra_ms"))
     assert "[unknown]: more than 5 % of the bootstrap's resamples" in page(loose)
-
-
-@pytest.mark.parametrize(
-    ("late_ms", "remark"),
-    [(58.2, "; 58 ms later;"), (-3.4, "; 3 ms earlier;"), (np.nan, "chance); ")],
-)
-def test_a_verdict_of_equal_accuracy_says_that_a_delay_was_subtracted(table, late_ms, remark):
-    """Time is equal only then: a circuit can be as accurate as the test and later."""
-    timed = table.assign(value=table["value"].where(table["measure"] != "extra_ms", late_ms))
-    line = verdicts(timed).splitlines()[1]
-    assert remark in line.replace(", ", "; ")
-    assert line.index("mean delay is subtracted") > line.index("chance)")
 
 
 QUICK = BasalGanglia(TABLE, "population", GAIN, SEED)

@@ -77,18 +77,6 @@ def test_a_point_that_could_not_run_is_there_without_numbers(tmp_path, monkeypat
     outcome.draw(plan, table)
 
 
-def test_lines_stand_at_their_values_and_names_beside_each_other(tmp_path):
-    plan, table = swept(tmp_path, grid={"posterior": (0.9, 0.7)})
-    figure = outcome.draw(plan, table)
-    line = figure.axes[0].lines[0]
-    rows = table[table["measure"] == "accuracy"].sort_values("posterior")
-    assert np.allclose(line.get_xdata(), [0.7, 0.9])
-    assert np.allclose(line.get_ydata(), rows["value"])
-    plan, table = swept(tmp_path, grid={"engine": ("algebra", "rate")})
-    panel = outcome.draw(plan, table).axes[0]
-    assert [text.get_text() for text in panel.get_xticklabels()] == ["algebra", "rate"]
-
-
 def test_a_map_has_the_first_key_up_and_the_second_across(tmp_path, monkeypatch):
     monkeypatch.setattr(outcome, "LINES", 0)
     plan, table = swept(tmp_path, grid={"lesion STN": (0.0, 0.2), "posterior": (0.7, 0.8, 0.9)})
@@ -109,17 +97,6 @@ def points_of(plan, values, remarks=None):
     table = pd.DataFrame(list(plan.each))
     table = table.assign(measure=plan.show[0], value=values, low=values, high=values, trials=80)
     return table.assign(remark=remarks or "")
-
-
-def test_a_star_stands_at_every_number_that_has_a_remark():
-    plan = Plan(grid={"posterior": (0.7, 0.8, 0.9)}, show=("accuracy",))
-    points = points_of(plan, [0.6, 0.7, np.nan], ["", "few decide", "rates run away"])
-    (panel,) = (figure := outcome.draw(plan, points)).axes
-    assert [(star.get_text(), star.xy) for star in panel.texts] == [("*", (0.8, 0.7))]
-    assert "*: see remark" in figure.get_suptitle()
-    (panel,) = (figure := outcome.draw(plan, points_of(plan, [0.6, 0.7, 0.8]))).axes
-    assert not panel.texts
-    assert "*" not in figure.get_suptitle()
 
 
 def test_a_line_has_bars_from_the_lower_to_the_upper_end():

@@ -55,18 +55,6 @@ def test_a_choice_is_correct_if_it_is_the_truth_and_unknown_without_a_truth(know
         assert table["correct"].isna().all()
 
 
-def test_a_summary_says_from_how_few_readings_to_how_many():
-    drawn = some_evidence(trials=3, steps=4)
-    lengths = np.array([4, 2, 3])
-    values = drawn.log_likelihood * (np.arange(4) < lengths[:, None])[..., None]
-    ragged = Evidence(values, drawn.truth, lengths=lengths)
-    one, several = (NamedEvidence(e, list("abc")).summary() for e in (drawn, ragged))
-    assert one == "read 3 trials of 4 readings, hypotheses a, b, c"
-    assert several == "read 3 trials of 2 to 4 readings, hypotheses a, b, c"
-    left = NamedEvidence(drawn, list("abc"), varying=["eye_x", "eye_y"]).summary()
-    assert left == f"{one}; columns that change within a trial are left out: eye_x, eye_y"
-
-
 def test_a_table_of_trials_holds_one_threshold():
     evidence = some_evidence(trials=3, steps=4)
     decision = first_crossing(Msprt().run(evidence), [0.1, 0.2])

@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 
 from bgmodel import Msprt, Sprt, first_crossing, stream
+from bgmodel.comparison.edited import compare_edits
+from bgmodel.comparison.matched import matched_measures
+from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.baselines import MaxVsAverage
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.tactile.source import held_out_taps, source
 from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import load_circuit
-from circuits.engines import Rate
+from circuits.engines import Ensemble, Rate
+from circuits.laws.controls import linear_stn, shuffled_stn
 from tests.comparison.deadlines import Task, changed, compared
 
 pytestmark = pytest.mark.validate
@@ -67,3 +72,43 @@ def test_the_rate_circuit_agrees_where_it_settles():
 def test_a_later_deadline_changes_no_comparison(seed):
     """Random tasks, engines and deadlines: what is reported stays within its interval."""
     assert changed(compared(Task.drawn(seed))).empty
+
+
+def test_a_circuit_without_what_computes_agrees_less():
+    """Controls at N = 4, 1 000 trials: each must lose by its margin, with its interval.
+
+    GPe held at rest: decisions within 50 ms of the MSPRT's fall by 0.2. A linear STN makes the
+    circuit that of max-vs-average: it needs longer for the same accuracy, as that does against
+    the MSPRT, by 30 ms or more, and 0.1 fewer decisions lie within 50 ms. A shuffled STN-SNr
+    pathway: accuracy 0.95 is never reached.
+    """
+    table = load_circuit("spiking_msprt", 4)
+    edited = {
+        "GPe": table.clamp("GPe"),
+        "linear": linear_stn(table),
+        "shuffled": shuffled_stn(table),
+    }
+    evidence = separated_evidence(
+        1000, 40, 1 / np.sqrt(2), rng=stream(SCORING_SEED, "control"), hypotheses=4, step_ms=50.0
+    )
+    model = BasalGanglia(table, Ensemble(workers=2), 0.5, SCORING_SEED)
+    edits = compare_edits(model, edited, evidence, seed=SCORING_SEED, accuracies=(0.95,))
+    change = edits[edits["kind"] == "change"].set_index(["variant", "measure"])
+    baseline = matched_measures(
+        tradeoff(Msprt(0.5).run(evidence), evidence),
+        tradeoff(MaxVsAverage().run(evidence), evidence),
+        rng=stream(SCORING_SEED, "bootstrap"),
+        accuracies=(0.95,),
+    ).set_index("measure")
+    shown = (("GPe", "within_50_ms"), ("linear", "extra_ms"), ("linear", "within_50_ms"))
+    ends = ["value", "low", "high"]
+    for key in shown:
+        print(*key, change.loc[key, ends].round(3).tolist())
+    print("max-vs-average extra_ms", baseline.loc["extra_ms", ends].round(1).tolist())
+    assert change.loc[("GPe", "within_50_ms"), "high"] < -0.2
+    assert change.loc[("linear", "extra_ms"), "low"] > 30
+    assert change.loc[("linear", "within_50_ms"), "high"] < -0.1
+    # As much as max-vs-average, within what 1 000 trials tell.
+    assert change.loc[("linear", "extra_ms"), "low"] < baseline.loc["extra_ms", "high"]
+    assert change.loc[("linear", "extra_ms"), "high"] > baseline.loc["extra_ms", "low"]
+    assert np.isnan(change.loc[("shuffled", "agreement"), "value"])

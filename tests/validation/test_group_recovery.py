@@ -65,3 +65,10 @@ def test_ranks_of_groups_drawn_from_the_prior_are_uniform():
     assert 0.86 < held.mean() < 0.94, held
     # Less often than this, one of the numbers would hold by chance in a hundredth of runs.
     assert held.min() >= binom.ppf(0.01 / len(held), SETS, 0.9) / SETS, held
+
+
+@pytest.mark.timeout(3600)
+def test_ranks_of_shifted_data_are_not():
+    shares = np.array([ranks(number, shift=0.5) for number in range(SETS // 4)])
+    p = [kstest(each, "uniform").pvalue for each in shares[:, : len(NAMES)].T]
+    assert min(p) < 0.01 / len(p)
