@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from bgmodel import Msprt, stream
-from bgmodel.comparison.cautions import accuracy_after, warn_of_readings
+from bgmodel.comparison.cautions import accuracy_after, warn_of_missed, warn_of_readings
 from bgmodel.deciding.calibration import calibration, miscalibrated, warn_of_calibration
 from bgmodel.deciding.tradeoff import tradeoff
+from bgmodel.integrators.baselines import Lca
 from bgmodel.simulated_evidence import separated_evidence
 from circuits.errors import CalibrationWarning, DeadlineWarning
 from tests.helpers import unwarned
@@ -78,3 +79,19 @@ def test_the_sentence_is_said_where_zero_lies_outside_its_interval(posterior, ac
     assert bool(sentence) == apart
     which = miscalibrated(posterior, accuracy, decisions)
     assert which == ("" if not apart else "sure" if posterior > accuracy else "unsure")
+
+
+def test_a_baseline_that_stays_below_what_readings_allow_has_a_ceiling_of_its_own():
+    evidence = drawn(400, 120)
+    leaky = tradeoff(Lca(leak_hz=20.0, inhibition_hz=0.0).run(evidence), evidence)
+    with pytest.warns(
+        DeadlineWarning, match=r"LCA reaches no accuracy of 0.99: at the best .* 0\.[5-9]"
+    ):
+        warn_of_missed("LCA", leaky, (0.7, 0.99))
+    test = tradeoff(Msprt().run(evidence), evidence)
+    silent(warn_of_missed, "MSPRT", test, (0.7, 0.99))
+
+
+def test_without_decisions_there_is_nothing_to_say():
+    assert calibration(np.nan, np.nan, 0) == miscalibrated(np.nan, np.nan, 0) == ""
+    silent(warn_of_calibration, np.array([]), np.array([], dtype=bool))

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import bgmodel as bg
 from bgmodel import (
     BasalGanglia,
     Evidence,
@@ -22,9 +23,10 @@ from bgmodel.integrators.baselines import MaxVsNext
 from bgmodel.integrators.criterion import check_threshold, readout_of, rest_out
 from bgmodel.integrators.sprt import Stream, tally_sprt
 from bgmodel.simulated_evidence import separated_evidence
+from circuits.activity import RateMeans
 from circuits.anatomy import CIRCUITS
 from circuits.errors import InputError
-from tests.helpers import refused, some_evidence, told
+from tests.helpers import refused, run, some_evidence, told
 
 STEP_MS = 50.0
 EVIDENCE = separated_evidence(60, 40, 0.5, rng=4, step_ms=STEP_MS)
@@ -267,3 +269,25 @@ def test_a_trial_that_was_dropped_is_not_decided_below_its_drop():
     for decide in DECIDERS.values():
         with refused("thresholds trials is NaN at their end"):
             decide(trace, 0.1)
+
+
+def test_a_circuit_decides_in_python_what_it_decides_at_the_terminal(tmp_path):
+    """In parts, with trials that end at their decision or with rates to their ends."""
+    from bgmodel.support.files import read_table
+    from bgmodel.task import Gaussian
+
+    out = tmp_path / "out.csv"
+    options = ("--task", "trials=30", "--engine", "population", "--seed", 5, "--posterior", 0.85)
+    assert run("circuit", "run", "--save", out, *options) == 0
+    evidence = Gaussian(trials=30).evidence(seed=bg.stream(5, "circuit run"))
+    model = BasalGanglia("macaque", "population", 0.55, 5)
+    means = RateMeans()
+    table = read_table(out)
+    for decision in (
+        model.decide(evidence, posterior=0.85),
+        model.decide(evidence, posterior=0.85, rates=means),
+        first_crossing(model.run(evidence), posterior=0.85),
+    ):
+        assert (decision.choice == evidence.truth).tolist() == table["correct"].tolist()
+        assert decision.time_ms.tolist() == pytest.approx((1000 * table["rt"]).tolist())
+    assert {"STN", "GPe"} <= {*means.table()["population"]}

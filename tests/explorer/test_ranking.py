@@ -2,7 +2,9 @@
 
 import pytest
 
+from bgmodel.experiments.experiment import Experiment
 from bgmodel.explorer.ranking import RANKING, ranked
+from bgmodel.explorer.state import State
 from tests.explorer.helpers import small
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
@@ -44,3 +46,10 @@ def test_a_loss_that_is_refused_is_left_out_with_its_reason(last):
     assert (panel.name, panel.key, panel.digest) == (RANKING, state.key, state.digest)
     assert not {"lesion ctx 10%", "lesion STN 10%"} & {line for line, _ in rows(panel)}
     assert "'lesion ctx 10%'" in panel.text
+
+
+def test_a_control_that_is_refused_says_so():
+    text = small("macaque", "population").experiment.to_toml()
+    state = State(Experiment.from_text(text.replace("trials = 120", "trials = 60")))
+    (panel,) = ranked(state, workers=1)
+    assert panel.refused

@@ -2,8 +2,8 @@
 
 import pytest
 
-from bgmodel.experiments.experiment import Experiment
-from bgmodel.explorer.state import History, State, opened
+from bgmodel.experiments.experiment import Experiment, shipped
+from bgmodel.explorer.state import MOST_TRIALS, History, State, opened
 from circuits.errors import InputError
 from tests.explorer.helpers import small
 from tests.helpers import refused
@@ -96,3 +96,10 @@ def test_learning_is_not_for_the_explorer():
     text = small().experiment.to_toml() + "\n[learning]\ntrials = 100\n"
     with refused("learning"):
         State(Experiment.from_text(text))
+
+
+def test_every_included_experiment_opens_with_few_enough_trials():
+    for name, experiment in shipped().items():
+        state = opened(name)
+        assert state.experiment.trials <= MOST_TRIALS
+        assert state.experiment.manipulation == experiment.manipulation

@@ -76,3 +76,10 @@ def test_the_control_is_below_the_manipulation_and_is_run_once(monkeypatch):
         assert svg.index(f"{NAMES[1]}: spikes") < svg.index(f"{NAMES[0]}: spikes")
         assert f"{NAMES[0]}: Chose" in text
     assert len(runs) == 3
+
+
+def test_a_course_is_named_in_words():
+    text, svg = panel(Memory(), "add STN amount=0.1 from_ms=50 to_ms=80", "add dopamine amount=0.1")
+    assert "STN +0.1 from 50 to 80 ms" in text
+    assert "dopamine +0.1 from 0 ms on" in text
+    assert ">Course<" in svg

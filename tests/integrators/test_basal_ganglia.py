@@ -19,7 +19,7 @@ from bgmodel.simulated_evidence import expecting, separated_evidence
 from bgmodel.tables.named import NamedEvidence, trial_table
 from circuits import anatomy
 from circuits.anatomy import load_circuit, macaque
-from circuits.engines import Algebra, Ensemble, Population, Rate
+from circuits.engines import Algebra, Ensemble, Population, Rate, engine_of
 from circuits.errors import (
     CalibrationWarning,
     EditWarning,
@@ -278,3 +278,26 @@ def test_decisions_against_the_evidence_are_warned_of_with_and_without_a_truth()
             for level in (0.6, 1.0):
                 model = BasalGanglia(macaque().dopamine(level), Rate(rates=False))
                 model.decide(given_truth, posterior=0.7)
+
+
+@pytest.mark.parametrize("engine", ["ensemble", "rate"])
+def test_the_memory_of_a_run_is_told_in_gigabytes(engine):
+    """As much as what it gives, and not many times that."""
+    model = BasalGanglia(load_circuit("spiking_msprt"), engine, 0.5, 1)
+    activity = model.run_drive(np.zeros((10, 4, 2)), 50.0)
+    held = activity.output_nats.nbytes + sum(rates.nbytes for rates in activity.rates_hz.values())
+    assert 0.5 * held < 1e9 * model.memory_gb(10, 4, 50.0) < 20 * held
+    # The documented memory for 200 samples, one per ms, in units of 1e9 bytes.
+    kept = engine_of(engine).memory_bytes(model.circuit, 10, 200)
+    assert 1e9 * model.memory_gb(10, 4, 50.0) == pytest.approx(kept)
+    coarse = replace(model, engine=engine_of(engine, sample_ms=5.0))
+    kept = coarse.engine.memory_bytes(model.circuit, 10, 40)
+    assert 1e9 * coarse.memory_gb(10, 4, 50.0) == pytest.approx(kept)
+
+
+def test_a_circuit_without_the_mean_over_channels_refuses_what_is_expected():
+    ahead = expecting(
+        separated_evidence(3, 4, 0.5, rng=stream(1, "x")), 3.0, 5.0, rng=stream(1, "r")
+    )
+    with refused("evidence ^the expectation is common to all channels"):
+        BasalGanglia(macaque(2), "algebra", gain=0.5, centred=True).run(ahead)

@@ -20,6 +20,7 @@ from bgmodel.integrators.baselines import (
     MaxVsAverage,
     MaxVsNext,
     Race,
+    baselines_on,
 )
 from bgmodel.integrators.sprt import at_readings
 from bgmodel.simulated_evidence import separated_evidence
@@ -154,3 +155,8 @@ def test_decision_times_are_those_that_bogacz_and_gurney_print():
     assert times["MSPRT"] == pytest.approx(515, abs=25)
     assert times["LCA"] == pytest.approx(628, abs=30)
     assert times["race"] == pytest.approx(676, abs=30)
+
+
+def test_without_a_zero_only_baselines_that_compare_are_left():
+    assert baselines_on(True) == list(BASELINES)
+    assert baselines_on(False) == ["max vs average", "max vs next"]

@@ -13,7 +13,8 @@ from bgmodel.integrators import basal_ganglia
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import acts_as, fitting_gain, gain_of, lead_of
 from bgmodel.support.files import read_provenance
-from circuits.anatomy import macaque
+from bgmodel.sweeps.sweep import Sweep
+from circuits.anatomy import load_circuit, macaque
 from circuits.errors import RangeWarning
 from tests.helpers import run, unwarned
 
@@ -138,3 +139,22 @@ def test_an_edit_that_shifts_out_acts_as_a_criterion(edits, shift):
     assert ("lower" if shift < 0 else "higher") in text
     assert f" {abs(shift):.3g} nats" in text
     assert f" {np.exp(shift):.3g} times the posterior" in text
+
+
+@pytest.mark.parametrize("name", ["spiking_msprt", "appendix_b"])
+def test_a_circuit_without_a_measured_limit_keeps_its_gain(name):
+    table = load_circuit(name, 2)
+    assert BasalGanglia(table).adapted_to(STRONG).gain == gain_of(table)
+    assert BasalGanglia(table).unadapted.gain == gain_of(table)
+
+
+def test_a_sweep_gives_each_task_its_gain_and_all_edits_of_it_one(tmp_path):
+    (tmp_path / "s.toml").write_text(
+        "[task]\ntrials = 60\nt_max = 15\n[grid]\n"
+        '"task.d_prime" = [0.5, 4.0]\n"set STN->GPe.delay_ms" = [3, 4]\n'
+    )
+    table = Sweep.from_toml(tmp_path / "s.toml").run().table
+    gains = table.groupby("task.d_prime")["gain"].agg(["min", "max"])
+    assert (gains["min"] == gains["max"]).all()
+    assert gains.loc[0.5, "min"] == TABLE.default_gain
+    assert gains.loc[4.0, "min"] < TABLE.default_gain

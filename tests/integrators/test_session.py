@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import bgmodel as bg
-from circuits.errors import DeadlineWarning
+from circuits.errors import DeadlineWarning, RangeWarning
 from tests.helpers import refused
 
 CIRCUIT = bg.load_circuit("macaque", 2)
@@ -149,3 +149,16 @@ def test_a_late_reading_takes_the_nearest_step(at_ms):
     session = bg.Msprt().session(2, posterior=0.95, step_ms=100.0)
     session.add([0.1, 0.0], at_ms=at_ms)
     assert len(session.readings) == round(at_ms / 100.0)
+
+
+def test_a_session_says_once_that_readings_leave_the_range_of_the_circuit():
+    """As `decide` says it of the same readings."""
+    model = bg.BasalGanglia(CIRCUIT, "rate")
+    session = model.session(posterior=0.82, step_ms=20.0, t_max=20, baseline=0.0)
+    with pytest.warns(RangeWarning, match="macaque works from"):
+        session.add([-9.0, -9.0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RangeWarning)
+        session.add([-9.0, -9.0])
+        session.next()
+        session.add([-9.0, -9.0])

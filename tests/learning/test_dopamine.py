@@ -7,6 +7,7 @@ import pytest
 
 from bgmodel import first_crossing
 from bgmodel.deciding.decision import any_crossing
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.learning.dopamine import (
     THRESHOLD_NATS,
@@ -17,7 +18,10 @@ from bgmodel.learning.dopamine import (
     usable_range,
     working_range,
 )
+from bgmodel.simulated_evidence import separated_evidence
 from circuits.anatomy import load_circuit
+from circuits.engines import Rate
+from circuits.errors import NoiseWarning
 from tests.helpers import refused
 from tests.levels import GAIN, LEVELS, MODEL, SEED
 
@@ -128,3 +132,11 @@ def test_a_sweep_of_levels_is_the_circuit_at_each_level(swept, level_evidence):
     alone = first_crossing(changed.run(level_evidence), THRESHOLD_NATS)
     assert np.array_equal(alone.choice, swept.choice[2])
     assert np.array_equal(alone.time_ms, swept.time_ms[2])
+
+
+def test_a_level_at_which_a_circuit_decides_against_the_evidence_is_warned_of():
+    evidence = separated_evidence(100, 60, 0.7, rng=3, step_ms=50.0)
+    model = BasalGanglia("macaque", Rate(rates=False))
+    with pytest.warns(NoiseWarning):
+        decisions = decide_at_levels(model, evidence, [0.0, 1.0], 0.2)
+    assert (decisions.choice[1] == evidence.truth).mean() < 0.2

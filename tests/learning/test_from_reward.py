@@ -123,3 +123,10 @@ def test_that_nothing_was_learned_is_said():
 def test_what_cannot_be_learned_is_one_sentence(changes, says):
     with refused(says):
         learn(**({"task": SameDifferent()} | changes))
+
+
+def test_dopamine_without_a_circuit_is_that_of_the_default_one():
+    options = {"what": DOPAMINE, "runs": 1, "trials": 120, "seed": 3}
+    learned = learn(Gaussian(), learner=SHORT, **options)
+    named = learn(Gaussian(), bg.BasalGanglia("macaque", "rate", seed=3), learner=SHORT, **options)
+    assert np.array_equal(learned.learned, named.learned)

@@ -17,6 +17,8 @@ from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import Learner
 from bgmodel.tactile.source import held_out_taps
 from bgmodel.theory.sprt import Optimum, optimal_separation, reward_curve
+from circuits.errors import RangeWarning
+from tests.helpers import unwarned
 
 TAPS = held_out_taps()
 
@@ -82,3 +84,11 @@ def test_every_run_of_every_fold_has_its_own_course_from_the_start_to_what_is_le
     assert (same == 1).all(axis=None)
     assert table["optimal_separation"].nunique() == 2
     assert (table["start_regret"] > 0).all()
+
+
+def test_a_policy_that_cannot_learn_the_best_gap_is_said_to():
+    policy = GaussianPolicy()
+    with pytest.warns(RangeWarning, match="the best gap, 9.00 nats"):
+        assert policy_for(policy, [Optimum(9.0, 1.0)]) is policy
+    with unwarned():
+        policy_for(policy, [Optimum(7.0, 1.0)])

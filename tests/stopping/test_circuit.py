@@ -127,3 +127,8 @@ def test_it_warns_as_a_decision_without_a_stop_does(evidence):
         ):
             with pytest.warns(kind, match=says):
                 decide(model, drawn)
+
+
+def test_a_signal_that_rings_is_warned_of():
+    with pytest.warns(RangeWarning, match="20 Hz"):
+        StopSignal(amount_nats=3.0)

@@ -306,3 +306,16 @@ def test_a_signal_of_nothing_is_warned_of():
         StopTask(amount_nats=0.0)
     with unwarned():
         StopTask(amount_nats=0.0, cancel_ms=50.0)
+
+
+def test_the_command_says_why_there_is_no_estimate(capsys):
+    options = ["--task", "d_prime=0.35", "step_ms=10", "trials=120", "t_max=40", "--stop"]
+    options += ["share=0.5", "delays_ms=20"]
+    assert main([*RUN, *options]) == 0
+    text = capsys.readouterr().out
+    assert "no stop-signal reaction time: at no delay do 25% to 75% of the stop trials" in text
+    assert "% of go trials missed, no failed stops, responses in 0.0% of stop trials" in text
+    assert "nan" not in text.partition("mean go time")[2]
+    assert main([*RUN, "--json", *options]) == 0
+    printed = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert printed["ssrt_by_delay_ms"] is None

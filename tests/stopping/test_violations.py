@@ -6,6 +6,7 @@ import pytest
 from bgmodel.stopping.trials import StopTrials, drawn_delays
 from bgmodel.stopping.violations import (
     slowing,
+    slowing_of,
     violations,
     violations_of,
 )
@@ -71,3 +72,10 @@ def test_a_delay_belongs_to_the_nearest_centre_and_half_way_to_the_later():
     table = violations(StopTrials([300.0, *[np.nan] * 5], ssd), SSRT_MS)
     assert table["ssd_ms"].tolist() == [150.0, 200.0, 250.0]
     assert table["trials"].tolist() == [2, 2, 1]
+
+
+def test_slowing_over_people_leaves_out_those_without_such_trials():
+    one = StopTrials([400.0, 350.0, 470.0, 410.0], [np.nan, 200.0, np.nan, np.nan])
+    table = slowing_of({"a": one, "b": one}).set_index("measure")
+    assert table.loc["after_failed_stop_ms", ["value", "se", "people"]].tolist() == [60, 0, 2]
+    assert table.loc["after_successful_stop_ms", "people"] == 0

@@ -8,16 +8,18 @@ from hypothesis import strategies as st
 from bgmodel import BasalGanglia, Evidence, Msprt, Sprt, compare, first_crossing, stream
 from bgmodel.deciding.reward import reward
 from bgmodel.deciding.tradeoff import tradeoff
-from bgmodel.integrators.baselines import BASELINES
+from bgmodel.integrators.baselines import BASELINES, Lca, LinearGpe
 from bgmodel.integrators.deciding import decide_at_thresholds
+from bgmodel.integrators.sprt import Stream, tally_sprt
 from bgmodel.learning.dopamine import stopping_posterior, working_range
-from bgmodel.simulated_evidence import separated_evidence
+from bgmodel.simulated_evidence import expecting, separated_evidence
 from bgmodel.support.checks import is_number, is_whole, one_per_trial, reals, whole
 from bgmodel.support.files import read_table
 from bgmodel.tables.evidence import read_evidence_table
 from bgmodel.tables.named import NamedEvidence, trial_table
 from circuits import engines
 from circuits.anatomy import CIRCUITS, load_circuit
+from circuits.errors import InputError
 from tests.helpers import refused, some_evidence
 
 READINGS = some_evidence(trials=4, steps=3, hypotheses=2).log_likelihood
@@ -144,3 +146,28 @@ def test_one_trial_by_its_number_is_evidence_of_that_trial():
     assert [one.trial_numbers[0] for one in EVIDENCE] == [0, 1, 2, 3]
     with refused("trials got 0 of 4"):
         EVIDENCE[2:2]
+
+
+ODD = ["0.5", "abc", None, 1j, [], {}, object()]
+
+
+CALLS = {
+    "leak_hz": Lca,
+    "slope": lambda odd: LinearGpe(slope=odd),
+    "separation": lambda odd: separated_evidence(2, 3, odd, rng=1),
+    "conflict": lambda odd: separated_evidence(2, 3, 0.5, rng=1, conflict=odd),
+    "trials": lambda odd: separated_evidence(odd, 3, 0.5, rng=1),
+    "rng": lambda odd: separated_evidence(2, 3, 0.5, rng=odd),
+    "foreperiod_ms": lambda odd: expecting(EVIDENCE, 1.0, odd, rng=1),
+    "thresholds": lambda odd: tally_sprt(EVIDENCE, odd),
+    "test": lambda odd: Stream(odd, 0.2),
+    "threshold": lambda odd: Stream(Msprt(), odd),
+}
+
+
+@pytest.mark.parametrize("field", CALLS)
+def test_what_is_of_the_wrong_kind_is_refused_by_name(field):
+    for odd in ODD:
+        with pytest.raises(InputError) as caught:
+            CALLS[field](odd)
+        assert caught.value.field.startswith(field)

@@ -12,7 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import bgmodel as bg
-from bgmodel import BasalGanglia, Msprt, first_crossing
+from bgmodel import BasalGanglia, Evidence, Msprt, first_crossing
 from bgmodel.deciding.decision import Decision
 from bgmodel.deciding.measures import OF_ALL
 from bgmodel.deciding.tally import tally
@@ -248,3 +248,23 @@ def test_an_outcome_is_a_forest_of_changes_with_their_verdicts(outcome):
     texts = [text.get_text().lower() for ax in figure.axes for text in ax.texts]
     assert all(verdict in texts for verdict in outcome.verdicts()["outcome"])
     plt.close(figure)
+
+
+def test_what_is_not_known_is_said_and_nothing_is_warned_of(recwarn):
+    blank = first_crossing(TRACE, 1e-9, forced=False, checked=False)
+    assert "mean_time_ms unknown" in repr(blank)
+    assert f"undecided {SHOWN.trials}" in repr(blank)
+    assert "truth unknown" in repr(Evidence(np.zeros((2, 3, 2))))
+    assert not recwarn.list
+
+
+def test_several_thresholds_are_drawn_as_speed_and_accuracy():
+    decision = first_crossing(TRACE, THRESHOLDS)
+    (ax,) = decision.plot(Figure().subplots(), SHOWN.truth).axes
+    counts = tally(TRACE, SHOWN.truth, THRESHOLDS)
+    order = np.argsort(counts.mean_steps)
+    assert ax.lines[0].get_ydata() == pytest.approx(np.asarray(counts.accuracy)[order])
+    times = np.nanmean(decision.time_ms, axis=1)
+    assert ax.lines[0].get_xdata() == pytest.approx(np.sort(times))
+    with refused("truth several thresholds need the truth"):
+        replace(decision, truth=None).plot()

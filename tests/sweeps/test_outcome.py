@@ -12,7 +12,7 @@ from bgmodel.support.seeds import stream
 from bgmodel.sweeps import outcome, shards
 from bgmodel.sweeps.plan import Plan
 from bgmodel.task import Gaussian
-from tests.helpers import refused, told
+from tests.helpers import behaving, refused, told
 
 TASK = Gaussian(trials=80, t_max=30)
 
@@ -155,3 +155,56 @@ def test_three_keys_have_a_table_and_no_figure():
     plan = Plan(grid={"lesion STN": (0.1,), "lesion GPe": (0.1,), "dopamine": (1.0,)})
     with refused("axes"):
         outcome.draw(plan, pd.DataFrame())
+
+
+def test_a_bootstrap_in_parts_weighs_every_trial_as_often(tmp_path, monkeypatch):
+    weights = np.concatenate(list(outcome._weights(3, 40)))
+    monkeypatch.setattr(outcome, "AT_ONCE", 40 * 300)
+    parts = np.concatenate(list(outcome._weights(3, 40)))
+    assert np.array_equal(parts, weights)
+
+
+def test_too_few_decisions_are_said(tmp_path):
+    _, table = swept(tmp_path, grid={"posterior": (0.94,)}, task=Gaussian(trials=80, t_max=1))
+    assert set(table["remark"]) == {"fewer than 20 trials are decided in time"}
+
+
+def test_a_star_stands_at_every_number_that_has_a_remark():
+    plan = Plan(grid={"posterior": (0.7, 0.8, 0.9)}, show=("accuracy",))
+    points = points_of(plan, [0.6, 0.7, np.nan], ["", "few decide", "rates run away"])
+    (panel,) = (figure := outcome.draw(plan, points)).axes
+    assert [(star.get_text(), star.xy) for star in panel.texts] == [("*", (0.8, 0.7))]
+    assert "*: see remark" in figure.get_suptitle()
+    (panel,) = (figure := outcome.draw(plan, points_of(plan, [0.6, 0.7, 0.8]))).axes
+    assert not panel.texts
+    assert "*" not in figure.get_suptitle()
+
+
+def test_a_grid_with_a_short_key_is_a_line_per_value_of_it():
+    plan = Plan(
+        grid={"engine": ("rate", "algebra"), "posterior": (0.7, 0.8, 0.9)}, show=("accuracy",)
+    )
+    figure = outcome.draw(plan, points_of(plan, [0.6, 0.7, 0.8, 0.5, 0.6, 0.7]))
+    lines = [bars.lines[0] for bars in figure.axes[0].containers]
+    assert [list(line.get_ydata()) for line in lines] == [[0.6, 0.7, 0.8], [0.5, 0.6, 0.7]]
+    (legend,) = figure.legends
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert labels == ["engine = rate", "engine = algebra"]
+
+
+def test_only_where_there_are_two_alternatives_a_diffusion_is_said_to_be_withheld(
+    tmp_path, monkeypatch
+):
+    """Times that do not vary are those of no diffusion."""
+    for channels, says in (
+        (2, "drift, boundary_separation, non_decision_ms are withheld: no diffusion"),
+        (4, ""),
+    ):
+        plan = Plan(grid={"task.channels": (channels,)}, task=TASK)
+        truth = np.arange(80) % channels
+        behaviour = behaving(truth, np.full(80, 400.0), truth, channels=channels)
+        monkeypatch.setattr(outcome, "read", lambda *_, behaviour=behaviour: (behaviour, ""))
+        (setting,) = plan.all_points()
+        (remark,) = set(outcome.measured(setting, tmp_path)["remark"])
+        assert remark.startswith(says)
+        assert bool(remark) == bool(says)

@@ -13,12 +13,13 @@ from bgmodel.tables.cautions import (
     STEPS_S,
     check_deadline,
     check_signs,
+    check_times,
     without_rounding,
 )
 from bgmodel.tables.shipped import shipped
 from bgmodel.trials.reading import read_trials
 from circuits.errors import DataWarning
-from tests.helpers import refused
+from tests.helpers import refused, unwarned
 from tests.read import read
 
 TRIALS = 400
@@ -241,3 +242,8 @@ def test_response_1_is_doubted_where_it_is_less_than_three_fifths_of_responses(r
     assert len(doubts) == doubted
     if doubted:
         assert "it is 60% of responses" in doubts[0]
+
+
+def test_few_times_say_nothing_of_their_steps():
+    with unwarned():
+        check_times(np.full(9, 8.0))

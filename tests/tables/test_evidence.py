@@ -14,6 +14,7 @@ from bgmodel.support.files import write_table
 from bgmodel.support.seeds import stream
 from bgmodel.tables.evidence import read_evidence_table, trials_from_table
 from bgmodel.tables.named import trial_table
+from bgmodel.tactile.task import Orientation, SameDifferent
 from circuits.errors import CalibrationWarning, DataWarning
 from tests.helpers import long_table, refused, unwarned
 
@@ -329,3 +330,18 @@ def test_natural_logarithms_are_never_taken_for_others():
 def test_the_baseline_is_the_mean_of_all_numbers():
     evidence = trials_from_table(ragged(stream(3, "baseline"))[0]).evidence
     assert evidence.baseline == evidence.mean_reading
+
+
+def test_a_table_of_running_sums_is_doubted_once():
+    table = long_table(separated_evidence(30, 12, 0.5, rng=4))
+    told = ["ll_a", "ll_b"]
+    table[told] = table.groupby("trial")[told].cumsum()
+    with pytest.warns(DataWarning, match="correlate") as caught:
+        trials_from_table(table)
+    assert len(caught) == 1
+
+
+def test_taps_that_ship_are_natural_logarithms():
+    with unwarned():
+        for task in (SameDifferent(), Orientation(2)):
+            warn_of_units(task.evidence(1000, seed=stream(0, "taps")))

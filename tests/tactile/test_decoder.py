@@ -251,3 +251,12 @@ def test_nan_displacements_are_refused(decoder):
     taps.displacement_mm[3, 4, 0] = np.nan
     with refused("taps finite displacements"):
         decoder.decode(taps)
+
+
+def test_an_interrupted_training_leaves_nothing(tmp_path, monkeypatch):
+    def stop(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("bgmodel.tactile.decoder._epoch", stop)
+    with pytest.raises(KeyboardInterrupt, match="no decoder was written"):
+        train(striped_taps(), seed=1, training=QUICK)

@@ -183,3 +183,9 @@ def test_ids_are_text_as_written_and_blanks_are_refused(tmp_path):
         data.loc[3, "participant_id"] = ""
         data.to_csv(files[0], index=False, sep="\t")
         read_trials(files[0], evidence=files[1])
+
+
+def test_evidence_without_trials_warns():
+    data, evidence = tables(few(40, alternatives=2))
+    with pytest.warns(DataWarning):
+        assert read_known(data[:30], evidence).trials == 30

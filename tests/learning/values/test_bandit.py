@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import expit, logit
 
-from bgmodel.learning.values.bandit import Bandit, IdealLearner
+from bgmodel.learning.values.bandit import Bandit, IdealLearner, ideal_of
 from bgmodel.learning.values.learners import (
     LEARNERS,
     Confidence,
@@ -19,7 +19,7 @@ from bgmodel.learning.values.learners import (
     Reinforce,
     learner_of,
 )
-from bgmodel.learning.values.play import play
+from bgmodel.learning.values.play import play, relative_regret
 from tests.helpers import refused
 
 P = st.floats(0.05, 0.95)
@@ -175,3 +175,20 @@ def test_learners_side_by_side_are_learners_alone_and_a_seed_gives_the_same_choi
 def test_bad_input_is_refused(call, field):
     with refused(field):
         call()
+
+
+def test_the_ideal_learner_has_the_least_regret_where_reversals_have_its_hazard():
+    bandit = Bandit(hazard=0.03)
+    ideal = play(ideal_of(bandit), bandit, trials=400, runs=150, seed=4)
+    others = [IdealLearner(better=0.8, worse=0.2, hazard=h) for h in (0.0005, 0.4)]
+    for learner in (*others, *LEARNERS):
+        ratio, error = relative_regret(play(learner, bandit, trials=400, runs=150, seed=4), ideal)
+        assert ratio - 1 > -2 * error
+    assert relative_regret(ideal, ideal) == (1.0, 0.0)
+
+
+def test_regret_counts_the_rewards_forgone():
+    played = play("q", Bandit(0.9, 0.4), trials=30, runs=4, seed=5)
+    wrong = (played.choice != played.draws.best).sum(axis=0)
+    assert played.regret == pytest.approx(0.5 * wrong)
+    assert np.isnan(played.time_ms).all()

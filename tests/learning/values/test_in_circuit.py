@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 import bgmodel as bg
+from bgmodel.learning.values.bandit import Bandit
 from bgmodel.learning.values.in_circuit import ValueCircuit
+from bgmodel.learning.values.learners import QBoth
+from bgmodel.learning.values.play import play
 from tests.helpers import refused
 
 
@@ -63,3 +66,10 @@ def test_each_block_has_its_own_noise_and_a_seed_gives_the_same_bytes(circuit):
 def test_bad_input_is_refused(call, field):
     with refused(field):
         call()
+
+
+def test_choices_of_the_circuit_teach_the_learner(circuit):
+    played = play(QBoth(rate=0.3), Bandit(), trials=40, runs=8, seed=3, chooser=circuit)
+    assert np.isfinite(played.time_ms).all()
+    assert played.difference[-10:].mean() > 0.4
+    assert played.correct[-10:].mean() > 0.75

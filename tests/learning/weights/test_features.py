@@ -142,3 +142,10 @@ def test_whole_trials_are_drawn_from_a_table():
     assert {tuple(v.ravel()) for v in drawn.values} == {tuple(v.ravel()) for v in values}
     check_learnable(drawn)
     assert "units 2" in repr(drawn)
+
+
+def test_the_first_and_last_units_of_a_circular_histogram_are_neighbours():
+    activity = soft_histogram([85.0, -95.0, 75.0], [-80.0, -20.0, 70.0], period=180)
+    assert activity[0] == pytest.approx([0.5, 0, 0.5])
+    assert activity[1] == pytest.approx(activity[0])
+    assert activity[2] == pytest.approx([1 / 6, 0, 5 / 6])

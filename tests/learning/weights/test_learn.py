@@ -22,7 +22,7 @@ from bgmodel.learning.weights.sources import PoissonFeatures, tap_features
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.source import held_out_taps
 from bgmodel.tactile.task import SameDifferent
-from circuits.errors import CalibrationWarning
+from circuits.errors import CalibrationWarning, NoiseWarning
 from tests.helpers import refused, unwarned
 
 CELLS = PoissonFeatures(channels=3, units=12, centred=True, t_max=25)
@@ -241,3 +241,17 @@ def test_labels_are_exchanged_from_the_trial_of_the_reversal_on():
     for number, label in ((4, [0, 1, 2]), (5, [1, 2, 0]), (6, [1, 2, 0])):
         assert feedback.label(truth, 3, number).tolist() == label
     assert Feedback().label(truth, 3, 9).tolist() == [0, 1, 2]
+
+
+def test_rewards_of_any_size_suit_a_critic_that_only_averages():
+    learned = learn_weights(
+        CELLS, seed=1, runs=2, rule="reinforce", feedback=Feedback(right=2, wrong=-1),
+        learner=WeightLearner(trials=200),
+    )  # fmt: skip
+    assert np.isfinite(learned.weights).all()
+
+
+def test_feedback_that_is_right_half_of_the_time_is_warned_of():
+    with pytest.warns(NoiseWarning, match="tells nothing"):
+        learn_weights(CELLS, seed=1, runs=1, critic="affine", feedback=Feedback(valid=0.5),
+                      learner=WeightLearner(trials=10))  # fmt: skip
