@@ -97,3 +97,10 @@ def test_what_is_no_fit_to_the_same_trials_is_refused(some, right):
     for wrong in ({}, {"one": 1, "two": 2}, {"one": right, "two": other}):
         with refused("fits"):
             compare_fits(wrong)
+
+
+def test_the_figure_has_a_row_for_each_model(twice):
+    figure = twice.plot()
+    total, each = figure.axes
+    assert [label.get_text() for label in total.get_yticklabels()] == ["one", "two"]
+    assert len(each.lines) >= 2

@@ -15,8 +15,11 @@ from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import Optimum
+from bgmodel.fitting.simulated.circuit import CircuitModel
+from bgmodel.fitting.simulated.error import without_parts
 from bgmodel.fitting.trials.design import design_of
-from tests.drawn import TRUTH, drawn
+from circuits.anatomy import load_circuit
+from tests.drawn import TRUTH, choices, drawn
 
 MODEL, SEED = GapModel(), 92
 STRENGTHS = [0.0, 0.1, 0.2, 0.4]
@@ -143,3 +146,17 @@ def test_data_and_model_share_the_number_of_trials_and_nothing_else():
     excess = at_truth(guessing()).excess
     fixed = {name: int(abs(each.off.sum()) < 1e-6) for name, each in excess.items()}
     assert fixed == FIXED
+
+
+def test_the_error_of_simulated_trials_is_part_of_the_z_scores():
+    seen = choices([0.1] * 40 + [0.4] * 40, [1, 0, 1, 1] * 20, 0.4 + np.arange(80) / 200)
+    model = CircuitModel(load_circuit("bogacz_gurney", 2), "algebra", seconds=1.0, trials=16)
+    likelihood = likelihood_of(model, design_of(seen), free=["threshold_nats"])
+    best = Optimum(likelihood, np.array([0.25]), 0.0, 0)
+    from bgmodel.fitting.identify import directions
+
+    left = without_parts(likelihood, directions(likelihood, best.vector))
+    alone, with_error = misfit(best), misfit(best, left)
+    assert (np.abs(with_error.z_accuracy) < np.abs(alone.z_accuracy)).all()
+    assert (np.abs(with_error.z_mean_rt) < np.abs(alone.z_mean_rt)).all()
+    assert all(with_error.p[name] >= p for name, p in alone.p.items())

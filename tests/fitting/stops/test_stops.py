@@ -9,6 +9,7 @@ from scipy.stats import norm
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.hierarchy.fit import fit_group
 from bgmodel.fitting.hierarchy.group import ALMOST
+from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.stops.data import GO, go_process, laid
 from bgmodel.fitting.stops.model import TEST, StopModel, circuit_stop, stop_model
 from bgmodel.fitting.stops.race import StopRace, likelihood
@@ -197,3 +198,14 @@ def test_a_person_without_enough_trials_is_refused():
     ):
         with refused("ssd"):
             likelihood("constant_gap", few.to_trials())
+
+
+def test_shuffled_delays_are_far_less_likely():
+    """Negative control: outcomes that do not depend on the delay contradict the closed form."""
+    trials, rng = raced(3, 800), np.random.default_rng(5)
+    ssd_s = trials.ssd_s.copy()
+    ssd_s[~np.isnan(ssd_s)] = rng.permutation(ssd_s[~np.isnan(ssd_s)])
+    true, shuffled = (
+        optimum(likelihood(ALIKE, each)) for each in (trials, replace(trials, ssd_s=ssd_s))
+    )
+    assert shuffled.log_likelihood < true.log_likelihood - 50
