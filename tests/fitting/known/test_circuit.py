@@ -112,3 +112,11 @@ def test_what_a_circuit_can_not_do_is_refused(trials):
     strong = replace(trials, log_likelihood=1e3 * trials.log_likelihood)
     with refused("evidence"):
         known_likelihood(KnownCircuit(MACAQUE), strong)
+
+
+def test_runs_differ_in_their_noise_and_repeat_with_the_seed(trials, outputs):
+    out = outputs.out({"gain": float(outputs.gains[0])})
+    assert out.shape == (8, trials.seen.sum(), 2)
+    assert out.std(axis=0).mean() > 0.005
+    again = KnownCircuit(MACAQUE, runs=8).on(trials, SPAN)
+    np.testing.assert_array_equal(again.stored, outputs.stored)
