@@ -53,3 +53,10 @@ def test_what_cannot_be_compared_has_its_reason_also_where_others_can(reason):
     lines = verdicts(comparison.table, [named[1]]).splitlines()
     at = lines.index(f"  at {accuracies[0]:g}: {NOT_REACHED}")
     assert "warning" in lines[at + 1]
+
+
+def test_without_reason_nothing_is_said():
+    evidence = gaussian_evidence(200, d_prime=0.7, t_max=120, seed=1)
+    comparison, warned = said_of(RATES, evidence, (0.8, 0.9, 0.95, 0.97))
+    assert not warned
+    assert NOT_REACHED not in verdicts(comparison.table)

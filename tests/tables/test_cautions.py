@@ -247,3 +247,22 @@ def test_response_1_is_doubted_where_it_is_less_than_three_fifths_of_responses(r
 def test_few_times_say_nothing_of_their_steps():
     with unwarned():
         check_times(np.full(9, 8.0))
+
+
+@pytest.mark.parametrize("step_s", [0.01, 0.005, 0.002, 0.001])
+def test_finer_steps_are_not_worth_a_word(step_s):
+    assert texts(table(rt=step_s * np.round(GOOD["rt"] / step_s)), **NAMED) == []
+
+
+@pytest.mark.parametrize("step_s", [0.01, 1 / 60, 0.1, 0.5])
+def test_times_in_coarse_steps_are_no_copies(step_s):
+    for seed in range(5):
+        many = shuffled(2000, seed)
+        rounded = ((many["rt"] / step_s).round() * step_s).clip(lower=step_s).round(3)
+        assert not any("duplicates" in text for text in texts(many.assign(rt=rounded), **NAMED))
+
+
+def test_trials_without_a_response_are_no_copies():
+    late = shuffled(TRIALS, 1)
+    late.loc[late.index % 4 == 0, ["rt", "response"]] = np.nan
+    assert texts(late, **NAMED, deadline_s=3.0) == []
