@@ -29,13 +29,6 @@ def test_a_soft_histogram_interpolates_between_its_centres():
     assert (activity > 0).sum(axis=1).max() == 2
 
 
-def test_the_first_and_last_units_of_a_circular_histogram_are_neighbours():
-    activity = soft_histogram([85.0, -95.0, 75.0], [-80.0, -20.0, 70.0], period=180)
-    assert activity[0] == pytest.approx([0.5, 0, 0.5])
-    assert activity[1] == pytest.approx(activity[0])
-    assert activity[2] == pytest.approx([1 / 6, 0, 5 / 6])
-
-
 def test_even_centres_make_units_equally_active():
     rng = np.random.default_rng(1)
     readings = [rng.normal(0, 1, 4000), rng.normal(8, 3, 4000)]
@@ -104,14 +97,6 @@ def test_a_table_is_read_in_any_order_of_its_rows():
         _ = drawn.exact
 
 
-def test_a_table_with_log_likelihoods_keeps_them():
-    exact = table().assign(ll_right=[1.0, 2, 3, -1, -2], ll_left=0.0)
-    drawn = features_from_table(exact, step_ms=50)
-    assert drawn.names == ("right", "left")
-    assert drawn.truth.tolist() == [0, 1]
-    assert drawn.exact.log_likelihood[1, 1].tolist() == [-2, 0]
-
-
 @pytest.mark.parametrize(
     ("wanted", "change", "hypotheses"),
     [
@@ -157,3 +142,10 @@ def test_whole_trials_are_drawn_from_a_table():
     assert {tuple(v.ravel()) for v in drawn.values} == {tuple(v.ravel()) for v in values}
     check_learnable(drawn)
     assert "units 2" in repr(drawn)
+
+
+def test_the_first_and_last_units_of_a_circular_histogram_are_neighbours():
+    activity = soft_histogram([85.0, -95.0, 75.0], [-80.0, -20.0, 70.0], period=180)
+    assert activity[0] == pytest.approx([0.5, 0, 0.5])
+    assert activity[1] == pytest.approx(activity[0])
+    assert activity[2] == pytest.approx([1 / 6, 0, 5 / 6])
