@@ -73,7 +73,7 @@ def test_models_that_need_a_zero_get_one():
 
 def test_a_course_in_seconds_is_doubted():
     with pytest.warns(EditWarning, match="times are in ms"):
-        bg.load_circuit("macaque").add("dopamine amount=0.2 from_ms=0.1 to_ms=0.3")
+        bg.load_circuit("macaque").add("dopamine", amount=0.2, from_ms=0.1, to_ms=0.3)
 
 
 def test_a_change_in_fractions_of_a_percent_is_doubted():
@@ -245,8 +245,8 @@ def test_dopamine_needs_receptors():
 
 
 def test_a_course_after_the_trials_is_doubted():
-    late = bg.load_circuit("macaque").add("dopamine amount=0.2 from_ms=2100")
-    soon = bg.load_circuit("macaque").add("dopamine amount=0.2 from_ms=1900")
+    late = bg.load_circuit("macaque").add("dopamine", amount=0.2, from_ms=2100)
+    soon = bg.load_circuit("macaque").add("dopamine", amount=0.2, from_ms=1900)
     readings = evidence(100)[:4]  # 40 readings, 50 ms each
     model = bg.BasalGanglia(late, "rate")
     for call in (model.run, lambda heard: model.decide(heard, posterior=0.8)):

@@ -22,13 +22,13 @@ from tests.strategies.edits import WRONG
 EDITS = {
     "lesion": lambda c: c.lesion("STN", 0.3),
     "clamped lesion": lambda c: c.clamp("GPe"),
-    "weight": lambda c: c.scale("STN", "GPe", 0.5),
-    "axons": lambda c: c.cut("STN", "GPe", 0.5),
-    "axons of one channel": lambda c: c.cut("D1", "SNr", 0.5, channel=1),
-    "one channel": lambda c: c.scale("D1", "SNr", 0.5, channel=1),
+    "weight": lambda c: c.scale("STN->GPe", 0.5),
+    "axons": lambda c: c.cut("STN->GPe", 0.5),
+    "axons of one channel": lambda c: c.cut("D1->SNr", 0.5, channel=1),
+    "one channel": lambda c: c.scale("D1->SNr", 0.5, channel=1),
     "lesion in one channel": lambda c: c.lesion("STN", 0.3, channel=1),
     "dopamine": lambda c: c.dopamine(0.8),
-    "delay": lambda c: c.with_projection("STN", "GPe", delay_ms=7),
+    "delay": lambda c: c.with_projection("STN->GPe", delay_ms=7),
     "time constant": lambda c: (
         c.with_cell("STN", tau_ms=7)
         if c.population("STN").cell.hears == "nats"  # the membrane filters
@@ -36,7 +36,7 @@ EDITS = {
     ),
     "neurons": lambda c: c.with_population("STN", neurons=7),
     "channels": lambda c: c.with_channels(5),
-    "row": lambda c: c.add(Population("TRN", c.population("STN").cell)),
+    "row": lambda c: c.with_rows(Population("TRN", c.population("STN").cell)),
 }
 
 
@@ -61,10 +61,10 @@ def test_a_circuit_is_one_line_that_tells_two_apart():
 
 def test_edits_that_change_nothing_return_the_circuit(circuit):
     assert circuit.lesion("STN", 0) is circuit
-    assert circuit.scale("STN", "GPe", 1) is circuit
-    assert circuit.cut("STN", "GPe", 0) is circuit
-    assert circuit.cut("STN", "GPe", 0, channel=0) is circuit
-    assert circuit.scale("STN", "GPe", 1, channel=0) is circuit
+    assert circuit.scale("STN->GPe", 1) is circuit
+    assert circuit.cut("STN->GPe", 0) is circuit
+    assert circuit.cut("STN->GPe", 0, channel=0) is circuit
+    assert circuit.scale("STN->GPe", 1, channel=0) is circuit
     assert circuit.dopamine(1) is circuit
     assert circuit.with_channels(circuit.channels).about == circuit.about
 
@@ -86,21 +86,21 @@ def test_one_channel_is_scaled_and_no_other(circuit):
     three = circuit.with_channels(3)
     each = three
     for channel in range(3):
-        each = each.scale("D1", "SNr", 0.5, channel).scale("D1", "SNr", 1.8, channel)
-    assert each.projection("D1", "SNr").factors == (0.9, 0.9, 0.9)
+        each = each.scale("D1->SNr", 0.5, channel).scale("D1->SNr", 1.8, channel)
+    assert each.projection("D1->SNr").factors == (0.9, 0.9, 0.9)
     out = {
         name: run_algebra(c, drive).output_nats[0, 0]
         for name, c in {
             "unedited": three,
-            "one": three.scale("D1", "SNr", 0.9, channel=1),
+            "one": three.scale("D1->SNr", 0.9, channel=1),
             "each": each,
-            "all": three.scale("D1", "SNr", 0.9),
+            "all": three.scale("D1->SNr", 0.9),
         }.items()
     }
     np.testing.assert_allclose(out["each"], out["all"], rtol=0, atol=1e-12)
     np.testing.assert_allclose(out["one"][[0, 2]], out["unedited"][[0, 2]], rtol=0, atol=1e-12)
     assert out["one"][1] == pytest.approx(out["all"][1], abs=1e-12)
-    assert not three.scale("D1", "SNr", 0.9, channel=1).exact
+    assert not three.scale("D1->SNr", 0.9, channel=1).exact
 
 
 def test_lesions_multiply_and_can_be_undone(circuit):
@@ -155,9 +155,9 @@ EXACT, SPIKING, MACAQUE = anatomy.bogacz_gurney(), anatomy.spiking_msprt(), anat
         ("intact_by_channel each of 2 channels, got 1$",
          lambda: MACAQUE.edited("set GPe.intact_by_channel=0.5")),
         ("intact_by_channel 0..1", lambda: MACAQUE.edited("set GPe.intact_by_channel=0.5,2")),
-        ("factors", lambda: SPIKING.scale("ctx", "D1", 0.5, channel=0).with_channels(4)),
-        ("transfer STN->GPe", lambda: EXACT.scale("STN", "GPe", 0.5, channel=0)),
-        ("transfer must be linear", lambda: EXACT.with_projection("STN", "GPe", probability=0.5)),
+        ("factors", lambda: SPIKING.scale("ctx->D1", 0.5, channel=0).with_channels(4)),
+        ("transfer STN->GPe", lambda: EXACT.scale("STN->GPe", 0.5, channel=0)),
+        ("transfer must be linear", lambda: EXACT.with_projection("STN->GPe", probability=0.5)),
         ("tau_ms STN: tau_ms is that of the Lif cell",
          lambda: replace(EXACT.population("STN"), cell=Lif(10, 3, 15, 5, 2, 0, 1))),
         ("cv", lambda: SPIKING.with_cell("STN", cv=1.5)),
@@ -169,10 +169,10 @@ EXACT, SPIKING, MACAQUE = anatomy.bogacz_gurney(), anatomy.spiking_msprt(), anat
         ("baseline_hz", lambda: named("appendix_b").with_population("SNr", baseline_hz=-20)),
         # What cuts the input from the read-out.
         ("readout", lambda: EXACT.lesion("STN").lesion("D1")),
-        ("readout", lambda: EXACT.lesion("STN").scale("D1", "SNr", 0)),
-        ("readout", lambda: EXACT.lesion("D1").scale("ctx", "STN", 0)),
+        ("readout", lambda: EXACT.lesion("STN").scale("D1->SNr", 0)),
+        ("readout", lambda: EXACT.lesion("D1").scale("ctx->STN", 0)),
         ("readout",
-         lambda: EXACT.scale("D1", "SNr", 0, 0).scale("D1", "SNr", 0, 1).lesion("STN")),
+         lambda: EXACT.scale("D1->SNr", 0, 0).scale("D1->SNr", 0, 1).lesion("STN")),
     ],
 )  # fmt: skip
 def test_an_edit_that_a_table_cannot_have_is_refused(wanted, edit):
@@ -189,7 +189,7 @@ def test_unknown_names_list_the_valid_ones(circuit):
     with refused(f"nucleus {nuclei}"):
         circuit.lesion("GPi")
     with refused(f"pathway {paths}"):
-        circuit.scale("STN", "GPi", 2)
+        circuit.scale("STN->GPi", 2)
     with refused("circuit one of bogacz_gurney, appendix_b.*got 'gprx'"):
         anatomy.load_circuit("gprx")
 
@@ -220,9 +220,9 @@ def test_receptors_at_terminals_scale_their_pathway_and_keep_rest(level):
 
 
 def test_receptors_of_a_pathway_go_before_those_of_the_cells_that_it_reaches():
-    circuit = anatomy.macaque().with_projection("ctx", "D1", receptor="D2")
-    weight = circuit.projection("ctx", "D1").weight
-    assert circuit.dopamine(0.5).projection("ctx", "D1").weight == 1.5 * weight
+    circuit = anatomy.macaque().with_projection("ctx->D1", receptor="D2")
+    weight = circuit.projection("ctx->D1").weight
+    assert circuit.dopamine(0.5).projection("ctx->D1").weight == 1.5 * weight
 
 
 def test_an_edit_of_what_the_circuit_computes_takes_the_claim_to_exactness_away():
@@ -230,17 +230,17 @@ def test_an_edit_of_what_the_circuit_computes_takes_the_claim_to_exactness_away(
     for same in (
         exact.with_channels(7),
         exact.with_population("STN", tau_ms=3, neurons=2),
-        exact.with_projection("STN", "GPe", delay_ms=3, tau_ms=2),
+        exact.with_projection("STN->GPe", delay_ms=3, tau_ms=2),
         exact.dopamine(1),
     ):
         assert same.exact
     for other in (
         exact.lesion("STN", 0.1),
-        exact.scale("STN", "GPe", 0.5),
+        exact.scale("STN->GPe", 0.5),
         exact.dopamine(1.1),
         exact.with_population("STN", transfer="linear"),
-        exact.with_projection("STN", "SNr", pattern="channel"),
-        exact.add(Population("TRN", exact.population("STN").cell)),
+        exact.with_projection("STN->SNr", pattern="channel"),
+        exact.with_rows(Population("TRN", exact.population("STN").cell)),
         anatomy.linear_gpe(),
     ):
         assert not other.exact
@@ -266,10 +266,10 @@ def test_the_largest_lead_is_kept_by_edits_that_leave_times_as_they_are_and_clea
     assert np.isfinite(most)
     kept = [
         table.lesion("GPe", 0.1),
-        table.scale("ctx", "D1", 1.1),
+        table.scale("ctx->D1", 1.1),
         table.dopamine(0.9),
         table.edited("set STN.bias_nats=-2"),
-        table.add("D1->GPe weight=-0.1"),
+        table.add("D1->GPe", weight=-0.1),
         table.with_neurons_times(2),
         table.with_channels(2),
     ]
@@ -286,7 +286,7 @@ def test_the_largest_lead_is_kept_by_edits_that_leave_times_as_they_are_and_clea
 def test_a_circuit_is_a_mapping_of_its_rows():
     table = anatomy.load_circuit("macaque")
     assert table["STN"] == table.population("STN")
-    assert table["STN->GPe"] == table.projection("STN", "GPe")
+    assert table["STN->GPe"] == table.projection("STN->GPe")
     assert [row.name for row in table.values()] == list(table)
     assert len(table) == len(table.populations) + len(table.projections)
     assert "STN" in table

@@ -31,7 +31,7 @@ def drawn(circuit, **options):
 
 def test_the_drawing_shows_every_nucleus_and_pathway():
     extra = Population("PPN", anatomy.bogacz_gurney().populations[0].cell, cite="test")
-    circuit = anatomy.spiking_msprt().add(extra, Projection("PPN", "STN", 1, cite="test"))
+    circuit = anatomy.spiking_msprt().with_rows(extra, Projection("PPN", "STN", 1, cite="test"))
     texts, arrows, _ = drawn(circuit)
     assert {row.name for row in circuit.populations} <= texts
     assert set(arrows) == {p.name for p in circuit.projections}
@@ -57,7 +57,7 @@ def test_no_pathway_passes_through_a_nucleus_or_another_pathway(name):
 
 def test_nuclei_lie_as_in_textbooks():
     """Cortex is drawn above striatum, GPe next to STN, SNr below, others at free places."""
-    placed = drawing.boxes(MACAQUE.add("TRN like=STN", "TRN->GPe weight=0.1"))
+    placed = drawing.boxes(MACAQUE.edited("add TRN like=STN", "add TRN->GPe weight=0.1"))
     y = {name: box.y for name, box in placed.items()}
     assert y["ctx"] > y["D1"] == y["D2"] > y["GPe"] == y["STN"] > y["SNr"]
     assert placed["D1"].x < placed["D2"].x < placed["STN"].x
@@ -66,7 +66,7 @@ def test_nuclei_lie_as_in_textbooks():
 
 def test_many_new_nuclei_have_room():
     rows = [replace(MACAQUE.population("STN"), name=f"N{k}") for k in range(20)]
-    placed = drawing.boxes(MACAQUE.add(*rows))
+    placed = drawing.boxes(MACAQUE.with_rows(*rows))
     assert len({(box.x, box.y) for box in placed.values()}) == len(placed)
 
 
@@ -82,8 +82,8 @@ def test_an_arrow_is_as_wide_as_the_root_of_its_weight_and_dotted_where_nothing_
     weights = {"D1": 1.0, "D2": 4.0, "STN": 9.0}
     circuit = anatomy.spiking_msprt()
     for name, weight in weights.items():
-        circuit = circuit.with_projection("ctx", name, weight=weight)
-    circuit = circuit.with_projection("common", "ctx", weight=0.0).lesion("D2")
+        circuit = circuit.with_projection(f"ctx->{name}", weight=weight)
+    circuit = circuit.with_projection("common->ctx", weight=0.0).lesion("D2")
     _, arrows, _ = drawn(circuit)
     width = {name: arrow.get_linewidth() for name, arrow in arrows.items()}
     assert [width[f"ctx->{name}"] for name in weights] == pytest.approx([1.6, 2.6, 2.6])
@@ -93,7 +93,7 @@ def test_an_arrow_is_as_wide_as_the_root_of_its_weight_and_dotted_where_nothing_
 
 
 def test_lesions_and_edits_are_marked():
-    edited = MACAQUE.lesion("STN", 0.5).lesion("D2").clamp("GPe").scale("ctx", "D1", 0.5)
+    edited = MACAQUE.lesion("STN", 0.5).lesion("D2").clamp("GPe").scale("ctx->D1", 0.5)
     texts, _, ax = drawn(edited, reference=MACAQUE)
     assert {"STN\n50 % left", "D2\nsilenced", "GPe\nclamped"} <= texts
     assert sum(line.get_marker() == "*" for line in ax.lines) == 4

@@ -97,6 +97,6 @@ def test_a_psp_has_the_peak_that_its_area_was_asked_for(synapse_ms, membrane_ms)
 
 
 def test_a_cell_hears_at_least_one_cell_of_each_channel():
-    assert anatomy.humphries(16).projection("STN", "SNr").probability * 64 == 1
+    assert anatomy.humphries(16).projection("STN->SNr").probability * 64 == 1
     with refused("channels"):
         anatomy.humphries(17)

@@ -105,7 +105,7 @@ def test_a_step_of_all_channels_hardly_reaches_out(channels, lead, size):
 def test_without_its_parts_a_step_of_all_channels_does_reach_out():
     """What each part is for: a fast loop, cells of D1 that can follow a fall."""
     table = anatomy.macaque(2)
-    linear = table.with_projection("STN", "GPe", transfer="linear", weight=1 - 1 / 2.2)
+    linear = table.with_projection("STN->GPe", transfer="linear", weight=1 - 1 / 2.2)
     linear = linear.with_population("GPe", bias_nats=1 - 2.2)
     after_ms, moved = stepped(table, 2.0, 1.0)
     held = (after_ms > 100) & (after_ms < 300)
@@ -251,7 +251,7 @@ def test_interneurons_take_from_d1_what_cortex_adds():
     """Without them, and with the weight that they restore, the circuit computes the same."""
     circuit = anatomy.macaque(2)
     weight, taken = circuit["ctx->D1"].weight, -circuit["FSI->D1"].weight
-    without = circuit.scale("FSI", "D1", 0).scale("ctx", "D1", (weight - taken) / weight)
+    without = circuit.scale("FSI->D1", 0).scale("ctx->D1", (weight - taken) / weight)
     d1 = without.population("D1")
     without = without.with_population("D1", bias_nats=d1.bias_nats + taken * circuit.rest_drive)
     for drive in ([1.0, -0.5], [0.0, 0.3]):

@@ -20,7 +20,7 @@ from tests.helpers import refused
 TABLE = anatomy.spiking_msprt()
 PULSE = Course("dopamine", 0.5, 20, 120, rise_ms=10, decay_ms=40, cite="assumed")
 DRIVE = Course("STN", -0.2, to_ms=50)
-TIMED = TABLE.add(PULSE, DRIVE)
+TIMED = TABLE.with_rows(PULSE, DRIVE)
 TIMES = st.floats(0, 300).map(lambda t: round(t, 2))
 TAUS = st.sampled_from([0.0, 0.01, 3.0, 40.0, 5000.0])
 
@@ -160,7 +160,7 @@ def test_numbers_without_sense_are_refused(fields, says):
 )
 def test_a_course_of_nothing_and_a_level_out_of_range_are_refused(row, says):
     with pytest.raises(ValueError, match=r".") as error:
-        TABLE.add(row)
+        TABLE.edited(f"add {row}")
     assert str(error.value).startswith(f"{row!r}: ")
     assert says in str(error.value)
     assert "\n" not in str(error.value)
@@ -168,72 +168,74 @@ def test_a_course_of_nothing_and_a_level_out_of_range_are_refused(row, says):
 
 def test_the_level_is_that_of_all_rows_together():
     first = Course("dopamine", 0.8, 0, 100)
-    assert TABLE.add(first, replace(first, from_ms=100, to_ms=200))
-    assert TABLE.add(first, replace(first, from_ms=50), Course("dopamine", -0.7, 50))
+    assert TABLE.with_rows(first, replace(first, from_ms=100, to_ms=200))
+    assert TABLE.with_rows(first, replace(first, from_ms=50), Course("dopamine", -0.7, 50))
     slow = Course("dopamine", 5.0, 0, 10, rise_ms=100)
     assert slow.reached < 1
-    assert TABLE.add(slow)
+    assert TABLE.with_rows(slow)
     with refused("courses"):
-        TABLE.add(first, replace(first, from_ms=50))
+        TABLE.with_rows(first, replace(first, from_ms=50))
 
 
 def test_dopamine_without_a_receptor_or_with_two_meanings_is_refused():
     bare = replace(TABLE, populations=tuple(replace(p, receptor="") for p in TABLE.populations))
     with refused("courses"):
-        bare.add(PULSE)
-    named = TABLE.add(Population("dopamine", Rate()))
+        bare.with_rows(PULSE)
+    named = TABLE.with_rows(Population("dopamine", Rate()))
     with refused("courses"):
-        named.add(PULSE)
-    lopsided = TABLE.scale("ctx", "D1", 0.9, channel=0)
+        named.with_rows(PULSE)
+    lopsided = TABLE.scale("ctx->D1", 0.9, channel=0)
     with refused("dopamine"):
-        lopsided.add(PULSE)
+        lopsided.with_rows(PULSE)
 
 
 def test_text_and_python_give_equal_courses():
-    told = TABLE.add(
-        "dopamine amount=0.5 from_ms=20 to_ms=120 rise_ms=10 decay_ms=40 cite=assumed",
-        "STN amount=-0.2 to_ms=50",
+    told = TABLE.edited(
+        "add dopamine amount=0.5 from_ms=20 to_ms=120 rise_ms=10 decay_ms=40 cite=assumed",
+        "add STN amount=-0.2 to_ms=50",
     )
     assert told == TIMED
     assert told.courses == (PULSE, DRIVE)
-    assert TABLE.add("TRN like=STN", "TRN amount=1").courses == (Course("TRN", 1.0),)
+    assert TABLE.edited("add TRN like=STN", "add TRN amount=1").courses == (Course("TRN", 1.0),)
 
 
 def test_text_and_python_give_equal_courses_of_one_channel(tmp_path):
     course = Course("STN[1]", -2.0, 200, 400)
     line = "add STN[1] amount=-2 from_ms=200 to_ms=400"
-    circuit = TABLE.add(course)
+    circuit = TABLE.with_rows(course)
     for text_ in (line, line.replace("[1]", " [ 1]"), line.replace("=", " = ")):
         assert TABLE.edited(text_) == circuit
     assert table_reader.parse(table_writer.text(circuit), "mine.toml") == circuit
     assert list(courses(circuit)["course"]) == ["STN[1]"]
-    hashes = {table_writer.digest(TABLE.add(f"STN{k} amount=-2")) for k in ("", "[0]", "[1]")}
+    hashes = {
+        table_writer.digest(TABLE.edited(f"add STN{k} amount=-2")) for k in ("", "[0]", "[1]")
+    }
     assert len(hashes) == 3
     with refused("channel within 0..1, got 2"):
-        TABLE.with_channels(3).add("STN[2] amount=1").with_channels(2)
+        TABLE.with_channels(3).add("STN[2]", amount=1).with_channels(2)
 
 
 def test_a_nucleus_called_dopamine_takes_courses_as_any_other():
-    named = TABLE.add(Population("dopamine", Rate())).add("dopamine[0] amount=1", DRIVE)
+    named = TABLE.with_rows(Population("dopamine", Rate())).edited("add dopamine[0] amount=1")
     assert run(named, np.zeros((1, 1, 2)), engine="rate", step_ms=10.0).output_nats.size
 
 
 def test_courses_go_through_edits_and_are_taken_off():
-    edited = TIMED.lesion("STN", 0.2).scale("D1", "SNr", 0.9).dopamine(1.1).with_neurons(20)
+    edited = TIMED.lesion("STN", 0.2).scale("D1->SNr", 0.9).dopamine(1.1).with_neurons(20)
     assert edited.courses == TIMED.courses
     assert TIMED.steady == TABLE
     assert TABLE.steady is TABLE
     assert edited.unlesioned.courses == TIMED.courses
     exact = anatomy.bogacz_gurney()
     assert exact.exact
-    assert not exact.add(DRIVE).exact
+    assert not exact.with_rows(DRIVE).exact
     with refused("row"):
         replace(TABLE, courses=("x",))
 
 
 @given(st.lists(drawn_courses(), max_size=3))
 def test_courses_come_back_from_a_file(rows):
-    circuit = TABLE.add(*rows)
+    circuit = TABLE.with_rows(*rows)
     restored = table_reader.parse(table_writer.text(circuit), "mine.toml")
     assert restored == circuit
     assert table_writer.digest(restored) == table_writer.digest(circuit)
@@ -243,7 +245,7 @@ def test_courses_come_back_from_a_file(rows):
 def test_a_file_without_courses_has_none_of_them():
     assert "courses" not in table_writer.text(TABLE)
     assert "courses" not in table_writer.plain(TABLE)
-    written = table_writer.text(TIMED.add(PULSE.__class__("dopamine", 0.1), DRIVE, DRIVE))
+    written = table_writer.text(TIMED.with_rows(PULSE.__class__("dopamine", 0.1), DRIVE, DRIVE))
     assert len(table_reader.parse(written, "mine.toml").courses) == 5
 
 
@@ -269,7 +271,7 @@ def test_what_is_wrong_in_a_file_is_said_with_its_line(old, new, says):
 def test_a_page_shows_the_pulses_of_a_train():
     train = Course("STN", 2.0, rate_hz=130, pulse_ms=1)
     assert "rate_hz" not in courses(TIMED)
-    assert courses(TIMED.add(train))[["rate_hz", "pulse_ms"]].values.tolist()[-1] == [130, 1]
+    assert courses(TIMED.with_rows(train))[["rate_hz", "pulse_ms"]].values.tolist()[-1] == [130, 1]
 
 
 def test_a_page_shows_courses_where_there_are_some():

@@ -1,5 +1,6 @@
 """Edits in text: they say what Python says, and what they name is there or is refused."""
 
+import inspect
 from dataclasses import fields, replace
 
 import numpy as np
@@ -39,9 +40,13 @@ def circuit_or_refusal(edit):
         return str(error)
 
 
+def with_texts(*rows):
+    return TABLE.edited(*(f"add {row}" for row in rows))
+
+
 def in_python(circuit, row, **values):
     if isinstance(row, Projection):
-        return circuit.with_projection(row.source, row.target, **values)
+        return circuit.with_projection(row.pair, **values)
     return circuit.with_population(row.name, **values)
 
 
@@ -98,18 +103,18 @@ def test_unknown_names_raise_and_give_no_circuit(row, other, field):
     with pytest.raises(ValueError, match=f"STN has no 'cell.{field}': .*, cell.cv$"):
         TABLE.edited(f"set STN.cell.{field}=1")
     with pytest.raises(ValueError, match=f"D1->GPe has no '{field}': weight, "):
-        TABLE.add(f"D1->GPe weight=-1 {field}=1")
+        TABLE.edited(f"add D1->GPe weight=-1 {field}=1")
 
 
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("set STN->GPe.delay_ms=4", TABLE.with_projection("STN", "GPe", delay_ms=4)),
-        (" set STN -> GPe.delay_ms = 4 ", TABLE.with_projection("STN", "GPe", delay_ms=4)),
+        ("set STN->GPe.delay_ms=4", TABLE.with_projection("STN->GPe", delay_ms=4)),
+        (" set STN -> GPe.delay_ms = 4 ", TABLE.with_projection("STN->GPe", delay_ms=4)),
         ("set STN.neurons=1e3", TABLE.with_population("STN", neurons=1000)),
         ("set STN.cite=Kita & Kitai 1991", TABLE.with_population("STN", cite="Kita & Kitai 1991")),
         ("set common.pooled=true", TABLE),
-        ("set ctx->D1.factors=1,0.9", TABLE.with_projection("ctx", "D1", factors=(1, 0.9))),
+        ("set ctx->D1.factors=1,0.9", TABLE.with_projection("ctx->D1", factors=(1, 0.9))),
         ("set ctx->D1.factors=", TABLE),
         ("set STN.cell=Rate", TABLE.with_population("STN", cell=Rate())),
         ("set GPe.cell.tau_ms=12", TABLE.with_cell("GPe", tau_ms=12)),
@@ -138,7 +143,7 @@ def test_changes_are_made_at_once_so_that_their_order_does_not_matter():
         (
             "D1 -> GPe like=D1->SNr weight=-0.1",
             replace(
-                TABLE.projection("D1", "SNr"),
+                TABLE.projection("D1->SNr"),
                 target="GPe",
                 weight=-0.1,
                 cite="as D1->SNr; assumed: weight",
@@ -158,28 +163,28 @@ def test_changes_are_made_at_once_so_that_their_order_does_not_matter():
     ],
 )
 def test_a_row_in_text_is_the_row_in_python(text, row):
-    assert TABLE.add(text) == TABLE.add(row)
+    assert TABLE.edited(f"add {text}") == TABLE.with_rows(row)
 
 
 def test_a_row_like_another_does_not_cite_its_source_for_numbers_that_are_new():
     rows = ("TRN like=STN", "X like=GPe baseline_hz=10 cell.tau_ms=9", "Y like=GPe cite='my data'")
-    edited = TABLE.add(*rows)
+    edited = with_texts(*rows)
     cited = [edited.population(name).cite for name in ("TRN", "X", "Y")]
     assert cited == ["as STN", "as GPe; assumed: baseline_hz, cell.tau_ms", "my data"]
 
 
 def test_a_row_of_dopamine_or_with_an_amount_is_a_course():
     """No population can be called dopamine; an amount, in time, is of a course alone."""
-    drive, level = TABLE.add("STN amount=-0.2 to_ms=50", "dopamine amount=0.5").courses
+    drive, level = TABLE.edited("add STN amount=-0.2 to_ms=50", "add dopamine amount=0.5").courses
     assert drive == Course("STN", -0.2, to_ms=50)
     assert level == Course("dopamine", 0.5)
     with refused("weight"):
-        TABLE.add("dopamine weight=1")
+        TABLE.add("dopamine", weight=1)
 
 
 def test_a_new_nucleus_and_its_pathways_are_added_in_any_order():
     rows = ("TRN->SNr weight=0.1", "TRN like=STN", "ctx->TRN like=ctx->STN")
-    edited, other = TABLE.add(*rows), TABLE.add(*reversed(rows))
+    edited, other = with_texts(*rows), with_texts(*reversed(rows))
     assert edited.populations == other.populations
     assert set(edited.projections) == set(other.projections)
     drive = np.zeros((1, 1, 2))
@@ -189,30 +194,30 @@ def test_a_new_nucleus_and_its_pathways_are_added_in_any_order():
 def test_a_row_may_be_like_one_that_is_added_with_it_in_any_order():
     nucleus = "Arky cell=Rate transmitter=GABA"
     paths = "Arky->D1 weight=-0.1 delay_ms=6", "Arky->D2 like=Arky->D1"
-    edited = TABLE.add(nucleus, "B like=Arky baseline_hz=3", *paths)
-    first, second = (edited.projection("Arky", name) for name in ("D1", "D2"))
+    edited = with_texts(nucleus, "B like=Arky baseline_hz=3", *paths)
+    first, second = (edited.projection(f"Arky->{name}") for name in ("D1", "D2"))
     assert replace(second, target="D1", cite=first.cite) == first
     assert second.cite == "as Arky->D1"
     assert edited.population("B").baseline_hz == 3
     assert edited.population("B").transmitter == "GABA"
-    python = Projection("Arky", "D1", -0.1, delay_ms=6)
-    assert TABLE.add(nucleus, python, paths[1]).projection("Arky", "D2") == second
+    python = TABLE.edited(f"add {nucleus}").add("Arky->D1", weight=-0.1, delay_ms=6)
+    assert python.add("Arky->D2", like="Arky->D1").projection("Arky->D2") == second
     rows = (nucleus, "B like=Arky baseline_hz=3", "C like=B", *paths)
-    forth, back = TABLE.add(*rows), TABLE.add(*reversed(rows))
+    forth, back = with_texts(*rows), with_texts(*reversed(rows))
     assert set(back.populations) == set(forth.populations)
     assert set(back.projections) == set(forth.projections)
     assert back.populations[-3:] == forth.populations[:-4:-1]  # in their original order
     with refused("add rows that are like each other"):
-        TABLE.add("B like=C", "C like=B", nucleus)
-    with refused("add 'Arky like=STN'"):
-        TABLE.add(nucleus, "Arky like=STN")
+        with_texts("B like=C", "C like=B", nucleus)
+    with refused("edits 'add Arky like=STN'"):
+        with_texts(nucleus, "Arky like=STN")
 
 
 @given(st.floats(0.01, 1), st.sampled_from([None, 0, 1]), st.sampled_from(["lesion", "clamp"]))
 def test_a_row_like_a_lesioned_one_is_like_the_intact_one(fraction, channel, verb):
     lesioned = getattr(TABLE, verb)("STN", fraction, channel=channel)
-    assert lesioned.add("PPN like=STN").row("PPN") == TABLE.add("PPN like=STN").row("PPN")
-    assert lesioned.add("PPN like=STN intact=0.3").population("PPN").intact == 0.3
+    assert lesioned.add("PPN", like="STN").row("PPN") == TABLE.add("PPN", like="STN").row("PPN")
+    assert lesioned.add("PPN", like="STN", intact=0.3).population("PPN").intact == 0.3
 
 
 @pytest.mark.parametrize(
@@ -245,8 +250,8 @@ def test_a_change_without_sense_is_named_as_it_was_written(change, says):
         ("D1->GPe", "'D1->GPe': D1->GPe needs weight, or like=ROW"),
         ("D1->GPe weight", "'D1->GPe weight': a new row is its name and FIELD=VALUE"),
         ("D1->GPe weight=-1 weight=-2", "each field once"),
-        ("", "a new row is its name"),
-        ("STN.bias_nats=1", "a new row is its name"),
+        ("", "add is written as in"),
+        ("STN.bias_nats=1", "add is written as in"),
         ("D1->GPe weight=0.1", "'D1->GPe weight=0.1': D1->GPe: D1 releases GABA"),
         ("D1->Thal weight=-1", "'D1->Thal weight=-1': spiking_msprt has no nucleus 'Thal': ctx"),
         ("STN->GPe weight=1", "STN->GPe already exists: use set"),
@@ -261,7 +266,7 @@ def test_a_change_without_sense_is_named_as_it_was_written(change, says):
 )
 def test_a_row_without_sense_is_named_as_it_was_written(row, says):
     with pytest.raises(ValueError, match=says):
-        TABLE.add(row)
+        with_texts(row)
 
 
 def test_a_change_that_changes_nothing_returns_the_circuit():
@@ -269,10 +274,26 @@ def test_a_change_that_changes_nothing_returns_the_circuit():
         row = circuit.population("STN")
         assert circuit.edited(f"set STN.bias_nats={row.bias_nats!r}") is circuit
         assert circuit.edited() is circuit
-        assert circuit.add() is circuit
+        assert circuit.with_rows() is circuit
 
 
 def test_a_nucleus_like_another_has_no_published_rates_of_that_one():
-    table = anatomy.macaque().add("TRN like=STN")
+    table = anatomy.macaque().add("TRN", like="STN")
     assert table.population("STN").published_hz
     assert table.population("TRN").published_hz == ()
+
+
+def test_a_new_row_in_keywords_is_that_in_text_and_its_signature_lists_the_fields():
+    cell = Phase(0.2)
+    by_hand = TABLE.add("TRN", cell=cell, neurons=3).add("TRN->STN AMPA", weight=0.1, delay_ms=2)
+    text = "add TRN cell=Phase cell.cv=0.2 neurons=3", "add TRN->STN AMPA weight=0.1 delay_ms=2"
+    assert by_hand == TABLE.edited(*text)
+    known = inspect.signature(TABLE.add).parameters
+    assert {"like", "cell", "bias_nats", "weight", "delay_ms", "amount", "to_ms"} <= known.keys()
+    assert not {"fields", "source", "what"} & known.keys()
+    with refused("add each field once"):
+        TABLE.add("STN->D1 NMDA", weight=0.1, synapse="AMPA")
+    with refused("wieght"):
+        TABLE.add("STN->D1", wieght=0.1)
+    with refused("weight"):
+        TABLE.add("STN->D1", weight="heavy")

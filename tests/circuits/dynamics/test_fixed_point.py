@@ -40,7 +40,7 @@ def test_parts_come_upstream_first_and_say_which_loop():
 
 
 def test_a_nucleus_that_inhibits_itself_alone_settles_where_its_rates_do():
-    circuit = anatomy.bogacz_gurney().add(Projection("SNr", "SNr", -0.2, delay_ms=1))
+    circuit = anatomy.bogacz_gurney().with_rows(Projection("SNr", "SNr", -0.2, delay_ms=1))
     drive = np.zeros((1, 60, 2))
     exact = run(circuit, drive, engine="algebra", step_ms=10).output_nats[0, -1]
     alone = run(anatomy.bogacz_gurney(), drive, engine="algebra", step_ms=10).output_nats[0, -1]

@@ -175,8 +175,8 @@ def test_a_lost_part_of_gpe_held_at_rest_solves_its_equation():
 @pytest.mark.parametrize("gain", [0.0, 0.7, 0.95, 1.05, 1.5])
 def test_a_gain_of_d1_multiplies_the_evidence_of_its_channel(gain):
     expected = Exact.s - gain * Exact.y
-    assert agrees(Exact.circuit.scale("D1", "SNr", gain), expected)
-    assert agrees(Exact.circuit.scale("ctx", "D1", gain), expected)
+    assert agrees(Exact.circuit.scale("D1->SNr", gain), expected)
+    assert agrees(Exact.circuit.scale("ctx->D1", gain), expected)
     assert agrees(Exact.circuit.dopamine(gain), expected)
     if gain < 1:
         assert agrees(Exact.circuit.lesion("D1", 1 - gain), expected)
@@ -186,7 +186,7 @@ def test_a_gain_of_d1_multiplies_the_evidence_of_its_channel(gain):
 def test_a_gain_of_the_hyperdirect_pathway_sums_evidence_at_that_gain(gain):
     """Sigma = ln sum exp(k y): S at another gain of the evidence."""
     expected = logsumexp(gain * Exact.y, axis=1, keepdims=True) - Exact.y
-    assert agrees(Exact.circuit.scale("ctx", "STN", gain), expected)
+    assert agrees(Exact.circuit.scale("ctx->STN", gain), expected)
 
 
 # ---- lesions with all pathways. GPe has the weights w to STN and v = 1 - w to SNr, D2 has d:
@@ -219,14 +219,14 @@ def test_the_closed_form_of_all_pathways_is_minus_log_posterior():
 @pytest.mark.parametrize(
     ("edit", "factors"),
     [
-        (lambda c, k: c.scale("D1", "SNr", k), lambda k: {"d1": k}),
-        (lambda c, k: c.scale("ctx", "D1", k), lambda k: {"d1": k}),
+        (lambda c, k: c.scale("D1->SNr", k), lambda k: {"d1": k}),
+        (lambda c, k: c.scale("ctx->D1", k), lambda k: {"d1": k}),
         (lambda c, k: c.lesion("D1", 1 - k), lambda k: {"d1": k}),
-        (lambda c, k: c.scale("D2", "GPe", k), lambda k: {"d2": k}),
+        (lambda c, k: c.scale("D2->GPe", k), lambda k: {"d2": k}),
         (lambda c, k: c.lesion("D2", 1 - k), lambda k: {"d2": k}),
-        (lambda c, k: c.scale("ctx", "STN", k), lambda k: {"hyperdirect": k}),
-        (lambda c, k: c.scale("GPe", "SNr", k), lambda k: {"to_snr": k}),
-        (lambda c, k: c.scale("GPe", "STN", k), lambda k: {"to_stn": k}),
+        (lambda c, k: c.scale("ctx->STN", k), lambda k: {"hyperdirect": k}),
+        (lambda c, k: c.scale("GPe->SNr", k), lambda k: {"to_snr": k}),
+        (lambda c, k: c.scale("GPe->STN", k), lambda k: {"to_stn": k}),
         (lambda c, k: c.lesion("GPe", 1 - k), lambda k: {"to_stn": k, "to_snr": k}),
         (lambda c, k: c.dopamine(k), lambda k: {"d1": k, "d2": 2 - k}),
     ],
@@ -287,7 +287,7 @@ def test_the_common_mode_holds_stn_near_its_set_point_and_leaves_out_as_it_is():
 
 
 def test_a_loop_without_fixed_point_says_so():
-    runaway = anatomy.spiking_msprt(4).add(Projection("STN", "STN", 3.0, "diffuse"))
+    runaway = anatomy.spiking_msprt(4).with_rows(Projection("STN", "STN", 3.0, "diffuse"))
     with pytest.raises(ValueError, match="spiking_msprt has no fixed point at drive"):
         run_algebra(runaway, np.zeros((1, 1, 4)))
     # The bounded one of the table stops at silence.

@@ -44,7 +44,7 @@ def test_memory_of_cells_is_that_of_what_each_thread_or_trial_works_in():
 
 def test_a_sparse_pathway_takes_eight_bytes_per_connection_and_one_per_pair():
     """600 cells reach 600; no pathway that is not sparse, or not from cells to cells, takes any."""
-    sparse = TABLE.with_projection("STN", "GPe", probability=0.25)
+    sparse = TABLE.with_projection("STN->GPe", probability=0.25)
     more, less = (Ensemble(rates=False).memory_bytes(of, 1, 1) for of in (sparse, TABLE))
     assert more - less == 600 * 600 * 3
     out = 2 * 8  # one sample of two channels

@@ -61,7 +61,7 @@ def test_an_edit_fails_the_constraint_that_it_breaks(edit, names):
 def test_a_weight_off_the_family_is_reported_with_the_size_of_its_error(factor):
     """With ``ctx->D1`` scaled, OUT is off by ``-a (factor - 1) y`` in a channel."""
     circuit = load_circuit("macaque", 2)
-    edited = circuit.scale("ctx", "D1", factor)
+    edited = circuit.scale("ctx->D1", factor)
     (direct,) = [one for one in constraints(edited) if not one.holds and one.name != "offset"]
     a = 1 + 0.1 * 0.55 + 0.15
     assert direct.name == "direct"

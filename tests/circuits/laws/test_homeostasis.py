@@ -53,7 +53,7 @@ def test_rates_at_rest_are_those_of_the_reference_after_any_edit(
     circuit = anatomy.load_circuit(name, channels)
     path = circuit.projections[row % len(circuit.projections)]
     cells = circuit.populations[row % len(circuit.populations)]
-    edited = circuit.lesion("STN", lesion).scale(path.source, path.target, factor)
+    edited = circuit.lesion("STN", lesion).scale(path.pair, factor)
     edited = edited.with_population(cells.name, gain_hz_per_nat=cells.gain_hz_per_nat * gain)
     edited = edited.dopamine(level)
     np.testing.assert_allclose(rest_hz(edited.compensate(circuit)), rest_hz(circuit), atol=CLOSE)
@@ -136,11 +136,11 @@ def test_a_chronic_lesion_starts_at_its_own_rest_and_stays_there(lost, engine):
     ("name", "edit"),
     [
         ("bogacz_gurney", lambda c: c.lesion("STN", 0.3)),
-        ("bogacz_gurney", lambda c: c.scale("ctx", "STN", 0.8)),
+        ("bogacz_gurney", lambda c: c.scale("ctx->STN", 0.8)),
         ("macaque", lambda c: c.lesion("STN", 0.3)),
-        ("macaque", lambda c: c.scale("ctx", "D1", 0.8)),
-        ("macaque", lambda c: c.scale("STN", "SNr", 1.2)),
-        ("spiking_msprt", lambda c: c.scale("STN", "SNr", 1.2)),
+        ("macaque", lambda c: c.scale("ctx->D1", 0.8)),
+        ("macaque", lambda c: c.scale("STN->SNr", 1.2)),
+        ("spiking_msprt", lambda c: c.scale("STN->SNr", 1.2)),
     ],
 )
 def test_the_rule_ends_where_the_closed_form_says(name, edit, channels):
@@ -155,7 +155,7 @@ def test_the_rule_ends_where_the_closed_form_says(name, edit, channels):
 
 def test_channels_that_differ_have_a_rule_and_no_closed_form():
     circuit = anatomy.macaque(2)
-    edited = circuit.scale("ctx", "D1", 1.1, channel=0)
+    edited = circuit.scale("ctx->D1", 1.1, channel=0)
     with pytest.raises(
         ValueError, match=r"^D1 has one bias but a different resting input in each channel"
     ):
@@ -186,7 +186,7 @@ def test_a_rate_that_a_population_cannot_have_is_one_sentence():
 def test_cells_silent_in_the_reference_keep_their_bias_or_just_fall_silent():
     """``D1`` of ``spiking_msprt`` is silent at rest."""
     circuit = anatomy.spiking_msprt(4)
-    edited = circuit.scale("ctx", "D1", 1.5)
+    edited = circuit.scale("ctx->D1", 1.5)
     recovered = edited.compensate(circuit)
     assert rest_hz(edited)[wired(edited).blocks_of("D1")].min() > 0
     np.testing.assert_allclose(rest_hz(recovered), rest_hz(circuit), atol=CLOSE)
@@ -194,7 +194,7 @@ def test_cells_silent_in_the_reference_keep_their_bias_or_just_fall_silent():
         wired(recovered).deliver @ rest_hz(circuit) + wired(recovered).constant
     )
     np.testing.assert_allclose(state_nats[wired(circuit).blocks_of("D1")], 0, atol=CLOSE)
-    less = circuit.scale("ctx", "D1", 0.8)
+    less = circuit.scale("ctx->D1", 0.8)
     assert less.compensate(circuit) == less
 
 
@@ -213,7 +213,7 @@ def test_lif_cells_come_back_as_near_as_their_line_comes_to_their_law():
     ("asked", "sentence"),
     [
         (lambda c: c.compensate(), "macaque has no lesion: compensate needs a reference"),
-        (lambda c: c.scale("STN", "GPe", 0.9).compensate(), "has no lesion"),
+        (lambda c: c.scale("STN->GPe", 0.9).compensate(), "has no lesion"),
         (lambda c: c.compensate(anatomy.macaque(4)), "reference must have 2 channels, got 4"),
         (lambda c: c.clamp("GPe").compensate(), "GPe is clamped"),
         (lambda c: c.compensate(c, rebound_nats={"GPi": 1}), "macaque has no nucleus 'GPi'"),
@@ -231,8 +231,8 @@ def test_what_makes_no_sense_is_one_sentence(asked, sentence):
 def test_a_transfer_without_an_inverse_takes_the_input_of_the_reference():
     bent = "s_minus_log_s"
     circuit = anatomy.bogacz_gurney(2).with_population("GPe", transfer=bent)
-    circuit = circuit.with_projection("STN", "GPe", transfer="linear")
-    edited = circuit.scale("STN", "GPe", 0.9)
+    circuit = circuit.with_projection("STN->GPe", transfer="linear")
+    edited = circuit.scale("STN->GPe", 0.9)
     np.testing.assert_allclose(rest_hz(edited.compensate(circuit)), rest_hz(circuit), atol=CLOSE)
     with pytest.raises(ValueError, match=f"no input to its transfer '{bent}' is known"):
         edited.compensate(circuit, rebound_nats={"GPe": 0.1})
@@ -261,17 +261,17 @@ def test_a_pooled_population_must_be_so_in_both():
 def test_a_balanced_circuit_is_the_table_and_any_weight_onto_the_read_out_comes_back(channels):
     """OUT is ln N whatever all channels share, so the table is balanced as it stands."""
     table = anatomy.macaque(channels)
-    weight = table.projection("STN", "SNr").weight
+    weight = table.projection("STN->SNr").weight
     for factor in (0.5, 0.8, 1.0, 1.3):
-        balanced = table.scale("STN", "SNr", factor).balanced()
-        assert balanced.projection("STN", "SNr").weight == pytest.approx(weight, abs=1e-6)
+        balanced = table.scale("STN->SNr", factor).balanced()
+        assert balanced.projection("STN->SNr").weight == pytest.approx(weight, abs=1e-6)
 
 
 @given(st.sampled_from(["ctx->D1", "D1->SNr", "STN->GPe", "GPe->STN"]), st.floats(0.85, 1.15))
 @settings(max_examples=30)
 def test_after_both_rules_what_all_channels_share_leaves_out_alone(name, factor):
     table = anatomy.macaque(4)
-    edited = table.scale(*name.split("->"), factor).compensate(table)
+    edited = table.scale(name, factor).compensate(table)
     compensated = edited.balanced().compensate(table)
 
     def moved(circuit):
@@ -326,7 +326,7 @@ def test_rows_that_are_added_with_rest_kept_leave_the_rates_of_all_that_was_ther
         f"TRN->TRN weight=-{self_weight} delay_ms=2",
         f"D2->SNr weight=-{sent}",
     )
-    kept = table.add(*rows, keep_rest=True)
+    kept = table.edited(*(f"add {row}" for row in rows), "keep rest")
     before, after = rest_hz(table), rest_hz(kept)
     np.testing.assert_allclose(after[: len(before)], before, atol=CLOSE)
     assert kept.chronic == table.chronic
@@ -339,7 +339,6 @@ def test_rows_that_are_added_with_rest_kept_leave_the_rates_of_all_that_was_ther
 
 def test_rest_is_kept_where_nothing_changes_it_and_a_new_nucleus_cannot_rebound():
     table = anatomy.macaque_small(2)
-    assert table.add(keep_rest=True) is table
     motif = table.add("striatal_FSI", keep_rest=True)
     assert own_biases(motif) == pytest.approx(own_biases(table.add("striatal_FSI")))
     with refused("rebound_nats FSI is new"):

@@ -74,7 +74,7 @@ def by_the_scheme(circuit, drive, clock):
 @pytest.mark.parametrize("fastest_ms", [0.0, 0.5, 2.0])
 def test_every_tick_follows_the_scheme(name, fastest_ms):
     """However many ticks are computed together: that depends on the shortest delay."""
-    circuit = anatomy.load_circuit(name, 3).with_projection("STN", "SNr", delay_ms=fastest_ms)
+    circuit = anatomy.load_circuit(name, 3).with_projection("STN->SNr", delay_ms=fastest_ms)
     circuit = replace(circuit.clamp("GPe", 0.3), readout_tau_ms=10)
     drive = evidence(2, 3, 3)
     clock = Clock(3, 6.0, dt_ms=0.25, sample_ms=1.5, settle_ms=4.0)
@@ -149,12 +149,12 @@ def test_delays_are_kept_to_the_tick():
         activity = run_rate(circuit, drive, step_ms=30, sample_ms=0.1)
         return activity.time_ms[np.abs(activity.output_nats[0, :, 0] - np.log(2)) > 1e-6][0]
 
-    circuit = anatomy.bogacz_gurney().with_projection("ctx", "D1", delay_ms=7)
+    circuit = anatomy.bogacz_gurney().with_projection("ctx->D1", delay_ms=7)
     # ctx-STN 3 ms, STN-SNr 2 ms; a sample's time is the end of its tick.
     assert moves_ms(circuit) == pytest.approx(5.1)
-    assert moves_ms(circuit.with_projection("ctx", "STN", delay_ms=6)) == pytest.approx(8.1)
+    assert moves_ms(circuit.with_projection("ctx->STN", delay_ms=6)) == pytest.approx(8.1)
     # Through D1, 7 + 2 ms, once that is the shortest.
-    assert moves_ms(circuit.with_projection("ctx", "STN", delay_ms=20)) == pytest.approx(9.1)
+    assert moves_ms(circuit.with_projection("ctx->STN", delay_ms=20)) == pytest.approx(9.1)
 
 
 @pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))

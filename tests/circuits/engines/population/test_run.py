@@ -195,7 +195,7 @@ def test_lines_without_noise_are_those_of_cells_that_differ_too():
 def test_rates_that_run_away_are_said_with_their_time():
     loop = Projection("ctx", "ctx", 3.0, delay_ms=2)
     with pytest.raises(ValueError, match=r"rates of source run away, \d+ ms after onset"):
-        run(source(Rate(), 1.0).add(loop), np.ones((1, 5, 2)), engine="rate", step_ms=500)
+        run(source(Rate(), 1.0).with_rows(loop), np.ones((1, 5, 2)), engine="rate", step_ms=500)
 
 
 def test_noise_that_filters_miss_is_said():
@@ -204,8 +204,8 @@ def test_noise_that_filters_miss_is_said():
 
 
 def test_an_oscillation_is_said():
-    near = anatomy.spiking_msprt(2).with_projection("STN", "GPe", delay_ms=12)
-    near = near.scale("STN", "GPe", 2.5)
+    near = anatomy.spiking_msprt(2).with_projection("STN->GPe", delay_ms=12)
+    near = near.scale("STN->GPe", 2.5)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         with contextlib.suppress(ValueError):
@@ -318,10 +318,10 @@ def test_rates_that_run_away_anywhere_are_said():
     side = Population("side", Rate(signed=True), 0.0, 10.0)
     paths = (Projection("ctx", "side", 1.0), Projection("side", "side", 3.0, delay_ms=1))
     for circuit in (
-        source(Rate(), 1.0).add(side, *paths),
+        source(Rate(), 1.0).with_rows(side, *paths),
         source(Rate(), 1.0)
-        .add(Projection("ctx", "ctx", 3.0, delay_ms=2))
-        .scale("ctx", "ctx", 0.0, channel=0),
+        .with_rows(Projection("ctx", "ctx", 3.0, delay_ms=2))
+        .scale("ctx->ctx", 0.0, channel=0),
     ):
         with pytest.raises(ValueError, match="rates of source run away"):
             run(circuit, np.ones((1, 5, 2)), engine="rate", step_ms=500)
@@ -334,7 +334,7 @@ def test_what_is_no_number_reads_no_wild_memory():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         with pytest.raises(ValueError, match="rates of spiking_msprt run away"):
-            populations(FULL.add(relay, *paths), np.zeros((1, 2, 2)))
+            populations(FULL.with_rows(relay, *paths), np.zeros((1, 2, 2)))
 
 
 def test_few_cells_and_clocks_are_said_every_time():
