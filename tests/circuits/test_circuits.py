@@ -65,7 +65,7 @@ FIELDS = [
     ("w_d1_snr", lambda: anatomy.appendix_b(w_d2_gpe=0.5, w_d1_snr=1.2)),
     *[("published_hz", lambda x=x: Population("STN", Rate(), published_hz=x))
       for x in ((1.0,), (2.0, 1.0), (-1.0, 1.0), (0.0, float("nan")), "1")],
-    *[("rate_hz", lambda x=x: lif_mean_mv(SPIKING["GPe"].cell, x)) for x in (0, -1, 500, np.nan)],
+    *[("rate_hz", lambda x=x: lif_mean_mv(SPIKING.population("GPe").cell, x)) for x in (0, -1, 500, np.nan)],
     ("tau_ms STN: tau_ms is that of the Lif cell",
      lambda: replace(EXACT["STN"], cell=Lif(10, 3, 15, 5, 2, 0, 1))),
     ("cv", lambda: SPIKING.with_cell("STN", cv=1.5)),
@@ -128,10 +128,10 @@ FIELDS = [
     ("pulse_ms shorter than the period, 10 ms", lambda: course(rate_hz=100.0, pulse_ms=10.0)),
     ("rate_hz must be >= 0", lambda: course(rate_hz=-1.0, pulse_ms=1.0)),
     ("rise_ms 0 in a train", lambda: course(rate_hz=100.0, pulse_ms=1.0, rise_ms=2.0)),
-    ("courses", lambda: SPIKING.add(DOPAMINE, replace(DOPAMINE, from_ms=50))),  # 1.6 together
-    ("courses", lambda: BARE.add(DOPAMINE)),  # no receptor
-    ("courses", lambda: SPIKING.add(Population("dopamine", Rate())).add(DOPAMINE)),
-    ("dopamine", lambda: SPIKING.scale("ctx->D1", 0.9, channel=0).add(DOPAMINE)),
+    ("courses", lambda: SPIKING.with_rows(DOPAMINE, replace(DOPAMINE, from_ms=50))),  # 1.6 together
+    ("courses", lambda: BARE.with_rows(DOPAMINE)),  # no receptor
+    ("courses", lambda: SPIKING.with_rows(Population("dopamine", Rate())).with_rows(DOPAMINE)),
+    ("dopamine", lambda: SPIKING.scale("ctx->D1", 0.9, channel=0).with_rows(DOPAMINE)),
     ("row", lambda: replace(SPIKING, courses=("x",))),
     ("channel within 0..1, got 2", lambda: load("gpr", 3).add("STN[2]", amount=1).with_channels(2)),
     # Laws.
@@ -205,7 +205,7 @@ FAILS = [
                                                         "set GPe->STN.delay_ms 20"))),
     ("GPe is clamped", lambda: MACAQUE.clamp("GPe").compensate()),
     ("not nats: OUT as -ln P has no meaning", lambda: off_nats(GPR)),
-    *[(f"spiking_msprt has courses, but {who} has no", lambda f=f: f(SPIKING.add(course())))
+    *[(f"spiking_msprt has courses, but {who} has no", lambda f=f: f(SPIKING.with_rows(course())))
       for who, f in (
           ("the algebra engine", lambda x: run(x, SILENCE, engine="algebra", step_ms=1)),
           ("stability", growth), ("stability", ringing),
