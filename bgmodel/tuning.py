@@ -20,8 +20,8 @@ from bgmodel.exam.measures import Estimate
 from bgmodel.exam.numbers import Number
 from bgmodel.exam.record import scored
 from bgmodel.exam.tables import NAMES, NotApplicable
+from bgmodel.experiments.expected import AGREES
 from bgmodel.experiments.models import Model, model_of
-from bgmodel.experiments.predictions import AGREES
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.saved import Facts

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN
+from bgmodel.experiments.expected import AGREES, DISAGREES, OPEN
 from circuits.plots import GREY, PALETTE, Look, panels, styled
 
 if TYPE_CHECKING:

@@ -13,10 +13,10 @@ from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from bgmodel.bootstrap import Z95
+from bgmodel.experiments.expected import Expected
 from bgmodel.support import toml_files
-from circuits.checks import check_positive, check_range
-from circuits.errors import InputError, require
+from circuits.checks import check_positive
+from circuits.errors import require
 
 SEED = 98_001
 """Default seed of the evidence and the noise; it tuned nothing."""
@@ -30,32 +30,22 @@ Window = Literal["rest", "early", "late", "response", "signal"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Number:
-    """A published number: a value with its standard error, or a direction.
+class Number(Expected):
+    """A published number: what is expected of a measure of the exam, and how that is known.
 
     Parameters
     ----------
+    measure, direction, at_least, value, se, low, high, unit, source :
+        As for ``Expected``: a value with its error, or a direction. The measure is a name in
+        ``bgmodel.exam.measures.MEASURES``; the unit is that of the value.
     id : str
         Its name, such as "rest.stn".
     about : str
         What it is, in a few words.
-    measure : str
-        Name of the function that computes it, in ``bgmodel.exam.measures.MEASURES``.
     of : dict
         Arguments of the measure: tasks, nucleus, window.
-    unit, species, source : str
-        Unit of the value; whose it is; publication.
-    mark : str
-        One of ``MARKS``.
-    how : str
-        What is computed and how, and which sizes are assumed.
-    value, se, low, high : float, optional
-        The value with its standard error, or the ends of its 95 % interval, with the value in the
-        middle unless given.
-    direction : str, optional
-        "up", "down" or "none", where only a direction was published.
-    at_least : float
-        Smallest change that counts as one; "none" means that it stays below.
+    species, mark, how : str
+        Whose it is; one of ``MARKS``; what is computed and how, and which sizes are assumed.
     weight : float
         Weight in the total of its domain.
     set_by : tuple of str
@@ -64,74 +54,34 @@ class Number:
         The domain, which its file states.
     """
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = toml_files.STRICT
-
     id: str
     about: str
-    measure: str
     of: dict[str, str | float]
     unit: str
     species: str
     source: str
     mark: str
     how: str
-    value: float | None = None
-    se: float | None = None
-    low: float | None = None
-    high: float | None = None
-    direction: Literal["up", "down", "none"] | None = None
-    at_least: float = 0.0
     weight: float = 1.0
     set_by: tuple[str, ...] = ()
     domain: str = ""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require(self.mark in MARKS, "mark", f"must be one of {', '.join(MARKS)}", self.mark)
         check_positive(owner=self.id, weight=self.weight)
-        check_range(0, float("inf"), owner=self.id, at_least=self.at_least)
-        ends = (self.low is not None, self.high is not None)
-        both, has_error = all(ends), self.se is not None and self.value is not None
-        if self.direction is not None:
-            alone = self.value is None and self.se is None and not any(ends)
-            require(alone, "direction", "excludes a value and an interval", self.direction)
-            fits = self.direction != "none" or self.at_least > 0
-            require(fits, "at_least", 'must be > 0 if the direction is "none"', self.at_least)
-            return
-        if both == (self.se is not None) or any(ends) != both or not (both or has_error):
-            raise InputError(
-                f"{self.id}: give a value with se, or low and high, or a direction", "value"
-            )
-        if both:
-            require(self.low < self.high, "low", "must be below high", self.low)  # type: ignore[operator]
-        else:
-            check_positive(owner=self.id, se=self.se)
 
-    @property
-    def middle(self) -> float:
-        """The value, by default the middle of its interval; NaN for a direction."""
-        if self.value is not None:
-            return self.value
-        ends = (self.low, self.high)
-        return float("nan") if None in ends else sum(map(float, ends)) / 2  # type: ignore[arg-type]
-
-    @property
-    def error(self) -> float:
-        """Its standard error; an interval counts as one of 95 %; NaN for a direction."""
-        if self.se is not None:
-            return self.se
-        if self.low is None or self.high is None:
-            return float("nan")
-        return (self.high - self.low) / (2 * Z95)
+    def _check_fits(self) -> None:
+        """Require a direction or an error; ``Exam`` knows the measures, which are functions."""
+        known = self.direction is not None or self.error(self.middle) > 0
+        require(known, "value", "must have a standard error or an interval", self.value)
 
     def published(self) -> str:
         """Return the value and its error, or the direction, as text."""
+        if self.direction == "none":
+            return f"within ±{self.at_least:g}"
         if self.direction is not None:
-            least = f" by {self.at_least:g} or more" if self.at_least else ""
-            return (
-                f"within ±{self.at_least:g}"
-                if self.direction == "none"
-                else (self.direction + least)
-            )
+            return self.direction + (f" by {self.at_least:g} or more" if self.at_least else "")
         if self.low is not None:
             return f"{self.low:g} to {self.high:g}"
         return f"{self.value:g} ± {self.se:g}"

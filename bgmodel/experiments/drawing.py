@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.deciding.measures import OF_ALL, SHARES
-from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT
+from bgmodel.experiments.expected import AGREES, DISAGREES, OPEN, WITHOUT
 from bgmodel.plots import LABELS
 from circuits.plots import GREY, PALETTE, Look, panels, styled
 

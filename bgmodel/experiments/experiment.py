@@ -27,8 +27,8 @@ from bgmodel.bootstrap import (
 from bgmodel.conditions import Observed, seen_from
 from bgmodel.deciding.measures import OF_DECIDED, OF_STOP, Behaviour
 from bgmodel.deciding.tradeoff import decides_without_evidence
+from bgmodel.experiments.expected import FEWEST_DECIDED, PERCENT, RELATIVE
 from bgmodel.experiments.outcomes import beside_published, outcomes, page
-from bgmodel.experiments.predictions import FEWEST_DECIDED, PERCENT, RELATIVE
 from bgmodel.experiments.record import (
     CONDITIONS,
     MANY_MISSED,

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 import pandas as pd
 
-from bgmodel.bootstrap import shown
+from bgmodel.bootstrap import Z95, shown
 from bgmodel.deciding.measures import (
     COUNTED,
     CUT_OFF,
@@ -22,15 +22,14 @@ from bgmodel.deciding.measures import (
     SHARES,
 )
 from bgmodel.deciding.tradeoff import decides_without_evidence
-from bgmodel.experiments.predictions import (
+from bgmodel.experiments.expected import (
     AGREES,
     DISAGREES,
     FEWEST_DECIDED,
     OPEN,
     PERCENT,
     WITHOUT,
-    Effect,
-    Prediction,
+    Expected,
 )
 from bgmodel.experiments.record import (
     CONDITIONS,
@@ -106,7 +105,7 @@ def outcomes(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
     for p in experiment.predictions:
         estimate = tuple(map(float, change.loc[p.measure].to_numpy()))
 
-        def judged(name: str, shift: float = 0.0, p: Prediction = p) -> str:
+        def judged(name: str, shift: float = 0.0, p: Expected = p) -> str:
             low, high = map(float, change.loc[name, ["low", "high"]].to_numpy())
             return p.outcome(low + shift, high + shift)
 
@@ -169,12 +168,12 @@ def _of_all(table: pd.DataFrame, measure: str, judged: Judged) -> dict[str, str]
     return {f"missed ones at {at}": judged(measure, m - c) for at, c, m in shifts}
 
 
-def _no_room(prediction: Prediction, control: float) -> str:
+def _no_room(prediction: Expected, control: float) -> str:
     """Return the reason why no change could be as large as predicted, or an empty string."""
     p = prediction
     room = {"down": control, "up": 1 - control if p.measure in SHARES else np.inf}
     bounded = p.measure in SHARES or p.measure.endswith("_ms")
-    if not bounded or p.at_least < room.get(p.direction, np.inf):
+    if not bounded or p.at_least < room.get(str(p.direction), np.inf):
         return ""
     return (
         f"at {control:.4g} the control leaves no room for a change of {p.at_least:g} {p.direction}"
@@ -226,9 +225,8 @@ def _both(table: pd.DataFrame, measure: str) -> tuple[float, float]:
 def beside_published(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
     """Return the published effects with the model's, one row per effect.
 
-    They are "compatible" if the 95 % interval of the model's minus the published effect, d = m - p,
-    includes 0, otherwise "differs". For independent samples its ends are (Zou & Donner 2008)
-    ``d - sqrt((m - l_m)^2 + (u_p - p)^2)`` and ``d + sqrt((u_m - m)^2 + (p - l_p)^2)``.
+    They are "compatible" if the 95 % interval of the model's minus the published effect includes 0
+    (``Expected.z``), otherwise "differs".
     """
     control = table[table["condition"] == CONDITIONS[0]].set_index("measure")["value"]
     rows = []
@@ -238,31 +236,26 @@ def beside_published(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.Da
         ours = ours[["value", "low", "high"]].astype(float).reindex([*MEASURES, *OF_STOP])
 
         def judged(
-            name: str, shift: float = 0.0, effect: Effect = effect, ours: pd.DataFrame = ours
+            name: str, shift: float = 0.0, effect: Expected = effect, ours: pd.DataFrame = ours
         ) -> str:
             if effect.unit == PERCENT:
                 shift *= 100 / control[name]
             return _held(effect, *(ours.loc[name].to_numpy(dtype=float) + shift))
 
         verdict, why = _verdict(experiment, table, effect.measure, judged)
-        numbers = (effect.value, *effect.interval, *map(float, ours.loc[effect.measure]))
+        numbers = (effect.middle, *effect.interval, *map(float, ours.loc[effect.measure]))
         rows.append((condition, effect.measure, *numbers, effect.source, verdict, why))
     names = ["condition", "measure", "published", "published_low", "published_high"]
     names += ["value", "low", "high", "effect_source", "comparison", "comparison_reason"]
     return pd.DataFrame(rows, columns=names)
 
 
-def _held(effect: Effect, value: float, low: float, high: float) -> str:
+def _held(effect: Expected, value: float, low: float, high: float) -> str:
     """Return the comparison of a model's change and its interval with a published one."""
-    p_low, p_high = effect.interval
     if not np.isfinite(value):
         return OPEN
-    if np.isnan(p_low):
-        return NO_INTERVAL
-    apart = value - effect.value
-    lower = apart - np.hypot(value - low, p_high - effect.value)
-    upper = apart + np.hypot(high - value, effect.value - p_low)
-    return COMPATIBLE if lower <= 0 <= upper else DIFFERS
+    z = effect.z(value, (value - low) / Z95, (high - value) / Z95)
+    return NO_INTERVAL if np.isnan(z) else COMPATIBLE if abs(z) <= Z95 else DIFFERS
 
 
 def page(experiment: ExperimentRecord, table: pd.DataFrame) -> str:

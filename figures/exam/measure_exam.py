@@ -20,7 +20,7 @@ from bgmodel.exam.exam import Model as Examinee
 from bgmodel.exam.exam import model_of as examinee
 from bgmodel.exam.numbers import SEED, shipped_list
 from bgmodel.exam.record import MOST_Z, totals
-from bgmodel.experiments.predictions import AGREES
+from bgmodel.experiments.expected import AGREES
 from circuits.anatomy import CIRCUITS, DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from circuits.laws.controls import shuffled_stn
