@@ -15,7 +15,7 @@ import pandas as pd
 
 from bgmodel.bootstrap import resampled
 from bgmodel.deciding.measures import mean
-from bgmodel.exam.numbers import Task
+from bgmodel.exam.numbers import ExamTask
 from bgmodel.exam.simulation import Simulation
 from bgmodel.exam.tables import Failed, NotApplicable, Tables
 from bgmodel.stopping.estimates import inhibition_function, ssrt_by_delay
@@ -57,7 +57,7 @@ class Results:
     """
 
     tables: Tables | Simulation
-    tasks: dict[str, Task]
+    tasks: dict[str, ExamTask]
     seed: int
     in_hz: bool = False
 

@@ -6,15 +6,18 @@ numbers (``Exam.with_numbers``). The list has a version: scores are comparable w
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
+import numpy as np
+
+from bgmodel.evidence import Evidence
 from bgmodel.experiments.expected import Expected
 from bgmodel.support import toml_files
+from bgmodel.task import Gaussian
 from circuits.checks import check_positive
 from circuits.errors import require
 
@@ -26,6 +29,8 @@ TASKS = "tasks.toml"
 MARKS = ("read", "abstract", "computed", "derived")
 """How a number is known: read in the source, in its abstract only, computed from the data, or
 derived from theory."""
+READINGS = 120
+"""Largest number of readings in a trial, unless a task says otherwise."""
 Window = Literal["rest", "early", "late", "response", "signal"]
 
 
@@ -76,6 +81,14 @@ class Number(Expected):
         known = self.direction is not None or self.error(self.middle) > 0
         require(known, "value", "must have a standard error or an interval", self.value)
 
+    def tasks(self) -> Iterator[tuple[str, str]]:
+        """Yield the tasks that it needs, each with the key that names it."""
+        for key, value in self.of.items():
+            if key.endswith("task"):
+                yield key, str(value)
+            elif key == "tasks":
+                yield from ((key, name.strip()) for name in str(value).split(","))
+
     def published(self) -> str:
         """Return the value and its error, or the direction, as text."""
         if self.direction == "none":
@@ -88,15 +101,13 @@ class Number(Expected):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Task:
-    """A task of the exam: evidence, edits, and the accuracy that sets the threshold.
+class ExamTask(Gaussian):
+    """A task of the exam: Gaussian evidence, edits, and the accuracy that sets the threshold.
 
     Parameters
     ----------
-    name, about : str
+    id, about : str
         Its name, and what it models.
-    channels, d_prime, step_ms, readings, conflict, expectancy_nats, expectancy_ms :
-        As for ``bgmodel.Gaussian``; ``readings`` is the largest number in a trial.
     coherence : float
         Difference between the mean evidence of the true alternative and of the others, as a share
         of that for which the likelihoods hold, as where strengths are interleaved.
@@ -111,32 +122,23 @@ class Task:
         Whether the evidence begins with the onset of a stimulus: the motif "onset_transient".
     edits : tuple of str
         Edits of the circuit.
-    trials : int
-        Trials of choices and times.
     stop_share, stop_delays_ms : float, tuple of float
         Share of trials with a stop signal, and its delays, ms.
     windows : tuple of str
-        Windows in which rates are recorded, in ``rate_trials`` trials of ``rate_readings``.
+        Windows in which rates are recorded, in ``rate_trials`` trials of ``rate_readings``. With
+        "rest" alone there is no evidence, and no decision.
     """
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = toml_files.STRICT
-
-    name: str
+    id: str
     about: str
-    channels: int = 2
-    d_prime: float = 0.5
-    step_ms: float = 50.0
-    readings: int = 120
-    conflict: float = 0.0
+    trials: int = 1000
+    t_max: int = READINGS
     coherence: float = 1.0
     common_nats: float = 0.0
-    expectancy_nats: float = 0.0
-    expectancy_ms: float = 0.0
     accuracy: float = 0.79
     difficulty: Literal["known", "interleaved"] = "known"
     onset: bool = False
     edits: tuple[str, ...] = ()
-    trials: int = 1000
     stop_share: float = 0.0
     stop_delays_ms: tuple[float, ...] = ()
     windows: tuple[Window, ...] = ()
@@ -148,6 +150,18 @@ class Task:
         """Motifs of ``circuits.declaration.motifs`` that every circuit has in this task."""
         interleaved = self.difficulty == "interleaved"
         return ("urgency",) * interleaved + ("onset_transient",) * self.onset
+
+    def _drawn(
+        self, rng: np.random.Generator, prior: Sequence[float] | None, **more: Any
+    ) -> Evidence:
+        evidence = super()._drawn(rng, prior, **more)
+        assert evidence.truth is not None
+        # The true channel rises or falls, and the mean over channels stays, as with dots of another
+        # coherence; common evidence is added to all channels.
+        true = np.arange(self.channels) == evidence.truth[:, None]
+        lead = (self.coherence - 1) * self.d_prime**2 / 2
+        added = (lead * (true - 1 / self.channels) + self.common_nats)[:, None, :]
+        return replace(evidence, log_likelihood=evidence.log_likelihood + added)
 
 
 @dataclass(frozen=True)
@@ -167,45 +181,7 @@ class _OfTasks:
     __pydantic_config__: ClassVar[dict[str, Any]] = toml_files.STRICT
 
     version: str
-    tasks: tuple[Task, ...]
-
-
-@dataclass(frozen=True)
-class NumberList:
-    """Numbers and tasks, with the version and the hash of the list."""
-
-    version: str
-    numbers: tuple[Number, ...]
-    tasks: dict[str, Task] = field(repr=False)
-
-    def __post_init__(self) -> None:
-        names = [one.id for one in self.numbers]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        require(not twice, "id", "must differ from those of all other numbers", twice)
-        for one in self.numbers:
-            for key, name in self.tasks_of(one):
-                known = ", ".join(self.tasks)
-                require(name in self.tasks, key, f"must be one of {known}", name, owner=one.id)
-
-    @staticmethod
-    def tasks_of(number: Number) -> Iterator[tuple[str, str]]:
-        """Yield the tasks that a number needs, each with the key that names it."""
-        for key, value in number.of.items():
-            if key.endswith("task"):
-                yield key, str(value)
-            elif key == "tasks":
-                yield from ((key, name.strip()) for name in str(value).split(","))
-
-    @property
-    def sha256(self) -> str:
-        """Hash of all numbers and tasks."""
-        text = repr((self.version, self.numbers, sorted(self.tasks.items())))
-        return hashlib.sha256(text.encode()).hexdigest()
-
-    @property
-    def domains(self) -> list[str]:
-        """Domains, in the order of the list."""
-        return list(dict.fromkeys(one.domain for one in self.numbers))
+    tasks: tuple[ExamTask, ...]
 
 
 ORDER = (
@@ -215,14 +191,14 @@ ORDER = (
 """Files of the shipped list, in order."""
 
 
-def shipped_list() -> NumberList:
-    """Return the shipped list."""
-    tasks = toml_files.read(Path(str(SHIPPED / TASKS)), _OfTasks)
-    numbers = [one for name in ORDER for one in read_numbers(Path(str(SHIPPED / f"{name}.toml")))]
-    return NumberList(tasks.version, tuple(numbers), {task.name: task for task in tasks.tasks})
+def read_tasks() -> tuple[str, dict[str, ExamTask]]:
+    """Return the version of the shipped list, and its tasks by name."""
+    contents = toml_files.read(Path(str(SHIPPED / TASKS)), _OfTasks)
+    return contents.version, {task.id: task for task in contents.tasks}
 
 
-def read_numbers(path: str | Path) -> tuple[Number, ...]:
-    """Read the numbers of one domain from a TOML file."""
-    contents = toml_files.read(path, _OfDomain)
-    return tuple(replace(one, domain=contents.domain) for one in contents.numbers)
+def read_numbers(*files: str | Path) -> tuple[Number, ...]:
+    """Read numbers from TOML files, each of one domain; by default the shipped ones."""
+    paths = files or [Path(str(SHIPPED / f"{name}.toml")) for name in ORDER]
+    domains = [toml_files.read(path, _OfDomain) for path in paths]
+    return tuple(replace(one, domain=each.domain) for each in domains for one in each.numbers)

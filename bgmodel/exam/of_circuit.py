@@ -13,13 +13,14 @@ from bgmodel.comparison.compare import with_other_noise
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import curve, time_at, tradeoff
 from bgmodel.exam.measures import Estimate, Results, check_cells, measure, slope_over
-from bgmodel.exam.numbers import Task
+from bgmodel.exam.numbers import READINGS
 from bgmodel.exam.simulation import drawn
 from bgmodel.exam.tables import NAMES, Failed, NotApplicable
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
+from bgmodel.task import Gaussian
 from circuits.circuit import Circuit
 from circuits.declaration.rows import GLUTAMATE, Projection
 from circuits.dynamics.fixed_point import rest, wired
@@ -142,8 +143,7 @@ def compared(results: Results, channels: int, accuracy: float) -> pd.DataFrame:
         simulation.level(channels, accuracy)
         model, tuned = simulation.tuned(channels)
         count = max(200, round(simulation.share * COMPARED))
-        task = Task(name="", about="", channels=channels)
-        evidence = drawn(task, count, simulation.seed, "compared")
+        evidence = drawn(Gaussian(channels, t_max=READINGS), count, simulation.seed, "compared")
         levels = tuned.settings[tuned.posterior.mean(axis=1) <= accuracy + BEYOND]
         test = tradeoff(Msprt().run(evidence), evidence, accuracies=(accuracy,))
         with quiet():

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.exam.numbers import Task
+from bgmodel.exam.numbers import ExamTask
 from bgmodel.support.checks import path_of
 from bgmodel.tables.foreign import read_rows
 from circuits.errors import DataWarning, InputError, require
@@ -94,7 +94,7 @@ class Tables:
 def read_tables(
     trials: str | Path | pd.DataFrame | None,
     rates: str | Path | pd.DataFrame | None,
-    tasks: dict[str, Task],
+    tasks: dict[str, ExamTask],
 ) -> Tables:
     """Read trials and rates that were recorded, or simulated by another tool."""
     if trials is None and rates is None:
@@ -113,7 +113,7 @@ def _rows(source: str | Path | pd.DataFrame, field: str) -> pd.DataFrame:
     return read_rows(path_of(source, field)).copy()
 
 
-def _trials(table: pd.DataFrame, tasks: dict[str, Task]) -> pd.DataFrame:
+def _trials(table: pd.DataFrame, tasks: dict[str, ExamTask]) -> pd.DataFrame:
     if "rt_s" in table:
         require("rt_ms" not in table, "rt_s", "must not stand with rt_ms", "both")
         table["rt_ms"] = 1000 * _numbers(table, "rt_s")
@@ -132,7 +132,7 @@ def _trials(table: pd.DataFrame, tasks: dict[str, Task]) -> pd.DataFrame:
     return _numbered(table, ["task"])[list(OF_TRIALS)]
 
 
-def _rates(table: pd.DataFrame, tasks: dict[str, Task]) -> pd.DataFrame:
+def _rates(table: pd.DataFrame, tasks: dict[str, ExamTask]) -> pd.DataFrame:
     _needs_unit(table, "rate", "rate_hz", "rate_hz")
     table["role"] = table.get("role", "all")
     _known(table, "task", tuple(tasks))

@@ -18,7 +18,7 @@ from bgmodel.exam.drawing import FAILS
 from bgmodel.exam.exam import Exam
 from bgmodel.exam.exam import Model as Examinee
 from bgmodel.exam.exam import model_of as examinee
-from bgmodel.exam.numbers import SEED, shipped_list
+from bgmodel.exam.numbers import SEED
 from bgmodel.exam.record import MOST_Z, totals
 from bgmodel.experiments.expected import AGREES
 from circuits.anatomy import CIRCUITS, DEFAULT, load_circuit
@@ -181,7 +181,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     about = [
         (one.id, one.domain, one.about, one.published(), one.unit, one.species, one.mark,
          one.source, one.weight, one.how)
-        for one in shipped_list().numbers
+        for one in Exam.shipped().numbers
     ]  # fmt: skip
     names = ["id", "domain", "about", "published", "unit", "species", "mark", "source", "weight"]
     kept = ["examinee", "sitting", "id", "domain", "value", "se", "z", "outcome", "set_by"]

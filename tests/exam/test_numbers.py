@@ -7,7 +7,7 @@ import pytest
 
 from bgmodel.exam.exam import Exam
 from bgmodel.exam.measures import MEASURES
-from bgmodel.exam.numbers import MARKS, Number, read_numbers, shipped_list
+from bgmodel.exam.numbers import MARKS, Number, read_numbers
 from bgmodel.tables.shipped import shipped
 from circuits.errors import InputError
 from tests.helpers import refused
@@ -22,25 +22,25 @@ OFF_MS = 300.0
 
 
 def by_id():
-    return {one.id: one for one in shipped_list().numbers}
+    return {one.id: one for one in Exam.shipped().numbers}
 
 
 def test_the_shipped_list_has_what_it_promises():
-    numbers = shipped_list().numbers
+    numbers = Exam.shipped().numbers
     assert len(numbers) >= 65
     assert len({one.source.split(",")[0] for one in numbers}) >= 12
     assert {one.mark for one in numbers} == set(MARKS)
     assert all(one.weight == 0.5 for one in numbers if one.mark == "abstract")
     assert {one.measure for one in numbers} <= set(MEASURES)
-    used = {name for one in numbers for _, name in shipped_list().tasks_of(one)}
-    assert used == set(shipped_list().tasks)
+    used = {name for one in numbers for _, name in one.tasks()}
+    assert used == set(Exam.shipped().tasks)
 
 
 def test_the_hash_follows_every_number():
-    first = shipped_list()
+    first = Exam.shipped()
     changed = dataclasses.replace(first.numbers[0], weight=0.3)
     other = dataclasses.replace(first, numbers=(changed, *first.numbers[1:]))
-    assert shipped_list().sha256 == first.sha256 != other.sha256
+    assert Exam.shipped().sha256 == first.sha256 != other.sha256
 
 
 @pytest.mark.parametrize(
@@ -65,8 +65,8 @@ def test_a_file_adds_numbers_and_marks_the_version(tmp_path):
         'se = 1\nspecies = "rat"\nsource = "me"\nmark = "read"\nhow = "b"\n'
     )
     exam = Exam.shipped().with_numbers(file)
-    assert exam.questions.version == f"{shipped_list().version}+"
-    assert exam.questions.domains[-1] == "mine"
+    assert exam.version == f"{Exam.shipped().version}+"
+    assert exam.domains[-1] == "mine"
     with refused("id"):
         exam.with_numbers(file)
     file.write_text(file.read_text().replace('"rest" }', '"nap" }'))

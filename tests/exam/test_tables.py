@@ -3,12 +3,12 @@
 import pandas as pd
 import pytest
 
-from bgmodel.exam.numbers import shipped_list
+from bgmodel.exam.exam import Exam
 from bgmodel.exam.tables import NotApplicable, read_tables
 from circuits.errors import DataWarning
 from tests.helpers import refused
 
-TASKS = shipped_list().tasks
+TASKS = Exam.shipped().tasks
 TRIALS = pd.DataFrame({"task": "reference", "rt_ms": [500.0, 700.0, None], "correct": [1, 0, None]})
 RATES = pd.DataFrame({"task": "rest", "nucleus": "STN", "window": "rest", "rate_hz": [12.0, 18.0]})
 
