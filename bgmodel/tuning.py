@@ -19,7 +19,7 @@ from bgmodel.exam.exam import Exam
 from bgmodel.exam.measures import Estimate
 from bgmodel.exam.numbers import Number
 from bgmodel.exam.record import scored
-from bgmodel.exam.tables import NAMES, NotApplicable
+from bgmodel.exam.tables import NotApplicable, rows_of
 from bgmodel.experiments.expected import AGREES
 from bgmodel.experiments.models import Model, model_of
 from bgmodel.support.arrays import Array
@@ -253,7 +253,7 @@ def _resting(model: Model, number: Number, exam: Exam) -> Estimate | NotApplicab
     """Return a resting rate at the fixed point, Hz."""
     nucleus = str(number.of["nucleus"])
     rates = resting_hz(model.circuit(exam.tasks[str(number.of["task"])].channels))
-    known = [rates[name] for name in NAMES.get(nucleus, (nucleus,)) if name in rates]
+    known = [rates[name] for name in rows_of(nucleus, rates)]
     if not known:
         return NotApplicable(f"there are no rates of {nucleus}")
     return Estimate(float(np.mean(known)), 0.0, 0)

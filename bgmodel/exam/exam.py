@@ -16,6 +16,7 @@ from bgmodel.exam.numbers import SEED, ExamTask, Number, read_numbers, read_task
 from bgmodel.exam.record import COLUMNS, ExamRecord, scored
 from bgmodel.exam.simulation import Simulation
 from bgmodel.exam.tables import Failed, NotApplicable, read_tables
+from bgmodel.experiments.expected import UNANSWERED
 from bgmodel.experiments.models import Model, model_of
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum
@@ -23,7 +24,7 @@ from circuits.circuit import Circuit
 from circuits.declaration.table_writer import identity
 from circuits.errors import InputError, require
 
-__all__ = ["SEED", "Exam", "Model", "measures", "model_of", "of_circuit", "take_exam"]
+__all__ = ["SEED", "Exam", "measures", "of_circuit", "take_exam"]
 
 
 @dataclass(frozen=True)
@@ -187,7 +188,7 @@ class Exam:
         results = Results(tables, self.tasks, seed)
         rows = [_row(number, "", results) for number in self.numbers]
         record = self._record(name, rows, seed, {"trials": _file(trials), "rates": _file(rates)})
-        if (record.table["outcome"] == "not answered").all():
+        if (record.table["outcome"] == UNANSWERED).all():
             raise InputError(
                 "the tables answer none of the numbers: name tasks, nuclei and windows as "
                 "`bgmodel exam --tasks` lists them",

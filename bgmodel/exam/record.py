@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import Z95
-from bgmodel.exam.drawing import FAILS, UNANSWERED
+from bgmodel.exam.drawing import OUTCOMES
 from bgmodel.exam.measures import Estimate
 from bgmodel.exam.numbers import Number
 from bgmodel.exam.tables import Failed
-from bgmodel.experiments.expected import AGREES, DISAGREES, OPEN
+from bgmodel.experiments.expected import AGREES, DISAGREES, FAILS, OPEN, UNANSWERED
 from bgmodel.support.files import json_text, provenance
 from bgmodel.support.saved import Facts
 from bgmodel.support.tables import Readable
@@ -22,8 +22,6 @@ from bgmodel.support.tables import Readable
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-OUTCOMES = (AGREES, DISAGREES, OPEN, FAILS, UNANSWERED)
-"""Outcomes of a number. "fails": the circuit does not do what the number is about."""
 MOST_Z = 2.0
 """A value agrees within this many standard errors."""
 COLUMNS = (

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cached_property, wraps
-from typing import Any, TypeVar, cast
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -30,6 +30,7 @@ from circuits.anatomy import is_included
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
 from circuits.errors import InputError, collected, quiet
+from circuits.store import once
 
 DRAWN = 4000
 """Trials that are drawn for each kind of task: a task takes the first of them, so that those with
@@ -37,9 +38,8 @@ the same number share their readings, whatever the number of trials."""
 TUNING_TRIALS = 500
 FOREPERIOD_MS = 500.0
 MOST_MISSED = 0.5
-
-
-Result = TypeVar("Result")
+"""Largest share of missed trials for a threshold, and for a mean time, in which they count at the
+deadline."""
 
 
 @contextmanager
@@ -51,25 +51,6 @@ def scored_errors() -> Iterator[None]:
         raise NotApplicable(str(error)) from None
     except ValueError as error:
         raise Failed(str(error)) from None
-
-
-def once(method: Callable[..., Result]) -> Callable[..., Result]:
-    """Compute a method once for its arguments; an error is raised again at each call."""
-
-    @wraps(method)
-    def cached(self: Any, *arguments: Any) -> Result:
-        key = (method.__name__, *arguments)
-        if key not in self.cache:
-            try:
-                self.cache[key] = method(self, *arguments)
-            except (NotApplicable, Failed) as reason:
-                self.cache[key] = reason
-        result = self.cache[key]
-        if isinstance(result, Exception):
-            raise result
-        return cast(Result, result)
-
-    return cached
 
 
 @dataclass(frozen=True)

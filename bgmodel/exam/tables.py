@@ -6,6 +6,7 @@ recording are read from CSV files. The measures are the same.
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -55,6 +56,11 @@ HIGHEST_HZ = 1000.0
 """No cell fires faster."""
 
 
+def rows_of(nucleus: str, known: Container[str]) -> list[str]:
+    """Return the rows of a nucleus that are known."""
+    return [name for name in NAMES.get(nucleus, (nucleus,)) if name in known]
+
+
 class NotApplicable(Exception):
     """The circuit or the tables lack what the number needs."""
 
@@ -81,7 +87,7 @@ class Tables:
     def rates_of(self, task: str, nucleus: str, window: str, role: str) -> pd.Series:
         """Return the rate of a nucleus in each trial of a task, Hz, indexed by trial."""
         rates = self.rates
-        names = [name for name in NAMES.get(nucleus, (nucleus,)) if name in set(rates["nucleus"])]
+        names = rows_of(nucleus, set(rates["nucleus"]))
         if rates.empty or not names:
             raise NotApplicable(f"there are no rates of {nucleus}")
         here = rates[rates["nucleus"].isin(names) & (rates["task"] == task)]

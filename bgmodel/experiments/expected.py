@@ -19,6 +19,8 @@ from bgmodel.deciding.measures import (
 from circuits.errors import DataWarning, InputError, require
 
 AGREES, DISAGREES, OPEN = "agrees", "disagrees", "left open"
+FAILS, UNANSWERED = "fails", "not answered"
+"""Outcomes of a number of the exam: the circuit lacks the behaviour, or it cannot be results."""
 WITHOUT = "decides without evidence"
 """The outcome, regardless of the prediction, if the manipulated circuit ignores evidence."""
 FEWEST_DECIDED = 20
