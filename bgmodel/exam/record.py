@@ -44,7 +44,7 @@ def scored(number: Number, included: str, estimate: Estimate | Exception) -> dic
     row |= {"value": estimate.value, "se": estimate.se, "trials": estimate.trials}
     if number.direction is not None:
         half = Z95 * estimate.se
-        outcome = number.outcome(estimate.value - half, estimate.value + half)
+        outcome = number.outcome(estimate.value, estimate.value - half, estimate.value + half)
         reason = f"cannot tell with {estimate.trials} trials" if outcome == OPEN else ""
         return row | {"outcome": outcome, "reason": reason}
     z = number.z(estimate.value, estimate.se, estimate.se)

@@ -19,6 +19,8 @@ from bgmodel.deciding.measures import (
 from circuits.errors import DataWarning, InputError, require
 
 AGREES, DISAGREES, OPEN = "agrees", "disagrees", "left open"
+COMPATIBLE, DIFFERS, NO_INTERVAL = "compatible", "differs", "no interval to compare"
+"""Comparison of a published effect with the model's: whether their difference includes 0."""
 FAILS, UNANSWERED = "fails", "not answered"
 """Outcomes of a number of the exam: the circuit lacks the behaviour, or it cannot be results."""
 WITHOUT = "decides without evidence"
@@ -152,10 +154,18 @@ class Expected:
         error = float(np.hypot(below if apart > 0 else above, self.error(value)))
         return apart / max(error, float(np.finfo(float).tiny))
 
-    def outcome(self, low: float, high: float) -> str:
-        """Return the verdict on the direction from a change's 95 % interval; open if it is NaN."""
-        if not (np.isfinite(low) and np.isfinite(high)):
+    def outcome(self, value: float, low: float, high: float) -> str:
+        """Return the verdict on an estimate from its 95 % interval; open if it is not finite.
+
+        On a direction: "agrees" if the whole interval is beyond ``at_least`` (within it for
+        "none"), "disagrees" if none of it is, otherwise "left open". On a value: "compatible" if
+        the 95 % interval of the difference includes 0, otherwise "differs".
+        """
+        if not np.isfinite([value, low, high][self.direction is not None :]).all():
             return OPEN
+        if self.direction is None:
+            z = self.z(value, (value - low) / Z95, (high - value) / Z95)
+            return NO_INTERVAL if np.isnan(z) else COMPATIBLE if abs(z) <= Z95 else DIFFERS
         if self.direction == "none":
             inside = -self.at_least < low and high < self.at_least
             outside = low > self.at_least or high < -self.at_least

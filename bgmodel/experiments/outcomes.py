@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
 
 import numpy as np
 import pandas as pd
 
-from bgmodel.bootstrap import Z95, shown
+from bgmodel.bootstrap import shown
 from bgmodel.deciding.measures import (
     COUNTED,
     CUT_OFF,
@@ -49,10 +49,10 @@ VERDICTS = {
     WITHOUT: "decides without evidence, which is no agreement",
 }
 """Wording of each verdict on a page."""
-COMPATIBLE, DIFFERS, NO_INTERVAL = "compatible", "differs", "no interval to compare"
-"""Comparison of a published effect with the model's: whether their difference includes 0."""
 PREDICTED = ("predicted before the run", "change", "trials", "verdict")
 """Heading of the verdicts on a page."""
+Judged = Callable[..., str]
+"""Takes a measure and a shift of its change, in its unit, and returns the verdict."""
 UNITS = (
     (("mean_ms",), "_ms: ms"),
     (("decided",), "decided: trials"),
@@ -100,30 +100,52 @@ def outcomes(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
     measure's range that no change could be as large as predicted.
     """
     by = {name: rows.set_index("measure") for name, rows in table.groupby("condition")}
-    change = by["change"][["value", "low", "high"]].reindex([*MEASURES, *OF_STOP])
     rows = []
     for p in experiment.predictions:
-        estimate = tuple(map(float, change.loc[p.measure].to_numpy()))
-
-        def judged(name: str, shift: float = 0.0, p: Expected = p) -> str:
-            low, high = map(float, change.loc[name, ["low", "high"]].to_numpy())
-            return p.outcome(low + shift, high + shift)
-
-        outcome, why = _verdict(experiment, table, p.measure, judged)
-        if outcome == DISAGREES and (none := _no_room(p, by["control"]["value"].loc[p.measure])):
-            outcome, why = OPEN, none
+        estimate, outcome, why = _compared(experiment, table, p)
         trials = (by[name].loc[p.measure, "trials"] for name in CONDITIONS[:2])
         rows.append((p.measure, p.direction, p.at_least, *estimate, outcome, why, *trials))
     names = ["measure", "direction", "at_least", "value", "low", "high", "outcome", "reason"]
     return pd.DataFrame(rows, columns=[*names, *(f"{name}_trials" for name in CONDITIONS[:2])])
 
 
-class Judged(Protocol):
-    """The verdict from the interval of a measure's change, after a shift in its unit."""
+def beside_published(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
+    """Return the published effects with the model's, one row per effect.
 
-    def __call__(self, name: str, shift: float = 0.0, /) -> str:
-        """Return the verdict."""
-        ...
+    They are "compatible" if the 95 % interval of the model's minus the published effect includes 0
+    (``Expected.z``), otherwise "differs".
+    """
+    rows = []
+    for effect in experiment.effects:
+        estimate, verdict, why = _compared(experiment, table, effect)
+        numbers = (effect.middle, *effect.interval, *estimate)
+        where = (_condition(effect), effect.measure)
+        rows.append((*where, *numbers, effect.source, verdict, why))
+    names = ["condition", "measure", "published", "published_low", "published_high"]
+    names += ["value", "low", "high", "effect_source", "comparison", "comparison_reason"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def _condition(expected: Expected) -> str:
+    return PERCENT if expected.unit == PERCENT else CONDITIONS[2]
+
+
+def _compared(
+    experiment: ExperimentRecord, table: pd.DataFrame, expected: Expected
+) -> tuple[tuple[float, ...], str, str]:
+    """Return the model's change with its interval, the verdict on it, and its reason."""
+    by = {name: rows.set_index("measure") for name, rows in table.groupby("condition")}
+    control, ours = by[CONDITIONS[0]]["value"], by[_condition(expected)]
+    ours = ours[["value", "low", "high"]].astype(float).reindex([*MEASURES, *OF_STOP])
+
+    def judged(name: str, shift: float = 0.0) -> str:
+        shift *= 100 / control[name] if expected.unit == PERCENT else 1
+        return expected.outcome(*(ours.loc[name].to_numpy() + shift))
+
+    outcome, why = _verdict(experiment, table, expected.measure, judged)
+    if outcome == DISAGREES and (none := _no_room(expected, control[expected.measure])):
+        outcome, why = OPEN, none
+    return tuple(map(float, ours.loc[expected.measure])), outcome, why
 
 
 def _verdict(
@@ -220,42 +242,6 @@ def _both(table: pd.DataFrame, measure: str) -> tuple[float, float]:
     """Return a measure of control and manipulation."""
     values = table[table["measure"] == measure].set_index("condition")["value"]
     return float(values["control"]), float(values["manipulation"])
-
-
-def beside_published(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
-    """Return the published effects with the model's, one row per effect.
-
-    They are "compatible" if the 95 % interval of the model's minus the published effect includes 0
-    (``Expected.z``), otherwise "differs".
-    """
-    control = table[table["condition"] == CONDITIONS[0]].set_index("measure")["value"]
-    rows = []
-    for effect in experiment.effects:
-        condition = PERCENT if effect.unit == PERCENT else CONDITIONS[2]
-        ours = table[table["condition"] == condition].set_index("measure")
-        ours = ours[["value", "low", "high"]].astype(float).reindex([*MEASURES, *OF_STOP])
-
-        def judged(
-            name: str, shift: float = 0.0, effect: Expected = effect, ours: pd.DataFrame = ours
-        ) -> str:
-            if effect.unit == PERCENT:
-                shift *= 100 / control[name]
-            return _held(effect, *(ours.loc[name].to_numpy(dtype=float) + shift))
-
-        verdict, why = _verdict(experiment, table, effect.measure, judged)
-        numbers = (effect.middle, *effect.interval, *map(float, ours.loc[effect.measure]))
-        rows.append((condition, effect.measure, *numbers, effect.source, verdict, why))
-    names = ["condition", "measure", "published", "published_low", "published_high"]
-    names += ["value", "low", "high", "effect_source", "comparison", "comparison_reason"]
-    return pd.DataFrame(rows, columns=names)
-
-
-def _held(effect: Expected, value: float, low: float, high: float) -> str:
-    """Return the comparison of a model's change and its interval with a published one."""
-    if not np.isfinite(value):
-        return OPEN
-    z = effect.z(value, (value - low) / Z95, (high - value) / Z95)
-    return NO_INTERVAL if np.isnan(z) else COMPATIBLE if abs(z) <= Z95 else DIFFERS
 
 
 def page(experiment: ExperimentRecord, table: pd.DataFrame) -> str:

@@ -73,7 +73,7 @@ def test_a_value_needs_no_interval_and_an_interval_no_value():
     ],
 )
 def test_the_interval_decides(direction, at_least, interval, outcome):
-    assert CHANGE(direction, at_least).outcome(*interval) == outcome
+    assert CHANGE(direction, at_least).outcome(0.0, *interval) == outcome
 
 
 def test_a_difference_is_counted_in_the_standard_errors_that_point_to_each_other():

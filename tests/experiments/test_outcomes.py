@@ -11,16 +11,18 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from bgmodel.deciding.measures import MEASURES, OF_ALL, OF_DECIDED
-from bgmodel.experiments.expected import AGREES, DISAGREES, OPEN, WITHOUT, Expected
-from bgmodel.experiments.experiment import Experiment, shipped
-from bgmodel.experiments.outcomes import (
+from bgmodel.experiments.expected import (
+    AGREES,
     COMPATIBLE,
     DIFFERS,
+    DISAGREES,
     NO_INTERVAL,
-    beside_published,
-    outcomes,
-    page,
+    OPEN,
+    WITHOUT,
+    Expected,
 )
+from bgmodel.experiments.experiment import Experiment, shipped
+from bgmodel.experiments.outcomes import beside_published, outcomes, page
 from bgmodel.experiments.record import Changes
 from bgmodel.support.seeds import stream
 from bgmodel.task import Gaussian
