@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -23,7 +22,7 @@ from circuits.errors import require
 
 SEED = 98_001
 """Default seed of the evidence and the noise; it tuned nothing."""
-SHIPPED = resources("bgmodel.exam") / "shipped"
+SHIPPED = Path(__file__).with_name("shipped")
 TASKS = "tasks.toml"
 """The file of the tasks; the others hold numbers."""
 MARKS = ("read", "abstract", "computed", "derived")
@@ -193,12 +192,12 @@ ORDER = (
 
 def read_tasks() -> tuple[str, dict[str, ExamTask]]:
     """Return the version of the shipped list, and its tasks by name."""
-    contents = toml_files.read(Path(str(SHIPPED / TASKS)), _OfTasks)
+    contents = toml_files.read(SHIPPED / TASKS, _OfTasks)
     return contents.version, {task.id: task for task in contents.tasks}
 
 
 def read_numbers(*files: str | Path) -> tuple[Number, ...]:
     """Read numbers from TOML files, each of one domain; by default the shipped ones."""
-    paths = files or [Path(str(SHIPPED / f"{name}.toml")) for name in ORDER]
+    paths = files or [SHIPPED / f"{name}.toml" for name in ORDER]
     domains = [toml_files.read(path, _OfDomain) for path in paths]
     return tuple(replace(one, domain=each.domain) for each in domains for one in each.numbers)

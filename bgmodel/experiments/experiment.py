@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import partial
-from importlib.resources import files as resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,7 +51,7 @@ from circuits.store import Latest
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SHIPPED = resources("bgmodel.experiments") / "shipped"
+SHIPPED = Path(__file__).with_name("shipped")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +85,7 @@ class Experiment(ExperimentRecord):
             raise InputError(
                 f"an experiment is a .toml file or one of {names}; got {str(file)!r}", "file"
             )
-        return toml_files.read(Path(str(inside)), cls)
+        return toml_files.read(inside, cls)
 
     @classmethod
     def from_text(cls, text: str, name: str = "the text") -> Experiment:
@@ -212,7 +211,7 @@ def shipped_text(name: str) -> str:
 
 def shipped_names() -> list[str]:
     """Return the names of the included experiments."""
-    return sorted(Path(entry.name).stem for entry in SHIPPED.iterdir())
+    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
 
 
 @dataclass(frozen=True, repr=False)

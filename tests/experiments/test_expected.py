@@ -4,11 +4,22 @@ from functools import partial
 
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from bgmodel.deciding.measures import MEASURES, OF_STOP, SHARES
-from bgmodel.experiments.expected import AGREES, DISAGREES, LIKELY, OPEN, Expected
+from bgmodel.experiments.expected import (
+    AGREES,
+    COMPATIBLE,
+    DIFFERS,
+    DISAGREES,
+    LIKELY,
+    NO_INTERVAL,
+    OPEN,
+    Expected,
+)
 from bgmodel.experiments.experiment import shipped
-from circuits.errors import DataWarning
+from circuits.errors import DataWarning, quiet
 from tests.helpers import refused, unwarned
 
 CHANGE = partial(Expected, "mean_ms")
@@ -86,6 +97,29 @@ def test_a_difference_is_counted_in_the_standard_errors_that_point_to_each_other
         assert published.z(20.0, 4.0, 90.0) == pytest.approx(2.0)
     assert CHANGE(value=10.0, low=10 - 3 * 1.96, high=11.0).z(0.0, 9, 4) == pytest.approx(-2.0)
     assert np.isnan(CHANGE(value=10.0).z(20.0, 4.0, 4.0))
+
+
+WIDTH = st.floats(0, 30)
+
+
+@given(st.floats(-50, 50), st.floats(-50, 50), WIDTH, WIDTH, WIDTH, WIDTH)
+def test_both_ends_of_the_difference_are_those_of_two_independent_samples(
+    model, published, low, high, below, above
+):
+    """Zou & Donner (2008), against their formula in half-widths of both intervals."""
+    apart = model - published
+    reach = np.hypot(low, above) if apart > 0 else np.hypot(high, below)
+    assume(abs(abs(apart) - reach) > 1e-6)
+    with quiet():
+        effect = CHANGE(value=published, low=published - below, high=published + above)
+    outcome = effect.outcome(model, model - low, model + high)
+    assert outcome == (COMPATIBLE if abs(apart) < reach else DIFFERS)
+
+
+def test_a_value_is_left_open_without_an_estimate_and_not_compared_without_an_interval():
+    assert CHANGE(value=5.0, se=1.0).outcome(np.nan, np.nan, np.nan) == OPEN
+    assert CHANGE(value=5.0, se=1.0).outcome(5.0, np.nan, 6.0) == OPEN
+    assert CHANGE(value=5.0).outcome(5.0, 4.0, 6.0) == NO_INTERVAL
 
 
 def test_every_measure_has_likely_sizes_and_those_that_ship_are():
