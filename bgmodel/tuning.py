@@ -19,9 +19,9 @@ from bgmodel.exam.exam import Exam
 from bgmodel.exam.measures import Estimate
 from bgmodel.exam.numbers import Number
 from bgmodel.exam.record import scored
-from bgmodel.exam.tables import NAMES, NotApplicable
+from bgmodel.exam.tables import NotApplicable, rows_of
+from bgmodel.experiments.expected import AGREES
 from bgmodel.experiments.models import Model, model_of
-from bgmodel.experiments.predictions import AGREES
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.saved import Facts
@@ -150,7 +150,7 @@ def tune(
     apart = len(scoring_seeds) > 0 and seed not in scoring_seeds
     require(apart, "scoring_seeds", "must be one or more that differ from seed", scoring_seeds)
     base = model_of(circuit)
-    asked = {name: _only(exam, ids) for name, ids in lists.items()}
+    asked = {name: exam.of(ids) for name, ids in lists.items()}
     lows, highs, start = _box(base, free, asked[TUNED])
     tried = 0
 
@@ -184,7 +184,7 @@ def tune(
 
 
 def _check_ids(exam: Exam, lists: Mapping[str, list[str]]) -> None:
-    known = {one.id for one in exam.questions.numbers}
+    known = {one.id for one in exam.numbers}
     fields = {TUNED: "numbers", HELD_OUT: "held_out"}
     for name, ids in lists.items():
         field = fields[name]
@@ -195,12 +195,6 @@ def _check_ids(exam: Exam, lists: Mapping[str, list[str]]) -> None:
         require(not twice, field, "must name each number once", twice)
     both = sorted({*lists[TUNED]} & {*lists[HELD_OUT]})
     require(not both, "held_out", "must not be among the numbers that are tuned", both)
-
-
-def _only(exam: Exam, ids: list[str]) -> Exam:
-    """Return the exam with some of its numbers."""
-    numbers = tuple(one for one in exam.questions.numbers if one.id in ids)
-    return Exam(replace(exam.questions, numbers=numbers))
 
 
 def _moved(base: Model, values: dict[str, float]) -> Model:
@@ -222,7 +216,7 @@ def _box(
 ) -> tuple[Array, Array, Array]:
     """Return the ends of the free directions, and the circuit's place between them, 0 to 1."""
     require(len(free) > 0, "free", "must name one or more free directions", list(free))
-    tasks = exam.questions.tasks.values()
+    tasks = exam.tasks.values()
     circuit = next(iter(base.circuits(sorted({task.channels for task in tasks}))[0].values()))
     present = {one.name: one.value for one in directions(circuit)} if not failures(circuit) else {}
     start = []
@@ -245,13 +239,12 @@ def _scores(
     model: Model, exam: Exam, seed: int, share: float, workers: int, *, closed: bool = False
 ) -> list[dict[str, Any]]:
     """Return the rows of an exam; with ``closed`` resting rates are those of the fixed point."""
-    rest = [n for n in exam.questions.numbers if n.measure == "rate" and n.of["window"] == "rest"]
+    rest = [n for n in exam.numbers if n.measure == "rate" and n.of["window"] == "rest"]
     rest = rest if closed else []
-    others = tuple(one for one in exam.questions.numbers if one not in rest)
+    others = [one.id for one in exam.numbers if one not in rest]
     rows = [scored(one, "", _resting(model, one, exam)) for one in rest]
     if others:
-        part = Exam(replace(exam.questions, numbers=others))
-        taken = part.take(model, seed=seed, share=share, workers=workers)
+        taken = exam.of(others).take(model, seed=seed, share=share, workers=workers)
         rows += [{str(k): v for k, v in row.items()} for row in taken.table.to_dict("records")]
     return rows
 
@@ -259,8 +252,8 @@ def _scores(
 def _resting(model: Model, number: Number, exam: Exam) -> Estimate | NotApplicable:
     """Return a resting rate at the fixed point, Hz."""
     nucleus = str(number.of["nucleus"])
-    rates = resting_hz(model.circuit(exam.questions.tasks[str(number.of["task"])].channels))
-    known = [rates[name] for name in NAMES.get(nucleus, (nucleus,)) if name in rates]
+    rates = resting_hz(model.circuit(exam.tasks[str(number.of["task"])].channels))
+    known = [rates[name] for name in rows_of(nucleus, rates)]
     if not known:
         return NotApplicable(f"there are no rates of {nucleus}")
     return Estimate(float(np.mean(known)), 0.0, 0)

@@ -18,7 +18,7 @@ import warnings
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache, cached_property, wraps
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -155,6 +155,25 @@ class Latest:
                 del values[old]
         value: Value = values[key]
         return value
+
+
+def once(method: Callable[..., Value]) -> Callable[..., Value]:
+    """Compute a method once for its arguments, in ``self.cache``; an error is raised each time."""
+
+    @wraps(method)
+    def cached(self: Any, *arguments: Hashable) -> Value:
+        key = (method.__name__, *arguments)
+        if key not in self.cache:
+            try:
+                self.cache[key] = method(self, *arguments)
+            except Exception as reason:
+                self.cache[key] = reason
+        if isinstance(result := self.cache[key], Exception):
+            raise result
+        value: Value = result
+        return value
+
+    return cached
 
 
 def safe(title: str) -> str:

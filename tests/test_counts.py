@@ -5,7 +5,7 @@ import re
 import pytest
 
 from bgmodel.demo import NUCLEI
-from bgmodel.exam.numbers import shipped_list
+from bgmodel.exam.exam import Exam
 from bgmodel.experiments.experiment import shipped_names
 from bgmodel.tables.shipped import OTHERS, SETS
 from circuits.engines import ENGINES
@@ -40,7 +40,7 @@ COUNTS = {
     f"{NUMBER} included experiments": len(shipped_names()),
     f"{NUMBER} notebooks and a page": len(list((ROOT / "docs/tutorials").glob("*.ipynb"))),
     f"{NUMBER} engines simulate": len(ENGINES),
-    f"{NUMBER} published numbers": len(shipped_list().numbers),
+    f"{NUMBER} published numbers": len(Exam.shipped().numbers),
     f"{NUMBER} (?:single )?faults": faults(),
     f"spikes (?:of|in) {NUMBER} nuclei": len(NUCLEI),
     f"{NUMBER} recipes": lines_of("docs/extending.md", "## "),

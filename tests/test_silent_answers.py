@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import bgmodel as bg
-from bgmodel.experiments.predictions import Effect
+from bgmodel.experiments.expected import Expected
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
@@ -102,8 +102,8 @@ def biased_session():
         (NoiseWarning, "before its first reading", lambda: biased_session().add([0.0, -0.1])),
         (DataWarning, "60 of 120 trials are copies", lambda: bg.compare(
             bg.BasalGanglia("bogacz_gurney", "algebra"), copied(), accuracies=0.8)),
-        (DataWarning, "give -15 for -15 %", lambda: Effect(
-            "mean_ms", -0.15, low=-0.2, high=-0.1, unit="percent", source="none")),
+        (DataWarning, "give -15 for -15 %", lambda: Expected(
+            "mean_ms", value=-0.15, low=-0.2, high=-0.1, unit="percent", source="none")),
         (DataWarning, "radians", lambda: source(np.radians(edges()), EdgeDirection(4, 5.0))),
         (EditWarning, "times are in ms", lambda: bg.load_circuit("macaque").add(
             "dopamine amount=0.2 from_ms=0.1 to_ms=0.3")),

@@ -79,7 +79,7 @@ def exam(
         return
     if circuit:
         asked.check(circuit, edits)
-        count, version = len(asked.questions.numbers), asked.questions.version
+        count, version = len(asked.numbers), asked.version
         say(f"an exam of {count} numbers, list {version}; the whole list takes about a minute")
         marked = asked.take(
             circuit, edits=edits, engine=engine, motifs=motifs, workers=workers, **options
@@ -102,9 +102,8 @@ def exam(
 
 def _list(asked: Exam, tasks: bool, output: Output) -> None:
     """List the numbers with their sources, or the tasks and the columns of tables."""
-    every = asked.questions
     if tasks:
-        rows = [(task.name, task.about) for task in every.tasks.values()]
+        rows = [(task.id, task.about) for task in asked.tasks.values()]
         text = [f"{name}: {about}" for name, about in rows]
         for title, columns in (
             ("columns of --data", OF_TRIALS),
@@ -115,9 +114,9 @@ def _list(asked: Exam, tasks: bool, output: Output) -> None:
         table = pd.DataFrame(rows, columns=["task", "about"])
     else:
         names = ["id", "domain", "about", "unit", "species", "mark", "source", "how"]
-        table = pd.DataFrame([[getattr(one, n) for n in names] for one in every.numbers],
+        table = pd.DataFrame([[getattr(one, n) for n in names] for one in asked.numbers],
                              columns=names)  # fmt: skip
-        table.insert(3, "published", [one.published() for one in every.numbers])
+        table.insert(3, "published", [one.published() for one in asked.numbers])
         text = []
         for domain, part in table.groupby("domain", sort=False):
             text.append(str(domain))
@@ -125,4 +124,4 @@ def _list(asked: Exam, tasks: bool, output: Output) -> None:
                 f"  {row.about}: {row.published} {row.unit} ({row.source}, {row.mark}; {row.id})"
                 for row in part.itertuples()
             ]
-    output.show("\n".join(text), table, version=every.version, sha256=every.sha256)
+    output.show("\n".join(text), table, version=asked.version, sha256=asked.sha256)

@@ -13,9 +13,9 @@ from bgmodel.discriminating.designs import TaskInformation
 from bgmodel.discriminating.information import CORRECT, MISSED, Recorded
 from bgmodel.discriminating.space import Probe, Space
 from bgmodel.discriminating.trials import Trials
+from bgmodel.experiments.expected import Expected
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.experiments.models import Model
-from bgmodel.experiments.predictions import Prediction
 from bgmodel.experiments.record import Changes
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.stopping.task import StopTask
@@ -104,7 +104,7 @@ def _check_order(models: tuple[Model, Model], probe: Probe) -> None:
         )
 
 
-def _predictions(trials: Trials, check: TaskInformation) -> tuple[Prediction, ...]:
+def _predictions(trials: Trials, check: TaskInformation) -> tuple[Expected, ...]:
     """Return the changes of probe trials that are clear, half of each as the least."""
     design = check.design
     with quiet():
@@ -116,7 +116,7 @@ def _predictions(trials: Trials, check: TaskInformation) -> tuple[Prediction, ..
     for name, (control, manipulation) in _measures(first, second, design.probe).items():
         if (size := _clear(control, manipulation)) is not None:
             way: Literal["up", "down"] = "up" if size > 0 else "down"
-            made.append(Prediction(name, way, float(f"{abs(size) / 2:.1g}")))
+            made.append(Expected(name, way, float(f"{abs(size) / 2:.1g}")))
     return tuple(made)
 
 

@@ -161,8 +161,7 @@ def simulated_experiments(
     # Thresholds are those of the check; these trials give choices and times alone.
     probe, accuracy = check.design.probe, check.design.accuracy
     for k, direction in enumerate(check.directions):
-        levels = {accuracy: direction.levels[0]}
-        others.cache["levels", k, probe.channels, probe.d_prime] = levels
+        others.cache["_matched", k, probe.plain] = {accuracy: direction.levels[0]}, None
     rows = []
     for k, direction in enumerate(check.directions):
         row = needed(direction.information) | dict.fromkeys(OF_EXPERIMENTS, np.nan)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -17,7 +16,7 @@ from bgmodel.task import Gaussian
 from circuits.declaration.edits import Edits
 from circuits.errors import InputError, require
 
-SHIPPED = resources("bgmodel.discriminating") / "shipped"
+SHIPPED = Path(__file__).with_name("shipped")
 OF_CIRCUITS = ("stop_nats", "edits")
 """Axes that only circuits have: tests have no nuclei."""
 PROBED = ("channels", "d_prime", "conflict", *OF_CIRCUITS)
@@ -126,7 +125,7 @@ class Space:
     @classmethod
     def shipped(cls) -> Space:
         """Return the space that ships with the package."""
-        return cls.from_toml(Path(str(SHIPPED / "default.toml")))
+        return cls.from_toml(SHIPPED / "default.toml")
 
     @property
     def longest_ms(self) -> float:

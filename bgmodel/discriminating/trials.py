@@ -29,6 +29,7 @@ from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 from circuits.circuit import Circuit
 from circuits.errors import InputError
+from circuits.store import once
 
 TUNING_TRIALS, TUNING_READINGS = 1000, 120
 """Trials by which thresholds are matched, and readings in each."""
@@ -87,23 +88,24 @@ class Trials:
         Accuracies are those of the space and, if thresholds are free, others around them;
         accuracies that it does not reach are missing.
         """
-        key = "levels", k, probe.channels, probe.d_prime
-        if key not in self.cache:
-            rng = stream(self.seed, "discriminate", "tuning", probe.channels, probe.d_prime)
-            task = self.space.task(probe.plain, TUNING_TRIALS, TUNING_READINGS)
-            evidence = task.drawn_with(rng, rng)
-            model = self.models[k]
-            swept = _swept(model, evidence, seed=self._noise("tuning"), workers=self.workers)
-            self.cache[key] = {
-                accuracy: float(swept.at_accuracy(accuracy).settings[0])
-                for accuracy in self._accuracies()
-                if swept.reaches(accuracy)
-            }
-            if model.test is None:
-                tuned = model.integrator(evidence.hypotheses).adapted_to(evidence)
-                self.cache["gain", *key[1:]] = tuned.gain
-        levels: dict[float, float] = self.cache[key]
-        return levels
+        return self._matched(k, probe.plain)[0]
+
+    @once
+    def _matched(self, k: int, plain: Probe) -> tuple[dict[float, float], float | None]:
+        """Return a model's thresholds by accuracy, and the gain of a circuit."""
+        rng = stream(self.seed, "discriminate", "tuning", plain.channels, plain.d_prime)
+        task = self.space.task(plain, TUNING_TRIALS, TUNING_READINGS)
+        evidence = task.drawn_with(rng, rng)
+        model = self.models[k]
+        swept = _swept(model, evidence, seed=self._noise("tuning"), workers=self.workers)
+        levels = {
+            accuracy: float(swept.at_accuracy(accuracy).settings[0])
+            for accuracy in self._accuracies()
+            if swept.reaches(accuracy)
+        }
+        if model.test is not None:
+            return levels, None
+        return levels, model.integrator(evidence.hypotheses).adapted_to(evidence).gain
 
     def _accuracies(self) -> list[float]:
         accuracies = np.asarray(self.space.accuracy)
@@ -111,15 +113,9 @@ class Trials:
             accuracies = np.union1d(accuracies, np.round(accuracies[:, None] + RIVALS, 4))
         return [float(a) for a in accuracies if 0 < a < 1]
 
+    @once
     def simulated(self, k: int, probe: Probe) -> Simulated:
         """Return the decisions of a model in one kind of trials."""
-        key = "trials", k, probe
-        if key not in self.cache:
-            self.cache[key] = self._run(k, probe)
-        simulated: Simulated = self.cache[key]
-        return simulated
-
-    def _run(self, k: int, probe: Probe) -> Simulated:
         model = self.models[k]
         levels = np.array(list(self.levels(k, probe).values()))
         if not levels.size:
@@ -134,7 +130,7 @@ class Trials:
         evidence = self.space.task(probe, self.trials).drawn_with(rng, rng)
         run: dict[str, Any] = {
             "edits": probe.lines, "stop": (probe.stop_nats, self.space.stop_delay_ms),
-            "gain": self.cache.get(("gain", k, probe.channels, probe.d_prime)),
+            "gain": self._matched(k, probe.plain)[1],
             "seed": self._noise(kind), "workers": self.workers,
         }  # fmt: skip
         if model.test is not None:

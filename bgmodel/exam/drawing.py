@@ -7,25 +7,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN
-from circuits.plots import GREY, PALETTE, Look, panels, styled
+from bgmodel.experiments.drawing import LOOKS
+from bgmodel.experiments.expected import AGREES, DISAGREES, FAILS, OPEN, UNANSWERED
+from circuits.plots import GREY, Look, panels, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
-FAILS, UNANSWERED = "fails", "not answered"
 MOST_SHOWN, WITHOUT_Z = 6.0, 8.0
 """Larger z scores are drawn at the first, as arrows; outcomes without a z score at the second."""
-LOOKS: dict[str, Look] = {
-    AGREES: {"marker": "o", "color": PALETTE[0]},
-    DISAGREES: {"marker": "X", "color": PALETTE[1]},
-    OPEN: {"marker": "o", "color": GREY, "mfc": "w"},
-    FAILS: {"marker": "v", "color": PALETTE[1], "mfc": "w"},
-    UNANSWERED: {"marker": "_", "color": GREY},
-}
-"""Markers of outcomes, which differ in shape or filling, not only in colour."""
+OUTCOMES = (AGREES, DISAGREES, OPEN, FAILS, UNANSWERED)
+"""Outcomes of a number, in the order of bars."""
 
 
 @styled
@@ -38,7 +32,7 @@ def page(table: pd.DataFrame, totals: pd.DataFrame, title: str) -> Figure:
     _domains(domains, totals)
     for ax, name in zip((numbers, domains), "ab", strict=True):
         ax.set_title(name, loc="left", fontweight="bold")
-    _legend(figure, [name for name in LOOKS if name in set(table["outcome"])])
+    _legend(figure, [name for name in OUTCOMES if name in set(table["outcome"])])
     figure.suptitle(title, x=0.01, ha="left")
     return figure
 
@@ -50,7 +44,7 @@ def _legend(figure: Figure, names: list[str]) -> None:
     from matplotlib.patches import Patch
 
     handles: list[Any] = [
-        (Line2D([], [], ls="", ms=5, **LOOKS[name]), Patch(lw=0.5, ec="k", **_fill(name)))
+        (Line2D([], [], ls="", **LOOKS[name] | {"ms": 5}), Patch(lw=0.5, ec="k", **_fill(name)))
         for name in names
     ]
     handles += [Line2D([], [], ls="", marker=">", ms=5, color=GREY), Line2D([], [], ls="")]
@@ -75,7 +69,7 @@ def _numbers(ax: Axes, table: pd.DataFrame) -> None:
     ax.axvline(MOST_SHOWN + 1, color=GREY, lw=0.5)
     for y, row in enumerate(table.to_dict("records")):
         z = row["z"]
-        style: Look = {"ms": 5, "ls": "", **LOOKS[row["outcome"]]}
+        style: Look = LOOKS[row["outcome"]] | {"ms": 5, "ls": ""}
         if np.isfinite(z) and abs(z) > MOST_SHOWN:
             style["marker"] = ">" if z > 0 else "<"
         x = float(np.clip(z, -MOST_SHOWN, MOST_SHOWN)) if np.isfinite(z) else WITHOUT_Z
@@ -98,7 +92,7 @@ def _domains(ax: Axes, per_domain: pd.DataFrame) -> None:
     """Draw, for each domain, how many numbers have each outcome."""
     for y, row in enumerate(per_domain.to_dict("records")):
         left = 0
-        for name in LOOKS:
+        for name in OUTCOMES:
             count = row[name]
             ax.barh(y, count, left=left, height=0.6, ec="k", lw=0.5, **_fill(name))
             left += count

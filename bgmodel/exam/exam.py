@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,11 @@ import pandas as pd
 
 from bgmodel.exam import measures, of_circuit
 from bgmodel.exam.measures import MEASURES, Results
-from bgmodel.exam.numbers import SEED, Number, NumberList, read_numbers, shipped_list
+from bgmodel.exam.numbers import SEED, ExamTask, Number, read_numbers, read_tasks
 from bgmodel.exam.record import COLUMNS, ExamRecord, scored
 from bgmodel.exam.simulation import Simulation
 from bgmodel.exam.tables import Failed, NotApplicable, read_tables
+from bgmodel.experiments.expected import UNANSWERED
 from bgmodel.experiments.models import Model, model_of
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum
@@ -22,7 +24,7 @@ from circuits.circuit import Circuit
 from circuits.declaration.table_writer import identity
 from circuits.errors import InputError, require
 
-__all__ = ["SEED", "Exam", "Model", "measures", "model_of", "of_circuit", "take_exam"]
+__all__ = ["SEED", "Exam", "measures", "of_circuit", "take_exam"]
 
 
 @dataclass(frozen=True)
@@ -31,51 +33,75 @@ class Exam:
 
     Parameters
     ----------
-    questions : NumberList
-        Numbers and tasks.
+    version : str
+        Version of the list; scores are comparable within one.
+    numbers : tuple of Number
+        Published numbers.
+    tasks : dict
+        Tasks by name.
 
     Raises
     ------
     ValueError
-        If a number names an unknown measure.
+        If a number names an unknown measure or task, or has the id of another one.
     """
 
-    questions: NumberList
+    version: str
+    numbers: tuple[Number, ...]
+    tasks: dict[str, ExamTask] = field(repr=False)
 
     def __post_init__(self) -> None:
-        known = ", ".join(MEASURES)
-        for one in self.questions.numbers:
-            must = f"must be one of {known}"
+        ids = [one.id for one in self.numbers]
+        twice = sorted({one for one in ids if ids.count(one) > 1})
+        require(not twice, "id", "must differ from those of all other numbers", twice)
+        for one in self.numbers:
+            must = f"must be one of {', '.join(MEASURES)}"
             require(one.measure in MEASURES, "measure", must, one.measure, owner=one.id)
+            for key, name in one.tasks():
+                must = f"must be one of {', '.join(self.tasks)}"
+                require(name in self.tasks, key, must, name, owner=one.id)
 
     @classmethod
     def shipped(cls) -> Exam:
         """Return the exam that ships with the package."""
-        return cls(shipped_list())
+        version, tasks = read_tasks()
+        return cls(version, read_numbers(), tasks)
+
+    @property
+    def sha256(self) -> str:
+        """Hash of all numbers and tasks."""
+        text = repr((self.version, self.numbers, sorted(self.tasks.items())))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    @property
+    def domains(self) -> list[str]:
+        """Domains, in the order of the list."""
+        return list(dict.fromkeys(one.domain for one in self.numbers))
 
     def with_numbers(self, *files: str | Path) -> Exam:
         """Return the exam with further numbers, one TOML file per domain.
 
         The version of the list is scored with "+": scores are comparable by number, not in total.
         """
-        added = [one for file in files for one in read_numbers(file)]
-        numbers = (*self.questions.numbers, *added)
-        return Exam(replace(self.questions, numbers=numbers, version=f"{self.questions.version}+"))
+        numbers = (*self.numbers, *read_numbers(*files))
+        return replace(self, numbers=numbers, version=f"{self.version}+")
 
     def only(self, domains: Iterable[str]) -> Exam:
         """Return the exam with some of its domains."""
         chosen = list(domains)
         for name in chosen:
-            known = self.questions.domains
-            require(name in known, "domains", f"must be among {', '.join(known)}", name)
-        numbers = tuple(one for one in self.questions.numbers if one.domain in chosen)
-        return Exam(replace(self.questions, numbers=numbers))
+            must = f"must be among {', '.join(self.domains)}"
+            require(name in self.domains, "domains", must, name)
+        return self.of(one.id for one in self.numbers if one.domain in chosen)
+
+    def of(self, ids: Iterable[str]) -> Exam:
+        """Return the exam with some of its numbers."""
+        chosen = set(ids)
+        return replace(self, numbers=tuple(one for one in self.numbers if one.id in chosen))
 
     def check(self, circuit: Circuit | str | Path, edits: Iterable[str] = ()) -> None:
         """Raise ValueError for an unknown circuit, or an edit that cannot be applied to it."""
-        model_of(circuit, edits).circuits(
-            sorted({t.channels for t in self.questions.tasks.values()})
-        )
+        model_of(circuit, edits).circuits(sorted({t.channels for t in self.tasks.values()}))
 
     def take(
         self,
@@ -121,12 +147,10 @@ class Exam:
         check_range(0.05, 10, share=share)
         whole("workers", workers, 1)
         model = circuit if isinstance(circuit, Model) else model_of(circuit, edits, engine, gain)
-        simulation = Simulation(
-            model, self.questions.tasks, whole("seed", seed, 0), share, workers, motifs
-        )
+        simulation = Simulation(model, self.tasks, whole("seed", seed, 0), share, workers, motifs)
         included = simulation.included  # an unknown name or edit raises here
-        results = Results(simulation, self.questions.tasks, seed)
-        rows = [_row(number, included, results) for number in self.questions.numbers]
+        results = Results(simulation, self.tasks, seed)
+        rows = [_row(number, included, results) for number in self.numbers]
         circuits = {str(channels): identity(one) for channels, one in simulation.circuits.items()}
         about = {
             "circuits": circuits,
@@ -160,11 +184,11 @@ class Exam:
         ValueError
             As for ``read_tables``, or if they answer none of the numbers.
         """
-        tables = read_tables(trials, rates, self.questions.tasks)
-        results = Results(tables, self.questions.tasks, seed)
-        rows = [_row(number, "", results) for number in self.questions.numbers]
+        tables = read_tables(trials, rates, self.tasks)
+        results = Results(tables, self.tasks, seed)
+        rows = [_row(number, "", results) for number in self.numbers]
         record = self._record(name, rows, seed, {"trials": _file(trials), "rates": _file(rates)})
-        if (record.table["outcome"] == "not answered").all():
+        if (record.table["outcome"] == UNANSWERED).all():
             raise InputError(
                 "the tables answer none of the numbers: name tasks, nuclei and windows as "
                 "`bgmodel exam --tasks` lists them",
@@ -176,7 +200,7 @@ class Exam:
         self, name: str, rows: list[dict[str, Any]], seed: int, about: dict[str, Any]
     ) -> ExamRecord:
         table = pd.DataFrame(rows)[[*COLUMNS]]
-        origin = {"version": self.questions.version, "sha256": self.questions.sha256}
+        origin = {"version": self.version, "sha256": self.sha256}
         return ExamRecord(name, table, seed, {"list": origin, **about})
 
 

@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import resampled
 from bgmodel.deciding.measures import mean
-from bgmodel.exam.numbers import Task
-from bgmodel.exam.simulation import Simulation
+from bgmodel.exam.numbers import ExamTask
+from bgmodel.exam.simulation import MOST_MISSED, Simulation
 from bgmodel.exam.tables import Failed, NotApplicable, Tables
 from bgmodel.stopping.estimates import inhibition_function, ssrt_by_delay
 from bgmodel.stopping.trials import StopTrials
@@ -27,8 +28,6 @@ from circuits.errors import InputError
 RESAMPLES, FEW_RESAMPLES = 400, 100
 FEWEST = 20
 """Fewest trials of a kind, such as errors, for a value."""
-MOST_MISSED = 0.5
-"""Largest share of missed trials for a mean time, in which they count at the deadline."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +56,7 @@ class Results:
     """
 
     tables: Tables | Simulation
-    tasks: dict[str, Task]
+    tasks: dict[str, ExamTask]
     seed: int
     in_hz: bool = False
 
@@ -69,6 +68,8 @@ class Results:
         return self.tables
 
 
+Statistic = Callable[[pd.DataFrame, Array], Array]
+"""Takes trials and weights (B, trials), and returns a value for each row of weights, (B,)."""
 Measure = Callable[..., Estimate]
 MEASURES: dict[str, Measure] = {}
 """Measures by name."""
@@ -101,7 +102,7 @@ def times(table: pd.DataFrame, weights: Array) -> Array:
     return mean(values.fillna(0).to_numpy(), go.to_numpy(), weights)
 
 
-def shares(table: pd.DataFrame, column: str, weights: Array) -> Array:
+def shares(table: pd.DataFrame, weights: Array, column: str) -> Array:
     """Return the mean of a column of 0 and 1 over the trials in which it is known, (B,)."""
     known = table[column].notna()
     if known.sum() < FEWEST:
@@ -109,13 +110,20 @@ def shares(table: pd.DataFrame, column: str, weights: Array) -> Array:
     return mean(table[column].fillna(0).to_numpy(), known.to_numpy(), weights)
 
 
+def _change(
+    results: Results, statistic: Statistic, task: str, minus_task: str, unit: str = ""
+) -> Estimate:
+    """Return a statistic of one task less that of another, or in percent of the latter."""
+    (new, old), weights = aligned(results, task, minus_task)
+    after, before = statistic(new, weights), statistic(old, weights)
+    change = after - before
+    return Estimate.of(100 * change / before if unit == "percent" else change, len(new))
+
+
 @measure
 def time_change(results: Results, task: str, minus_task: str, unit: str = "ms") -> Estimate:
     """Return the mean time of one task less that of another, ms or percent of the latter."""
-    (new, old), weights = aligned(results, task, minus_task)
-    after, before = times(new, weights), times(old, weights)
-    change = after - before
-    return Estimate.of(100 * change / before if unit == "percent" else change, len(new))
+    return _change(results, times, task, minus_task, unit)
 
 
 @measure
@@ -138,18 +146,13 @@ def time_interaction(
 @measure
 def accuracy_change(results: Results, task: str, minus_task: str) -> Estimate:
     """Return the proportion correct of decided trials in one task less that in another."""
-    return _share_change(results, "correct", task, minus_task)
+    return _change(results, partial(shares, column="correct"), task, minus_task)
 
 
 @measure
 def anticipation_change(results: Results, task: str, minus_task: str) -> Estimate:
     """Return the share of foreperiods with a response in one task less that in another."""
-    return _share_change(results, "anticipatory", task, minus_task)
-
-
-def _share_change(results: Results, column: str, task: str, minus_task: str) -> Estimate:
-    (new, old), weights = aligned(results, task, minus_task)
-    return Estimate.of(shares(new, column, weights) - shares(old, column, weights), len(new))
+    return _change(results, partial(shares, column="anticipatory"), task, minus_task)
 
 
 @measure
@@ -182,14 +185,14 @@ def skewness(results: Results, task: str) -> Estimate:
 @measure
 def respond_change(results: Results, task: str, minus_task: str) -> Estimate:
     """Return the share of stop trials with a response in one task less that in another."""
-    (new, old), weights = aligned(results, task, minus_task)
-    parts = []
-    for table in (new, old):
-        stop = table["ssd_ms"].notna().to_numpy()
-        if not stop.any():
-            raise NotApplicable("there are no stop trials")
-        parts.append(mean(table["rt_ms"].notna().to_numpy(), stop, weights))
-    return Estimate.of(parts[0] - parts[1], len(new))
+    return _change(results, _responded, task, minus_task)
+
+
+def _responded(table: pd.DataFrame, weights: Array) -> Array:
+    stop = table["ssd_ms"].notna().to_numpy()
+    if not stop.any():
+        raise NotApplicable("there are no stop trials")
+    return mean(table["rt_ms"].notna().to_numpy(), stop, weights)
 
 
 @measure

@@ -6,56 +6,50 @@ numbers (``Exam.with_numbers``). The list has a version: scores are comparable w
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
-from importlib.resources import files as resources
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from bgmodel.bootstrap import Z95
+import numpy as np
+
+from bgmodel.evidence import Evidence
+from bgmodel.experiments.expected import Expected
 from bgmodel.support import toml_files
-from circuits.checks import check_positive, check_range
-from circuits.errors import InputError, require
+from bgmodel.task import Gaussian
+from circuits.checks import check_positive
+from circuits.errors import require
 
 SEED = 98_001
 """Default seed of the evidence and the noise; it tuned nothing."""
-SHIPPED = resources("bgmodel.exam") / "shipped"
+SHIPPED = Path(__file__).with_name("shipped")
 TASKS = "tasks.toml"
 """The file of the tasks; the others hold numbers."""
 MARKS = ("read", "abstract", "computed", "derived")
 """How a number is known: read in the source, in its abstract only, computed from the data, or
 derived from theory."""
+READINGS = 120
+"""Largest number of readings in a trial, unless a task says otherwise."""
 Window = Literal["rest", "early", "late", "response", "signal"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Number:
-    """A published number: a value with its standard error, or a direction.
+class Number(Expected):
+    """A published number: what is expected of a measure of the exam, and how that is known.
 
     Parameters
     ----------
+    measure, direction, at_least, value, se, low, high, unit, source :
+        As for ``Expected``: a value with its error, or a direction. The measure is a name in
+        ``bgmodel.exam.measures.MEASURES``; the unit is that of the value.
     id : str
         Its name, such as "rest.stn".
     about : str
         What it is, in a few words.
-    measure : str
-        Name of the function that computes it, in ``bgmodel.exam.measures.MEASURES``.
     of : dict
         Arguments of the measure: tasks, nucleus, window.
-    unit, species, source : str
-        Unit of the value; whose it is; publication.
-    mark : str
-        One of ``MARKS``.
-    how : str
-        What is computed and how, and which sizes are assumed.
-    value, se, low, high : float, optional
-        The value with its standard error, or the ends of its 95 % interval, with the value in the
-        middle unless given.
-    direction : str, optional
-        "up", "down" or "none", where only a direction was published.
-    at_least : float
-        Smallest change that counts as one; "none" means that it stays below.
+    species, mark, how : str
+        Whose it is; one of ``MARKS``; what is computed and how, and which sizes are assumed.
     weight : float
         Weight in the total of its domain.
     set_by : tuple of str
@@ -64,89 +58,55 @@ class Number:
         The domain, which its file states.
     """
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = toml_files.STRICT
-
     id: str
     about: str
-    measure: str
     of: dict[str, str | float]
     unit: str
     species: str
     source: str
     mark: str
     how: str
-    value: float | None = None
-    se: float | None = None
-    low: float | None = None
-    high: float | None = None
-    direction: Literal["up", "down", "none"] | None = None
-    at_least: float = 0.0
     weight: float = 1.0
     set_by: tuple[str, ...] = ()
     domain: str = ""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require(self.mark in MARKS, "mark", f"must be one of {', '.join(MARKS)}", self.mark)
         check_positive(owner=self.id, weight=self.weight)
-        check_range(0, float("inf"), owner=self.id, at_least=self.at_least)
-        ends = (self.low is not None, self.high is not None)
-        both, has_error = all(ends), self.se is not None and self.value is not None
-        if self.direction is not None:
-            alone = self.value is None and self.se is None and not any(ends)
-            require(alone, "direction", "excludes a value and an interval", self.direction)
-            fits = self.direction != "none" or self.at_least > 0
-            require(fits, "at_least", 'must be > 0 if the direction is "none"', self.at_least)
-            return
-        if both == (self.se is not None) or any(ends) != both or not (both or has_error):
-            raise InputError(
-                f"{self.id}: give a value with se, or low and high, or a direction", "value"
-            )
-        if both:
-            require(self.low < self.high, "low", "must be below high", self.low)  # type: ignore[operator]
-        else:
-            check_positive(owner=self.id, se=self.se)
 
-    @property
-    def middle(self) -> float:
-        """The value, by default the middle of its interval; NaN for a direction."""
-        if self.value is not None:
-            return self.value
-        ends = (self.low, self.high)
-        return float("nan") if None in ends else sum(map(float, ends)) / 2  # type: ignore[arg-type]
+    def _check_fits(self) -> None:
+        """Require a direction or an error; ``Exam`` knows the measures, which are functions."""
+        known = self.direction is not None or self.error(self.middle) > 0
+        require(known, "value", "must have a standard error or an interval", self.value)
 
-    @property
-    def error(self) -> float:
-        """Its standard error; an interval counts as one of 95 %; NaN for a direction."""
-        if self.se is not None:
-            return self.se
-        if self.low is None or self.high is None:
-            return float("nan")
-        return (self.high - self.low) / (2 * Z95)
+    def tasks(self) -> Iterator[tuple[str, str]]:
+        """Yield the tasks that it needs, each with the key that names it."""
+        for key, value in self.of.items():
+            if key.endswith("task"):
+                yield key, str(value)
+            elif key == "tasks":
+                yield from ((key, name.strip()) for name in str(value).split(","))
 
     def published(self) -> str:
         """Return the value and its error, or the direction, as text."""
+        if self.direction == "none":
+            return f"within ±{self.at_least:g}"
         if self.direction is not None:
-            least = f" by {self.at_least:g} or more" if self.at_least else ""
-            return (
-                f"within ±{self.at_least:g}"
-                if self.direction == "none"
-                else (self.direction + least)
-            )
+            return self.direction + (f" by {self.at_least:g} or more" if self.at_least else "")
         if self.low is not None:
             return f"{self.low:g} to {self.high:g}"
         return f"{self.value:g} ± {self.se:g}"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Task:
-    """A task of the exam: evidence, edits, and the accuracy that sets the threshold.
+class ExamTask(Gaussian):
+    """A task of the exam: Gaussian evidence, edits, and the accuracy that sets the threshold.
 
     Parameters
     ----------
-    name, about : str
+    id, about : str
         Its name, and what it models.
-    channels, d_prime, step_ms, readings, conflict, expectancy_nats, expectancy_ms :
-        As for ``bgmodel.Gaussian``; ``readings`` is the largest number in a trial.
     coherence : float
         Difference between the mean evidence of the true alternative and of the others, as a share
         of that for which the likelihoods hold, as where strengths are interleaved.
@@ -161,32 +121,23 @@ class Task:
         Whether the evidence begins with the onset of a stimulus: the motif "onset_transient".
     edits : tuple of str
         Edits of the circuit.
-    trials : int
-        Trials of choices and times.
     stop_share, stop_delays_ms : float, tuple of float
         Share of trials with a stop signal, and its delays, ms.
     windows : tuple of str
-        Windows in which rates are recorded, in ``rate_trials`` trials of ``rate_readings``.
+        Windows in which rates are recorded, in ``rate_trials`` trials of ``rate_readings``. With
+        "rest" alone there is no evidence, and no decision.
     """
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = toml_files.STRICT
-
-    name: str
+    id: str
     about: str
-    channels: int = 2
-    d_prime: float = 0.5
-    step_ms: float = 50.0
-    readings: int = 120
-    conflict: float = 0.0
+    trials: int = 1000
+    t_max: int = READINGS
     coherence: float = 1.0
     common_nats: float = 0.0
-    expectancy_nats: float = 0.0
-    expectancy_ms: float = 0.0
     accuracy: float = 0.79
     difficulty: Literal["known", "interleaved"] = "known"
     onset: bool = False
     edits: tuple[str, ...] = ()
-    trials: int = 1000
     stop_share: float = 0.0
     stop_delays_ms: tuple[float, ...] = ()
     windows: tuple[Window, ...] = ()
@@ -198,6 +149,18 @@ class Task:
         """Motifs of ``circuits.declaration.motifs`` that every circuit has in this task."""
         interleaved = self.difficulty == "interleaved"
         return ("urgency",) * interleaved + ("onset_transient",) * self.onset
+
+    def _drawn(
+        self, rng: np.random.Generator, prior: Sequence[float] | None, **more: Any
+    ) -> Evidence:
+        evidence = super()._drawn(rng, prior, **more)
+        assert evidence.truth is not None
+        # The true channel rises or falls, and the mean over channels stays, as with dots of another
+        # coherence; common evidence is added to all channels.
+        true = np.arange(self.channels) == evidence.truth[:, None]
+        lead = (self.coherence - 1) * self.d_prime**2 / 2
+        added = (lead * (true - 1 / self.channels) + self.common_nats)[:, None, :]
+        return replace(evidence, log_likelihood=evidence.log_likelihood + added)
 
 
 @dataclass(frozen=True)
@@ -217,45 +180,7 @@ class _OfTasks:
     __pydantic_config__: ClassVar[dict[str, Any]] = toml_files.STRICT
 
     version: str
-    tasks: tuple[Task, ...]
-
-
-@dataclass(frozen=True)
-class NumberList:
-    """Numbers and tasks, with the version and the hash of the list."""
-
-    version: str
-    numbers: tuple[Number, ...]
-    tasks: dict[str, Task] = field(repr=False)
-
-    def __post_init__(self) -> None:
-        names = [one.id for one in self.numbers]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        require(not twice, "id", "must differ from those of all other numbers", twice)
-        for one in self.numbers:
-            for key, name in self.tasks_of(one):
-                known = ", ".join(self.tasks)
-                require(name in self.tasks, key, f"must be one of {known}", name, owner=one.id)
-
-    @staticmethod
-    def tasks_of(number: Number) -> Iterator[tuple[str, str]]:
-        """Yield the tasks that a number needs, each with the key that names it."""
-        for key, value in number.of.items():
-            if key.endswith("task"):
-                yield key, str(value)
-            elif key == "tasks":
-                yield from ((key, name.strip()) for name in str(value).split(","))
-
-    @property
-    def sha256(self) -> str:
-        """Hash of all numbers and tasks."""
-        text = repr((self.version, self.numbers, sorted(self.tasks.items())))
-        return hashlib.sha256(text.encode()).hexdigest()
-
-    @property
-    def domains(self) -> list[str]:
-        """Domains, in the order of the list."""
-        return list(dict.fromkeys(one.domain for one in self.numbers))
+    tasks: tuple[ExamTask, ...]
 
 
 ORDER = (
@@ -265,14 +190,14 @@ ORDER = (
 """Files of the shipped list, in order."""
 
 
-def shipped_list() -> NumberList:
-    """Return the shipped list."""
-    tasks = toml_files.read(Path(str(SHIPPED / TASKS)), _OfTasks)
-    numbers = [one for name in ORDER for one in read_numbers(Path(str(SHIPPED / f"{name}.toml")))]
-    return NumberList(tasks.version, tuple(numbers), {task.name: task for task in tasks.tasks})
+def read_tasks() -> tuple[str, dict[str, ExamTask]]:
+    """Return the version of the shipped list, and its tasks by name."""
+    contents = toml_files.read(SHIPPED / TASKS, _OfTasks)
+    return contents.version, {task.id: task for task in contents.tasks}
 
 
-def read_numbers(path: str | Path) -> tuple[Number, ...]:
-    """Read the numbers of one domain from a TOML file."""
-    contents = toml_files.read(path, _OfDomain)
-    return tuple(replace(one, domain=contents.domain) for one in contents.numbers)
+def read_numbers(*files: str | Path) -> tuple[Number, ...]:
+    """Read numbers from TOML files, each of one domain; by default the shipped ones."""
+    paths = files or [SHIPPED / f"{name}.toml" for name in ORDER]
+    domains = [toml_files.read(path, _OfDomain) for path in paths]
+    return tuple(replace(one, domain=each.domain) for each in domains for one in each.numbers)

@@ -13,18 +13,20 @@ from bgmodel.comparison.compare import with_other_noise
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import curve, time_at, tradeoff
 from bgmodel.exam.measures import Estimate, Results, check_cells, measure, slope_over
-from bgmodel.exam.numbers import Task
-from bgmodel.exam.simulation import drawn
-from bgmodel.exam.tables import NAMES, Failed, NotApplicable
+from bgmodel.exam.numbers import READINGS
+from bgmodel.exam.simulation import Simulation, drawn
+from bgmodel.exam.tables import Failed, NotApplicable, rows_of
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
+from bgmodel.task import Gaussian
 from circuits.circuit import Circuit
 from circuits.declaration.rows import GLUTAMATE, Projection
 from circuits.dynamics.fixed_point import rest, wired
 from circuits.errors import quiet
 from circuits.laws.spectra import rate_spectrum
+from circuits.store import once
 
 FREQUENCIES_HZ = np.arange(4.0, 60.25, 0.25)
 BETA_HZ = (8.0, 30.0)
@@ -48,7 +50,7 @@ def blocked(results: Results, nucleus: str, receptors: str) -> Estimate:
     """
     circuit = results.simulation.circuit(2).steady
     check_cells(results, nucleus)
-    names = {row.name for row in circuit.populations} & {nucleus, *NAMES.get(nucleus, ())}
+    names = rows_of(nucleus, {row.name for row in circuit.populations})
     if not names:
         raise NotApplicable(f"there is no nucleus {nucleus}")
     chosen = {name.strip() for name in receptors.split(",")}
@@ -83,7 +85,7 @@ def _receptors(circuit: Circuit, p: Projection) -> set[str]:
 
 def _power(circuit: Circuit, nucleus: str) -> Array:
     """Return the power of a nucleus at ``FREQUENCIES_HZ``, Hz^2/Hz, mean of its populations."""
-    names = [row.name for row in circuit.populations if row.name in NAMES.get(nucleus, (nucleus,))]
+    names = rows_of(nucleus, {row.name for row in circuit.populations})
     if not names:
         raise NotApplicable(f"there is no nucleus {nucleus}")
     if not any(circuit.population(name).spiking for name in names):
@@ -134,27 +136,22 @@ def beta_power(results: Results, nucleus: str, dopamine: float, minus: str = "")
 # ---- the optimal test
 
 
-def compared(results: Results, channels: int, accuracy: float) -> pd.DataFrame:
-    """Return the comparison of a circuit with the MSPRT at an accuracy, computed once."""
-    simulation = results.simulation
-    key = f"compared {channels} {accuracy:g}"
-    if key not in simulation.cache:
-        simulation.level(channels, accuracy)
-        model, tuned = simulation.tuned(channels)
-        count = max(200, round(simulation.share * COMPARED))
-        task = Task(name="", about="", channels=channels)
-        evidence = drawn(task, count, simulation.seed, "compared")
-        levels = tuned.settings[tuned.posterior.mean(axis=1) <= accuracy + BEYOND]
-        test = tradeoff(Msprt().run(evidence), evidence, accuracies=(accuracy,))
-        with quiet():
-            decided = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
-            again = with_other_noise(model, evidence, decided) if model.engine.noisy else None
-            simulation.cache[key] = matched_measures(
-                test, decided, rng=stream(simulation.seed, "exam", "bootstrap"),
-                truth=evidence.truth, again=again, accuracies=(accuracy,), resamples=RESAMPLES,
-            )  # fmt: skip
-    table: pd.DataFrame = simulation.cache[key]
-    return table
+@once
+def compared(simulation: Simulation, channels: int, accuracy: float) -> pd.DataFrame:
+    """Return the comparison of a circuit with the MSPRT at an accuracy."""
+    simulation.level(channels, accuracy)
+    model, tuned = simulation.tuned(channels)
+    count = max(200, round(simulation.share * COMPARED))
+    evidence = drawn(Gaussian(channels, t_max=READINGS), count, simulation.seed, "compared")
+    levels = tuned.settings[tuned.posterior.mean(axis=1) <= accuracy + BEYOND]
+    test = tradeoff(Msprt().run(evidence), evidence, accuracies=(accuracy,))
+    with quiet():
+        decided = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+        again = with_other_noise(model, evidence, decided) if model.engine.noisy else None
+        return matched_measures(
+            test, decided, rng=stream(simulation.seed, "exam", "bootstrap"),
+            truth=evidence.truth, again=again, accuracies=(accuracy,), resamples=RESAMPLES,
+        )  # fmt: skip
 
 
 def _measured(table: pd.DataFrame, name: str) -> tuple[float, float]:
@@ -169,7 +166,7 @@ def _measured(table: pd.DataFrame, name: str) -> tuple[float, float]:
 @measure
 def agreement(results: Results, channels: float, accuracy: float) -> Estimate:
     """Return the share of trials with the MSPRT's choice, beyond chance."""
-    table = compared(results, int(channels), accuracy)
+    table = compared(results.simulation, int(channels), accuracy)
     same, se = _measured(table, "agreement")
     chance, _ = _measured(table, "agreement_chance")
     return Estimate((same - chance) / (1 - chance), se / (1 - chance), COMPARED)
@@ -178,7 +175,7 @@ def agreement(results: Results, channels: float, accuracy: float) -> Estimate:
 @measure
 def time_correlation(results: Results, channels: float, accuracy: float) -> Estimate:
     """Return r of decision times with the MSPRT's, over the largest that the noise allows."""
-    table = compared(results, int(channels), accuracy)
+    table = compared(results.simulation, int(channels), accuracy)
     noisy = (table["measure"] == "r_noise_corrected").any()
     return Estimate(*_measured(table, "r_noise_corrected" if noisy else "pearson_r"), COMPARED)
 
@@ -186,7 +183,7 @@ def time_correlation(results: Results, channels: float, accuracy: float) -> Esti
 @measure
 def extra_time(results: Results, channels: float, accuracy: float) -> Estimate:
     """Return the mean decision time less that of the MSPRT at equal accuracy, ms."""
-    value, se = _measured(compared(results, int(channels), accuracy), "extra_ms")
+    value, se = _measured(compared(results.simulation, int(channels), accuracy), "extra_ms")
     return Estimate(value, se, COMPARED)
 
 

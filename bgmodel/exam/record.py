@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import Z95
-from bgmodel.exam.drawing import FAILS, UNANSWERED
+from bgmodel.exam.drawing import OUTCOMES
 from bgmodel.exam.measures import Estimate
 from bgmodel.exam.numbers import Number
 from bgmodel.exam.tables import Failed
-from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, outcome_of
+from bgmodel.experiments.expected import AGREES, DISAGREES, FAILS, OPEN, UNANSWERED
 from bgmodel.support.files import json_text, provenance
 from bgmodel.support.saved import Facts
 from bgmodel.support.tables import Readable
@@ -22,8 +22,6 @@ from bgmodel.support.tables import Readable
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-OUTCOMES = (AGREES, DISAGREES, OPEN, FAILS, UNANSWERED)
-"""Outcomes of a number. "fails": the circuit does not do what the number is about."""
 MOST_Z = 2.0
 """A value agrees within this many standard errors."""
 COLUMNS = (
@@ -46,11 +44,10 @@ def scored(number: Number, included: str, estimate: Estimate | Exception) -> dic
     row |= {"value": estimate.value, "se": estimate.se, "trials": estimate.trials}
     if number.direction is not None:
         half = Z95 * estimate.se
-        ends = estimate.value - half, estimate.value + half
-        outcome = outcome_of(number.direction, number.at_least, *ends)
+        outcome = number.outcome(estimate.value, estimate.value - half, estimate.value + half)
         reason = f"cannot tell with {estimate.trials} trials" if outcome == OPEN else ""
         return row | {"outcome": outcome, "reason": reason}
-    z = (estimate.value - number.middle) / float(np.hypot(estimate.se, number.error))
+    z = number.z(estimate.value, estimate.se, estimate.se)
     return row | {"z": z, "outcome": AGREES if abs(z) <= MOST_Z else DISAGREES}
 
 

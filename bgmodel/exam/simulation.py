@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cached_property, wraps
-from typing import Any, TypeVar, cast
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,20 +16,21 @@ from bgmodel.comparison.tuned import fastest_gain
 from bgmodel.deciding.measures import Behaviour
 from bgmodel.deciding.tradeoff import Tradeoff, decides_without_evidence
 from bgmodel.evidence import Evidence
-from bgmodel.exam.numbers import Task
+from bgmodel.exam.numbers import READINGS, ExamTask
 from bgmodel.exam.tables import NAMES, OF_TRIALS, Failed, NotApplicable, Tables
 from bgmodel.exam.windows import STOP_DELAY_MS, STOP_NATS, rate_rows, rest_rows
 from bgmodel.experiments.models import Model, stopped
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.deciding import behaviour_of, refined
-from bgmodel.simulated_evidence import expecting, gaussian_evidence
 from bgmodel.stopping.inputs import StopSignal
 from bgmodel.stopping.task import StopTask, decided
 from bgmodel.support.seeds import stream
+from bgmodel.task import Gaussian
 from circuits.anatomy import is_included
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
 from circuits.errors import InputError, collected, quiet
+from circuits.store import once
 
 DRAWN = 4000
 """Trials that are drawn for each kind of task: a task takes the first of them, so that those with
@@ -37,9 +38,8 @@ the same number share their readings, whatever the number of trials."""
 TUNING_TRIALS = 500
 FOREPERIOD_MS = 500.0
 MOST_MISSED = 0.5
-
-
-Result = TypeVar("Result")
+"""Largest share of missed trials for a threshold, and for a mean time, in which they count at the
+deadline."""
 
 
 @contextmanager
@@ -53,25 +53,6 @@ def scored_errors() -> Iterator[None]:
         raise Failed(str(error)) from None
 
 
-def once(method: Callable[..., Result]) -> Callable[..., Result]:
-    """Compute a method once for its arguments; an error is raised again at each call."""
-
-    @wraps(method)
-    def cached(self: Any, *arguments: Any) -> Result:
-        key = (method.__name__, *arguments)
-        if key not in self.cache:
-            try:
-                self.cache[key] = method(self, *arguments)
-            except (NotApplicable, Failed) as reason:
-                self.cache[key] = reason
-        result = self.cache[key]
-        if isinstance(result, Exception):
-            raise result
-        return cast(Result, result)
-
-    return cached
-
-
 @dataclass(frozen=True)
 class Simulation:
     """Simulations of tasks by one model with a seed, each computed once.
@@ -81,7 +62,7 @@ class Simulation:
     """
 
     model: Model
-    tasks: dict[str, Task]
+    tasks: dict[str, ExamTask]
     seed: int
     share: float = 1.0
     workers: int = 1
@@ -124,7 +105,8 @@ class Simulation:
             raise Failed(str(error)) from None
 
     def _tuning(self, channels: int) -> Evidence:
-        return drawn(Task(name="", about="", channels=channels), TUNING_TRIALS, self.seed, "tuning")
+        task = Gaussian(channels, t_max=READINGS)
+        return drawn(task, TUNING_TRIALS, self.seed, "tuning")
 
     @once
     def level(self, channels: int, accuracy: float, motifs: tuple[str, ...] = ()) -> float:
@@ -142,7 +124,7 @@ class Simulation:
             )
         return float(nearest.settings[0])
 
-    def edited(self, task: Task, model: BasalGanglia | None = None) -> BasalGanglia:
+    def edited(self, task: ExamTask, model: BasalGanglia | None = None) -> BasalGanglia:
         """Return a model, by default the tuned one, with the edits of a task."""
         if model is None:
             model, _ = self.tuned(task.channels, task.motifs)
@@ -175,9 +157,9 @@ class Simulation:
     def trials(self, name: str) -> pd.DataFrame:
         """Return the trials of a task, with the columns of ``tables.OF_TRIALS``."""
         task = self.tasks[name]
-        count = max(FEWEST_TRIALS, round(self.share * task.trials)) if task.trials else 0
-        if not count:
-            raise NotApplicable(f"the task {name!r} records rates only")
+        count = max(FEWEST_TRIALS, round(self.share * task.trials))
+        if task.windows == ("rest",):
+            raise NotApplicable(f"the task {name!r} has no evidence, and no decisions")
         level = self.level(task.channels, task.accuracy, task.motifs)
         model = self.edited(task)
         if task.common_nats and not model.raw:
@@ -197,7 +179,7 @@ class Simulation:
         return _trial_rows(name, behaviour)
 
     def _behaviour(
-        self, task: Task, model: BasalGanglia, evidence: Evidence, level: float
+        self, task: ExamTask, model: BasalGanglia, evidence: Evidence, level: float
     ) -> Behaviour:
         stopping = None
         with scored_errors():
@@ -247,25 +229,12 @@ class Simulation:
         return frozenset(names)
 
 
-def drawn(task: Task, trials: int, seed: int, *names: str) -> Evidence:
+def drawn(task: Gaussian, trials: int, seed: int, *names: str) -> Evidence:
     """Return the first trials of a task; tasks of one kind share their random numbers."""
     rng = stream(seed, "exam", f"{task.channels} {task.step_ms:g}", *names)
+    ahead = stream(seed, "exam", "expectancy", *names)
     with quiet():
-        evidence = gaussian_evidence(
-            DRAWN, d_prime=task.d_prime, channels=task.channels, t_max=task.readings,
-            step_ms=task.step_ms, conflict=task.conflict, seed=rng,
-        )[:trials]  # fmt: skip
-        assert evidence.truth is not None
-        # The true channel rises or falls, and the mean over channels stays, as with dots of another
-        # coherence; common evidence is added to all channels.
-        true = np.arange(task.channels) == evidence.truth[:, None]
-        lead = (task.coherence - 1) * task.d_prime**2 / 2
-        added = (lead * (true - 1 / task.channels) + task.common_nats)[:, None, :]
-        evidence = replace(evidence, log_likelihood=evidence.log_likelihood + added)
-    if task.expectancy_nats:
-        rng = stream(seed, "exam", "expectancy", *names)
-        evidence = expecting(evidence, task.expectancy_nats, task.expectancy_ms, rng=rng)
-    return evidence
+        return replace(task, trials=DRAWN).drawn_with(rng, ahead)[:trials]
 
 
 def _trial_rows(name: str, behaviour: Behaviour) -> pd.DataFrame:

@@ -6,6 +6,7 @@ recording are read from CSV files. The measures are the same.
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.exam.numbers import Task
+from bgmodel.exam.numbers import ExamTask
 from bgmodel.support.checks import path_of
 from bgmodel.tables.foreign import read_rows
 from circuits.errors import DataWarning, InputError, require
@@ -55,6 +56,11 @@ HIGHEST_HZ = 1000.0
 """No cell fires faster."""
 
 
+def rows_of(nucleus: str, known: Container[str]) -> list[str]:
+    """Return the rows of a nucleus that are known."""
+    return [name for name in NAMES.get(nucleus, (nucleus,)) if name in known]
+
+
 class NotApplicable(Exception):
     """The circuit or the tables lack what the number needs."""
 
@@ -81,7 +87,7 @@ class Tables:
     def rates_of(self, task: str, nucleus: str, window: str, role: str) -> pd.Series:
         """Return the rate of a nucleus in each trial of a task, Hz, indexed by trial."""
         rates = self.rates
-        names = [name for name in NAMES.get(nucleus, (nucleus,)) if name in set(rates["nucleus"])]
+        names = rows_of(nucleus, set(rates["nucleus"]))
         if rates.empty or not names:
             raise NotApplicable(f"there are no rates of {nucleus}")
         here = rates[rates["nucleus"].isin(names) & (rates["task"] == task)]
@@ -94,7 +100,7 @@ class Tables:
 def read_tables(
     trials: str | Path | pd.DataFrame | None,
     rates: str | Path | pd.DataFrame | None,
-    tasks: dict[str, Task],
+    tasks: dict[str, ExamTask],
 ) -> Tables:
     """Read trials and rates that were recorded, or simulated by another tool."""
     if trials is None and rates is None:
@@ -113,7 +119,7 @@ def _rows(source: str | Path | pd.DataFrame, field: str) -> pd.DataFrame:
     return read_rows(path_of(source, field)).copy()
 
 
-def _trials(table: pd.DataFrame, tasks: dict[str, Task]) -> pd.DataFrame:
+def _trials(table: pd.DataFrame, tasks: dict[str, ExamTask]) -> pd.DataFrame:
     if "rt_s" in table:
         require("rt_ms" not in table, "rt_s", "must not stand with rt_ms", "both")
         table["rt_ms"] = 1000 * _numbers(table, "rt_s")
@@ -132,7 +138,7 @@ def _trials(table: pd.DataFrame, tasks: dict[str, Task]) -> pd.DataFrame:
     return _numbered(table, ["task"])[list(OF_TRIALS)]
 
 
-def _rates(table: pd.DataFrame, tasks: dict[str, Task]) -> pd.DataFrame:
+def _rates(table: pd.DataFrame, tasks: dict[str, ExamTask]) -> pd.DataFrame:
     _needs_unit(table, "rate", "rate_hz", "rate_hz")
     table["role"] = table.get("role", "all")
     _known(table, "task", tuple(tasks))

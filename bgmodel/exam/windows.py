@@ -10,7 +10,7 @@ import pandas as pd
 
 from bgmodel.deciding.decision import UNDECIDED, first_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.exam.numbers import Task
+from bgmodel.exam.numbers import ExamTask
 from bgmodel.exam.tables import OF_RATES
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support.arrays import Array, Integers, Truths
@@ -20,7 +20,7 @@ STOP_NATS, STOP_DELAY_MS, SIGNAL_MS = 1.0, 60.0, 150.0
 """Input to STN by a stop signal and its delay (assumed), and the window of rates after it."""
 
 
-def rest_rows(task: Task, model: BasalGanglia, count: int) -> pd.DataFrame:
+def rest_rows(task: ExamTask, model: BasalGanglia, count: int) -> pd.DataFrame:
     """Return the rates without evidence or courses, for which a circuit needs no threshold."""
     model = replace(model, circuit=model.circuit.steady)
     silence = np.zeros((count, 1, task.channels))
@@ -33,15 +33,15 @@ def rest_rows(task: Task, model: BasalGanglia, count: int) -> pd.DataFrame:
 
 
 def _rows(
-    task: Task, first: int, nucleus: str, window: str, role: str, rate_hz: Array
+    task: ExamTask, first: int, nucleus: str, window: str, role: str, rate_hz: Array
 ) -> pd.DataFrame:
-    columns = {"task": task.name, "trial": first + np.arange(len(rate_hz)), "nucleus": nucleus}
+    columns = {"task": task.id, "trial": first + np.arange(len(rate_hz)), "nucleus": nucleus}
     columns |= {"window": window, "role": role, "rate_hz": rate_hz}
     return pd.DataFrame(columns)[list(OF_RATES)]
 
 
 def rate_rows(
-    task: Task, model: BasalGanglia, evidence: Evidence, level: float
+    task: ExamTask, model: BasalGanglia, evidence: Evidence, level: float
 ) -> Iterator[pd.DataFrame]:
     """Yield rates in the windows of a task, in batches of trials."""
     first = 0
@@ -57,7 +57,7 @@ def rate_rows(
         first += part.trials
 
 
-def _inside(window: str, time_ms: Array, response_ms: Array, task: Task) -> Truths:
+def _inside(window: str, time_ms: Array, response_ms: Array, task: ExamTask) -> Truths:
     """Return which samples are within a window, (trials, ticks); none if it is not complete."""
     response = response_ms[:, None]
     signal = (task.stop_delays_ms or (np.nan,))[0] + STOP_DELAY_MS

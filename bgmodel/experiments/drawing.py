@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.deciding.measures import OF_ALL, SHARES
-from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, WITHOUT
+from bgmodel.experiments.expected import AGREES, DISAGREES, FAILS, OPEN, UNANSWERED, WITHOUT
 from bgmodel.plots import LABELS
 from circuits.plots import GREY, PALETTE, Look, panels, styled
 
@@ -17,20 +17,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MARKERS: dict[str, Look] = {
-    "": {"marker": "o", "ms": 3, "color": "k", "label": "No prediction"},
-    AGREES: {"marker": "o", "ms": 6, "color": PALETTE[0], "label": "Agrees"},
-    DISAGREES: {"marker": "X", "ms": 7, "color": PALETTE[1], "label": "Disagrees"},
-    OPEN: {"marker": "o", "ms": 6, "color": GREY, "mfc": "w", "label": "Left open"},
-    WITHOUT: {
-        "marker": "s",
-        "ms": 6,
-        "color": GREY,
-        "mfc": "w",
-        "label": "Decides without evidence",
-    },
+LOOKS: dict[str, Look] = {
+    "": {"marker": "o", "ms": 3, "color": "k"},
+    AGREES: {"marker": "o", "ms": 6, "color": PALETTE[0]},
+    DISAGREES: {"marker": "X", "ms": 7, "color": PALETTE[1]},
+    OPEN: {"marker": "o", "ms": 6, "color": GREY, "mfc": "w"},
+    WITHOUT: {"marker": "s", "ms": 6, "color": GREY, "mfc": "w"},
+    FAILS: {"marker": "v", "ms": 6, "color": PALETTE[1], "mfc": "w"},
+    UNANSWERED: {"marker": "_", "ms": 6, "color": GREY},
 }
-"""Marker of a change for each verdict, which differ in shape or filling, not only in colour."""
+"""Marker of each outcome, which differ in shape or filling, not only in colour."""
 GROUPS = {
     "Change (share of trials or probability)": SHARES,
     "Change (ms)": tuple(name for name in LABELS if name.endswith("_ms")),
@@ -71,8 +67,8 @@ def forest(
         _panel(ax, rows, effects)
         ax.set_xlabel(label, labelpad=1)
     _beside(axes[0, 0], -0.95, "Control → manipulation", "Verdict" if len(verdicts) else "")
-    shown = [k for k in MARKERS if k in set(change["outcome"].fillna(""))]
-    handles = [_entry(ls="", **MARKERS[k]) for k in shown]
+    shown = [k for k in LOOKS if k in set(change["outcome"].fillna(""))]
+    handles = [_entry(ls="", label=k.capitalize() or "No prediction", **LOOKS[k]) for k in shown]
     if len(verdicts):
         from matplotlib.patches import Patch
 
@@ -115,9 +111,10 @@ def _panel(ax: Axes, rows: pd.DataFrame, effects: pd.DataFrame) -> None:
         if outcome:
             low, high = _predicted(row["direction"], row["at_least"], limits)
             ax.barh(y, high - low, left=low, height=0.76, fc="0.88", ec=GREY, lw=0.6, zorder=0)
-        mark = {key: value for key, value in MARKERS[outcome].items() if key != "label"}
         ends_of = [[max(0.0, row["value"] - row["low"])], [max(0.0, row["high"] - row["value"])]]
-        ax.errorbar(row["value"], y, xerr=np.nan_to_num(ends_of), capsize=2, lw=1.0, **mark)
+        ax.errorbar(
+            row["value"], y, xerr=np.nan_to_num(ends_of), capsize=2, lw=1.0, **LOOKS[outcome]
+        )
         if name in here.index:
             e = here.loc[str(name)]
             span = [[e["published"] - e["published_low"]], [e["published_high"] - e["published"]]]

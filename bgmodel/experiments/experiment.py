@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import partial
-from importlib.resources import files as resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,8 +26,8 @@ from bgmodel.bootstrap import (
 from bgmodel.conditions import Observed, seen_from
 from bgmodel.deciding.measures import OF_DECIDED, OF_STOP, Behaviour
 from bgmodel.deciding.tradeoff import decides_without_evidence
+from bgmodel.experiments.expected import FEWEST_DECIDED, PERCENT, RELATIVE
 from bgmodel.experiments.outcomes import beside_published, outcomes, page
-from bgmodel.experiments.predictions import FEWEST_DECIDED, PERCENT, RELATIVE
 from bgmodel.experiments.record import (
     CONDITIONS,
     MANY_MISSED,
@@ -52,7 +51,7 @@ from circuits.store import Latest
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SHIPPED = resources("bgmodel.experiments") / "shipped"
+SHIPPED = Path(__file__).with_name("shipped")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +85,7 @@ class Experiment(ExperimentRecord):
             raise InputError(
                 f"an experiment is a .toml file or one of {names}; got {str(file)!r}", "file"
             )
-        return toml_files.read(Path(str(inside)), cls)
+        return toml_files.read(inside, cls)
 
     @classmethod
     def from_text(cls, text: str, name: str = "the text") -> Experiment:
@@ -212,7 +211,7 @@ def shipped_text(name: str) -> str:
 
 def shipped_names() -> list[str]:
     """Return the names of the included experiments."""
-    return sorted(Path(entry.name).stem for entry in SHIPPED.iterdir())
+    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
 
 
 @dataclass(frozen=True, repr=False)

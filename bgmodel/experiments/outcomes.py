@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
 
 import numpy as np
 import pandas as pd
@@ -22,15 +22,14 @@ from bgmodel.deciding.measures import (
     SHARES,
 )
 from bgmodel.deciding.tradeoff import decides_without_evidence
-from bgmodel.experiments.predictions import (
+from bgmodel.experiments.expected import (
     AGREES,
     DISAGREES,
     FEWEST_DECIDED,
     OPEN,
     PERCENT,
     WITHOUT,
-    Effect,
-    Prediction,
+    Expected,
 )
 from bgmodel.experiments.record import (
     CONDITIONS,
@@ -50,10 +49,10 @@ VERDICTS = {
     WITHOUT: "decides without evidence, which is no agreement",
 }
 """Wording of each verdict on a page."""
-COMPATIBLE, DIFFERS, NO_INTERVAL = "compatible", "differs", "no interval to compare"
-"""Comparison of a published effect with the model's: whether their difference includes 0."""
 PREDICTED = ("predicted before the run", "change", "trials", "verdict")
 """Heading of the verdicts on a page."""
+Judged = Callable[..., str]
+"""Takes a measure and a shift of its change, in its unit, and returns the verdict."""
 UNITS = (
     (("mean_ms",), "_ms: ms"),
     (("decided",), "decided: trials"),
@@ -101,30 +100,52 @@ def outcomes(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
     measure's range that no change could be as large as predicted.
     """
     by = {name: rows.set_index("measure") for name, rows in table.groupby("condition")}
-    change = by["change"][["value", "low", "high"]].reindex([*MEASURES, *OF_STOP])
     rows = []
     for p in experiment.predictions:
-        estimate = tuple(map(float, change.loc[p.measure].to_numpy()))
-
-        def judged(name: str, shift: float = 0.0, p: Prediction = p) -> str:
-            low, high = map(float, change.loc[name, ["low", "high"]].to_numpy())
-            return p.outcome(low + shift, high + shift)
-
-        outcome, why = _verdict(experiment, table, p.measure, judged)
-        if outcome == DISAGREES and (none := _no_room(p, by["control"]["value"].loc[p.measure])):
-            outcome, why = OPEN, none
+        estimate, outcome, why = _compared(experiment, table, p)
         trials = (by[name].loc[p.measure, "trials"] for name in CONDITIONS[:2])
         rows.append((p.measure, p.direction, p.at_least, *estimate, outcome, why, *trials))
     names = ["measure", "direction", "at_least", "value", "low", "high", "outcome", "reason"]
     return pd.DataFrame(rows, columns=[*names, *(f"{name}_trials" for name in CONDITIONS[:2])])
 
 
-class Judged(Protocol):
-    """The verdict from the interval of a measure's change, after a shift in its unit."""
+def beside_published(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
+    """Return the published effects with the model's, one row per effect.
 
-    def __call__(self, name: str, shift: float = 0.0, /) -> str:
-        """Return the verdict."""
-        ...
+    They are "compatible" if the 95 % interval of the model's minus the published effect includes 0
+    (``Expected.z``), otherwise "differs".
+    """
+    rows = []
+    for effect in experiment.effects:
+        estimate, verdict, why = _compared(experiment, table, effect)
+        numbers = (effect.middle, *effect.interval, *estimate)
+        where = (_condition(effect), effect.measure)
+        rows.append((*where, *numbers, effect.source, verdict, why))
+    names = ["condition", "measure", "published", "published_low", "published_high"]
+    names += ["value", "low", "high", "effect_source", "comparison", "comparison_reason"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def _condition(expected: Expected) -> str:
+    return PERCENT if expected.unit == PERCENT else CONDITIONS[2]
+
+
+def _compared(
+    experiment: ExperimentRecord, table: pd.DataFrame, expected: Expected
+) -> tuple[tuple[float, ...], str, str]:
+    """Return the model's change with its interval, the verdict on it, and its reason."""
+    by = {name: rows.set_index("measure") for name, rows in table.groupby("condition")}
+    control, ours = by[CONDITIONS[0]]["value"], by[_condition(expected)]
+    ours = ours[["value", "low", "high"]].astype(float).reindex([*MEASURES, *OF_STOP])
+
+    def judged(name: str, shift: float = 0.0) -> str:
+        shift *= 100 / control[name] if expected.unit == PERCENT else 1
+        return expected.outcome(*(ours.loc[name].to_numpy() + shift))
+
+    outcome, why = _verdict(experiment, table, expected.measure, judged)
+    if outcome == DISAGREES and (none := _no_room(expected, control[expected.measure])):
+        outcome, why = OPEN, none
+    return tuple(map(float, ours.loc[expected.measure])), outcome, why
 
 
 def _verdict(
@@ -169,12 +190,12 @@ def _of_all(table: pd.DataFrame, measure: str, judged: Judged) -> dict[str, str]
     return {f"missed ones at {at}": judged(measure, m - c) for at, c, m in shifts}
 
 
-def _no_room(prediction: Prediction, control: float) -> str:
+def _no_room(prediction: Expected, control: float) -> str:
     """Return the reason why no change could be as large as predicted, or an empty string."""
     p = prediction
     room = {"down": control, "up": 1 - control if p.measure in SHARES else np.inf}
     bounded = p.measure in SHARES or p.measure.endswith("_ms")
-    if not bounded or p.at_least < room.get(p.direction, np.inf):
+    if not bounded or p.at_least < room.get(str(p.direction), np.inf):
         return ""
     return (
         f"at {control:.4g} the control leaves no room for a change of {p.at_least:g} {p.direction}"
@@ -221,48 +242,6 @@ def _both(table: pd.DataFrame, measure: str) -> tuple[float, float]:
     """Return a measure of control and manipulation."""
     values = table[table["measure"] == measure].set_index("condition")["value"]
     return float(values["control"]), float(values["manipulation"])
-
-
-def beside_published(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
-    """Return the published effects with the model's, one row per effect.
-
-    They are "compatible" if the 95 % interval of the model's minus the published effect, d = m - p,
-    includes 0, otherwise "differs". For independent samples its ends are (Zou & Donner 2008)
-    ``d - sqrt((m - l_m)^2 + (u_p - p)^2)`` and ``d + sqrt((u_m - m)^2 + (p - l_p)^2)``.
-    """
-    control = table[table["condition"] == CONDITIONS[0]].set_index("measure")["value"]
-    rows = []
-    for effect in experiment.effects:
-        condition = PERCENT if effect.unit == PERCENT else CONDITIONS[2]
-        ours = table[table["condition"] == condition].set_index("measure")
-        ours = ours[["value", "low", "high"]].astype(float).reindex([*MEASURES, *OF_STOP])
-
-        def judged(
-            name: str, shift: float = 0.0, effect: Effect = effect, ours: pd.DataFrame = ours
-        ) -> str:
-            if effect.unit == PERCENT:
-                shift *= 100 / control[name]
-            return _held(effect, *(ours.loc[name].to_numpy(dtype=float) + shift))
-
-        verdict, why = _verdict(experiment, table, effect.measure, judged)
-        numbers = (effect.value, *effect.interval, *map(float, ours.loc[effect.measure]))
-        rows.append((condition, effect.measure, *numbers, effect.source, verdict, why))
-    names = ["condition", "measure", "published", "published_low", "published_high"]
-    names += ["value", "low", "high", "effect_source", "comparison", "comparison_reason"]
-    return pd.DataFrame(rows, columns=names)
-
-
-def _held(effect: Effect, value: float, low: float, high: float) -> str:
-    """Return the comparison of a model's change and its interval with a published one."""
-    p_low, p_high = effect.interval
-    if not np.isfinite(value):
-        return OPEN
-    if np.isnan(p_low):
-        return NO_INTERVAL
-    apart = value - effect.value
-    lower = apart - np.hypot(value - low, p_high - effect.value)
-    upper = apart + np.hypot(high - value, effect.value - p_low)
-    return COMPATIBLE if lower <= 0 <= upper else DIFFERS
 
 
 def page(experiment: ExperimentRecord, table: pd.DataFrame) -> str:

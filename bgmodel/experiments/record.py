@@ -13,8 +13,8 @@ from bgmodel.conditions import Observed
 from bgmodel.deciding.calibration import calibration
 from bgmodel.deciding.measures import OF_STOP
 from bgmodel.evidence import Evidence, needed_truth
+from bgmodel.experiments.expected import Expected
 from bgmodel.experiments.learning import Learning, heard
-from bgmodel.experiments.predictions import Effect, Prediction
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support.arrays import Integers
 from bgmodel.tables.given import EvidenceTable
@@ -59,13 +59,13 @@ class ExperimentRecord(Observed):
     """Changes made by the manipulation."""
     control: Changes = Changes()
     """Changes made by the control."""
-    predictions: tuple[Prediction, ...] = ()
+    predictions: tuple[Expected, ...] = ()
     """Predictions, made before the run; without any there is a report and no verdict."""
     published: str = ""
     """The published result; empty if the question is new."""
     source: str = ""
     """Its source, and whether the paper or only its abstract was read."""
-    effects: tuple[Effect, ...] = ()
+    effects: tuple[Expected, ...] = ()
     """The published result as numbers, if there are any."""
     truth: int | None = None
     """The hypothesis that is true in every trial that counts; each in turn by default."""
@@ -74,6 +74,12 @@ class ExperimentRecord(Observed):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        for prediction in self.predictions:
+            must = "must be up, down or none in a prediction"
+            require(prediction.direction is not None, "direction", must, None)
+        for effect in self.effects:
+            known = effect.direction is None and bool(effect.source)
+            require(known, "effects", "must have a value and a source", effect.measure)
         told = [(effect.measure, effect.unit) for effect in self.effects]
         once = len(set(told)) == len(told)
         require(once, "effects", "must give a measure in one unit once", told)

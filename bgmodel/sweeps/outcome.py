@@ -13,7 +13,7 @@ from bgmodel.bootstrap import RESAMPLES, interval, resampled, weights_of
 from bgmodel.deciding.calibration import miscalibrated
 from bgmodel.deciding.measures import CUT_OFF, NO_DIFFUSION, OF_ALL, OF_DIFFUSION
 from bgmodel.deciding.tradeoff import decides_without_evidence
-from bgmodel.experiments.predictions import FEWEST_DECIDED
+from bgmodel.experiments.expected import FEWEST_DECIDED
 from bgmodel.experiments.record import MANY_MISSED
 from bgmodel.plots import labelled
 from bgmodel.support.arrays import Array

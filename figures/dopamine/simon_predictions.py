@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from bgmodel.experiments.predictions import AGREES, DISAGREES
+from bgmodel.experiments.expected import AGREES, DISAGREES
 from bgmodel.support.toml_files import read
 from circuits.errors import require
 from figures.dopamine.simon import QUANTILES, named, of_people, within

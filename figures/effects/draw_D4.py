@@ -19,9 +19,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from bgmodel.experiments.expected import (
+    AGREES,
+    COMPATIBLE,
+    DIFFERS,
+    DISAGREES,
+    OPEN,
+    PERCENT,
+    WITHOUT,
+)
 from bgmodel.experiments.experiment import Experiment, shipped
-from bgmodel.experiments.outcomes import COMPATIBLE, DIFFERS, beside_published, outcomes
-from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, PERCENT, WITHOUT
+from bgmodel.experiments.outcomes import beside_published, outcomes
 from bgmodel.support.files import read_table, write_table
 from circuits.engines import engine_of
 from figures.common import FULL, Settings, say_if_older, where

@@ -14,13 +14,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from bgmodel.exam.drawing import FAILS
 from bgmodel.exam.exam import Exam
-from bgmodel.exam.exam import Model as Examinee
-from bgmodel.exam.exam import model_of as examinee
-from bgmodel.exam.numbers import SEED, shipped_list
+from bgmodel.exam.numbers import SEED
 from bgmodel.exam.record import MOST_Z, totals
-from bgmodel.experiments.predictions import AGREES
+from bgmodel.experiments.expected import AGREES, FAILS, UNANSWERED
+from bgmodel.experiments.models import Model, model_of
 from circuits.anatomy import CIRCUITS, DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from circuits.laws.controls import shuffled_stn
@@ -73,11 +71,11 @@ GAMES = {
 """Edits of the default circuit that might raise its score without a meaning."""
 
 
-def examinees() -> dict[str, Examinee]:
+def examinees() -> dict[str, Model]:
     """Return every examinee by name."""
-    by_name = {name: examinee(name) for name in CIRCUITS}
+    by_name = {name: model_of(name) for name in CIRCUITS}
     for name, (_, edit) in CONTROLS.items():
-        by_name[name] = Examinee(name, partial(_edited, edit))
+        by_name[name] = Model(name, partial(_edited, edit))
     return by_name | {f"{name}{WITHOUT}": by_name[name] for name in NO_MOTIFS}
 
 
@@ -177,11 +175,11 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return the list, all answers, domains, stability, controls, cost, games, others' rates."""
     answers = made["exam"]
     plain = answers[(answers["examinee"] == DEFAULT) & (answers["sitting"] == SEED)]
-    asked = made["others"][made["others"]["outcome"] != "not answered"]
+    asked = made["others"][made["others"]["outcome"] != UNANSWERED]
     about = [
         (one.id, one.domain, one.about, one.published(), one.unit, one.species, one.mark,
          one.source, one.weight, one.how)
-        for one in shipped_list().numbers
+        for one in Exam.shipped().numbers
     ]  # fmt: skip
     names = ["id", "domain", "about", "published", "unit", "species", "mark", "source", "weight"]
     kept = ["examinee", "sitting", "id", "domain", "value", "se", "z", "outcome", "set_by"]
@@ -199,7 +197,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
         "domains": ("exam", domains),
         "stability": ("exam", stable),
         "controls": ("exam", ranks(domains)),
-        "reasons": ("exam", reasons[reasons["outcome"].isin([FAILS, "not answered"])]),
+        "reasons": ("exam", reasons[reasons["outcome"].isin([FAILS, UNANSWERED])]),
         "cost": ("exam", cost.reset_index()),
         "games": ("games", games(made["games"], plain)),
         "others": ("others", asked[["circuit", "id", "published", "value", "se", "z", "outcome"]]),

@@ -6,7 +6,6 @@ import pandas as pd
 import pytest
 
 from bgmodel.exam.exam import Exam
-from bgmodel.exam.numbers import shipped_list
 from bgmodel.support.files import read_provenance, read_table
 from tests.helpers import run
 
@@ -18,7 +17,7 @@ def test_it_lists_numbers_and_tasks(capsys):
     assert "rest.stn" in capsys.readouterr().out
     assert run("exam", "--json") == 0
     listed = json.loads(capsys.readouterr().out)
-    assert len(listed["records"]) == len(shipped_list().numbers)
+    assert len(listed["records"]) == len(Exam.shipped().numbers)
     assert run("exam", "--tasks") == 0
     printed = capsys.readouterr().out
     assert "rate_hz" in printed

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.experiments.expected import AGREES, WITHOUT
 from bgmodel.experiments.experiment import Experiment, shipped
-from bgmodel.experiments.predictions import AGREES, WITHOUT
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.files import provenance_path, read_provenance
 from tests.helpers import GOOD, run, unwarned

@@ -132,8 +132,3 @@ def test_the_answer_does_not_depend_on_threads(recorded):
 def test_bad_recordings_are_refused_by_their_field(recording, field):
     with refused(field):
         bg.discriminate("macaque", recording=recording(), **LOSS)
-
-
-def test_a_test_has_no_nuclei_to_record():
-    with refused("nucleus"):
-        bg.discriminate("macaque", "msprt", recording=Recording("STN"), space=SPACE)

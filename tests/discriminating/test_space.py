@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from bgmodel import InputError
 from bgmodel.discriminating.space import Probe, Space, check_space, search
 from tests.helpers import refused
 
@@ -11,6 +10,8 @@ from tests.helpers import refused
 def test_the_shipped_space_is_read_and_tests_lack_its_nuclei():
     space = Space.shipped()
     assert check_space(None) == space
+    with refused("space"):
+        check_space(3)
     assert len(space.edits) > 1
     assert space.stop_nats != (0.0,)
     assert space.of_tests().edits == ("",)
@@ -31,21 +32,15 @@ def test_the_shipped_space_is_read_and_tests_lack_its_nuclei():
         ("share = 1.0", "share"),
         ("deadline_ms = [1000.0]\nstop_delay_ms = 2000.0", "stop_delay_ms"),
         ("stop_nats = [3.0]", "stop_nats"),
+        ('edits = ["", "lesoin STN 10%"]', "edits"),
     ],
 )
 def test_a_wrong_space_is_refused_in_one_sentence(text, field, tmp_path):
     path = tmp_path / "space.toml"
     path.write_text(text)
     with refused(field) as caught:
-        Space.from_toml(path)
+        check_space(path)
     assert "\n" not in str(caught.value)
-
-
-def test_an_edit_that_is_none_is_refused():
-    with pytest.raises(InputError):
-        Space(edits=("", "lesoin STN 10%"))
-    with refused("space"):
-        check_space(3)
 
 
 def test_a_probe_is_interleaved_with_plain_trials():

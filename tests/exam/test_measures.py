@@ -6,8 +6,8 @@ import pytest
 
 from bgmodel import Msprt, first_crossing, gaussian_evidence, threshold_from_posterior
 from bgmodel.exam import of_circuit
+from bgmodel.exam.exam import Exam
 from bgmodel.exam.measures import MEASURES, Estimate, Results
-from bgmodel.exam.numbers import shipped_list
 from bgmodel.exam.simulation import Simulation
 from bgmodel.exam.tables import Failed, NotApplicable, Tables, read_tables
 from bgmodel.experiments.models import Model
@@ -15,7 +15,7 @@ from bgmodel.support.seeds import stream
 from circuits.anatomy import load_circuit
 from circuits.dynamics.fixed_point import resting_hz
 
-TASKS = shipped_list().tasks
+TASKS = Exam.shipped().tasks
 
 
 def asked(trials=None, rates=None, **more):

@@ -1,7 +1,5 @@
 """Spikes take the exam, and through the door for tables they get the same marks."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -32,7 +30,7 @@ def taking(engine):
 
 
 def simulation_of(engine):
-    return Simulation(taking(engine), EXAM.questions.tasks, 5, share=0.05)
+    return Simulation(taking(engine), EXAM.tasks, 5, share=0.05)
 
 
 def same_marks(outside, inside):
@@ -55,17 +53,10 @@ def test_rates_of_cells_through_the_door_get_the_marks_of_the_circuit(engine, tm
 def test_trials_through_the_door_get_the_marks_of_the_circuit(engine, tmp_path, monkeypatch):
     monkeypatch.setattr(simulation, "FEWEST_TRIALS", TRIALS_WITH_ERRORS)
     exam = EXAM.only(["conflict"])
-    exam = replace(exam, questions=replace(exam.questions, numbers=of_trials(exam)))
-    tasks = sorted(
-        {task for one in exam.questions.numbers for _, task in exam.questions.tasks_of(one)}
-    )
+    exam = exam.of(one.id for one in exam.numbers if "nucleus" not in one.of)
+    tasks = sorted({task for one in exam.numbers for _, task in one.tasks()})
     trials = pd.concat(map(simulation_of(engine).trials, tasks))
     trials.to_csv(tmp_path / "trials.csv", index=False)
     inside = exam.take(taking(engine), seed=5, share=0.05).table
     assert np.isfinite(inside["value"]).all()
     same_marks(exam.mark(tmp_path / "trials.csv", seed=5).table, inside)
-
-
-def of_trials(exam):
-    """Return the numbers that are computed from trials alone."""
-    return tuple(one for one in exam.questions.numbers if "nucleus" not in one.of)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.experiments.predictions import AGREES, DISAGREES
+from bgmodel.experiments.expected import AGREES, DISAGREES
 from figures.dopamine.simon import of_people
 from figures.dopamine.simon_model import (
     DEADLINE_MS,

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.exam.numbers import shipped_list
+from bgmodel.exam.exam import Exam
 from circuits.anatomy import CIRCUITS, DEFAULT, load_circuit
 from circuits.dynamics.fixed_point import resting_hz
 from figures.exam.measure_exam import (
@@ -23,7 +23,7 @@ from figures.exam.measure_exam import (
 def test_every_circuit_and_four_controls_are_examined():
     without = [f"{name}{WITHOUT}" for name in NO_MOTIFS]
     assert list(examinees()) == [*CIRCUITS, *CONTROLS, *without]
-    assert {domain for domain, _ in CONTROLS.values()} <= set(shipped_list().domains)
+    assert {domain for domain, _ in CONTROLS.values()} <= set(Exam.shipped().domains)
 
 
 @pytest.mark.parametrize("channels", [2, 4])
