@@ -28,9 +28,8 @@ from bgmodel.learning.dopamine_learner import CRITERION, CircuitLearned, learn_i
 from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.arrays import Array
-from bgmodel.support.saved import Facts
+from bgmodel.support.saved import Facts, Readable
 from bgmodel.support.seeds import stream
-from bgmodel.support.tables import Readable
 from bgmodel.tactile.grating import PERIODS_MM
 from bgmodel.tactile.source import Folds, Source, Tactile, load_taps
 from bgmodel.tactile.source import folds as folds_of

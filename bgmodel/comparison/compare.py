@@ -11,7 +11,6 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.bootstrap import RESAMPLES, check_resamples, check_trials, resampled
-from bgmodel.comparison.cautions import warn_of_missed, warn_of_readings
 from bgmodel.comparison.edited import check_edit_of
 from bgmodel.comparison.matched import (
     ACCURACIES,
@@ -20,6 +19,8 @@ from bgmodel.comparison.matched import (
     checked_accuracies,
     matched_measures,
     paired,
+    warn_of_missed,
+    warn_of_readings,
 )
 from bgmodel.comparison.thresholds import (
     MSPRT,
@@ -36,9 +37,8 @@ from bgmodel.integrators.baselines import BASELINES, baselines_on
 from bgmodel.integrators.deciding import CIRCUIT, HIGHEST, LOWEST, decide_at_thresholds, refined
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_flag
-from bgmodel.support.saved import Facts
+from bgmodel.support.saved import Facts, Readable
 from bgmodel.support.seeds import stream
-from bgmodel.support.tables import Readable
 from circuits.anatomy import checked_circuit
 from circuits.circuit import Circuit
 from circuits.errors import DataWarning, InputError

@@ -27,7 +27,7 @@ from bgmodel.integrators.criterion import check_threshold
 from bgmodel.integrators.sprt import Integrator, Msprt
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import reals
-from bgmodel.support.progress import advance
+from bgmodel.support.processes import advance
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
 from circuits.errors import InputError, RangeWarning, quiet, require

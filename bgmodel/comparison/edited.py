@@ -10,8 +10,13 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.bootstrap import RESAMPLES, check_resamples, check_trials
-from bgmodel.comparison.cautions import warn_of_missed, warn_of_readings
-from bgmodel.comparison.matched import ACCURACIES, checked_accuracies, matched_measures
+from bgmodel.comparison.matched import (
+    ACCURACIES,
+    checked_accuracies,
+    matched_measures,
+    warn_of_missed,
+    warn_of_readings,
+)
 from bgmodel.comparison.thresholds import (
     MSPRT,
     decided_by_evidence,

@@ -10,7 +10,7 @@ from contextlib import suppress
 from bgmodel.explorer.panels import Memory, Panel, panels
 from bgmodel.explorer.ranking import ranked
 from bgmodel.explorer.state import State
-from bgmodel.support import progress
+from bgmodel.support import processes
 from circuits.errors import quiet
 
 
@@ -67,7 +67,7 @@ class Runs:
         def run() -> None:
             with suppress(Superseded):
                 check()
-                with quiet(), progress.shown_by(check):  # panels collect their own warnings
+                with quiet(), processes.shown_by(check):  # panels collect their own warnings
                     for panel in compute():
                         check()
                         self._deliver(panel)

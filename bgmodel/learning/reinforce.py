@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.deciding.tally import Tally
+from bgmodel.deciding.reward import Tally
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import Sprt, tally_sprt
 from bgmodel.learning.policies import GaussianPolicy

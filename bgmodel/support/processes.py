@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import partial
 from multiprocessing import active_children, current_process, get_context, parent_process
 from multiprocessing.synchronize import Event
@@ -124,3 +125,22 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
         os._exit(1)
+
+
+_LISTENER: ContextVar[Callable[[int], object] | None] = ContextVar("listener", default=None)
+
+
+@contextmanager
+def shown_by(listener: Callable[[int], object]) -> Iterator[None]:
+    """Call a listener with the number of trials of each batch decided within the block."""
+    token = _LISTENER.set(listener)
+    try:
+        yield
+    finally:
+        _LISTENER.reset(token)
+
+
+def advance(trials: int) -> None:
+    """Report a number of decided trials to the listener, if there is one."""
+    if (listener := _LISTENER.get()) is not None:
+        listener(trials)

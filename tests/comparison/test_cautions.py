@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from bgmodel import BasalGanglia, Msprt, stream
-from bgmodel.comparison.cautions import accuracy_after, warn_of_missed, warn_of_readings
 from bgmodel.comparison.compare import compare
+from bgmodel.comparison.matched import accuracy_after, warn_of_missed, warn_of_readings
 from bgmodel.deciding.calibration import calibration, miscalibrated, warn_of_calibration
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.integrators.baselines import Lca

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bgmodel import gaussian_evidence
-from bgmodel.comparison.tuned import GAINS, fastest_gain, swept
+from bgmodel.comparison.thresholds import GAINS, fastest_gain, swept
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.anatomy import load_circuit
 from circuits.errors import InputError

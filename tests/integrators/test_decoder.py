@@ -5,7 +5,7 @@ import pytest
 
 from bgmodel import Evidence, Msprt
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.decoder import decoded_input
+from bgmodel.integrators.deciding import decoded_input
 from circuits.anatomy import load_circuit
 from circuits.engines import Ensemble
 

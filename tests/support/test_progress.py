@@ -4,7 +4,7 @@ import numpy as np
 
 from bgmodel.integrators.basal_ganglia import BATCH, BasalGanglia
 from bgmodel.integrators.deciding import decide_at_thresholds
-from bgmodel.support.progress import advance, shown_by
+from bgmodel.support.processes import advance, shown_by
 from circuits.anatomy import load_circuit
 from tests.helpers import some_evidence
 

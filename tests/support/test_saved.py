@@ -15,7 +15,7 @@ import bgmodel as bg
 from bgmodel import BasalGanglia, Evidence, Msprt, first_crossing
 from bgmodel.deciding.decision import Decision
 from bgmodel.deciding.measures import OF_ALL
-from bgmodel.deciding.tally import tally
+from bgmodel.deciding.reward import tally
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.learning.reinforce import Learner

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from bgmodel import Msprt, Sprt, stream
 from bgmodel.bootstrap import interval, resampled
-from bgmodel.deciding.tally import tally
+from bgmodel.deciding.reward import tally
 from bgmodel.learning.gap import fold_sources, increments
 from bgmodel.support.files import read_provenance
 from bgmodel.tactile.decoder import Training

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from bgmodel.theory.empirical import _gradient_adjoint, _share, empirical_chain
+from bgmodel.theory.first_passage import _gradient_adjoint, _share, empirical_chain
 from bgmodel.theory.sprt import Empirical, gaussian_pair, walk
 
 

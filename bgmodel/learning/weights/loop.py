@@ -15,7 +15,7 @@ from bgmodel.learning.weights.rules import Rule
 from bgmodel.learning.weights.sources import source_at
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole
-from bgmodel.support.progress import advance
+from bgmodel.support.processes import advance
 from bgmodel.support.seeds import stream
 from circuits.errors import CalibrationWarning, InputError, NoiseWarning
 
