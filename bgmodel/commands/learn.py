@@ -13,7 +13,7 @@ from bgmodel.learning import from_reward
 from bgmodel.learning.dopamine_learner import LEVELS, CircuitLearned
 from bgmodel.learning.from_reward import DOPAMINE, WEIGHTS, planned
 from bgmodel.learning.reinforce import Learner, LearningStopped, course
-from bgmodel.learning.weights.feedback import Feedback, WeightLearner
+from bgmodel.learning.weights.deciders import Feedback, WeightLearner
 from bgmodel.names import MACAQUE, CircuitName, EngineName
 from bgmodel.support import files
 from bgmodel.tactile.task import SameDifferent

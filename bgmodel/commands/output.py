@@ -12,8 +12,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.support import files
-from bgmodel.support import processes
+from bgmodel.support import files, processes
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:

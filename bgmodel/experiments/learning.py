@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from bgmodel.learning.weights.critics import CRITICS
-from bgmodel.learning.weights.feedback import Feedback, WeightLearner
+from bgmodel.learning.weights.deciders import Feedback, WeightLearner
 from bgmodel.learning.weights.rules import RULES
 from bgmodel.learning.weights.sources import UNITS, GaussianFeatures, tap_features
 from bgmodel.support import toml_files

@@ -57,7 +57,7 @@ class Empirical:
             object.__setattr__(self, name, array)
 
     @classmethod
-    def of_sample(cls, values: ArrayLike) -> "Empirical":
+    def of_sample(cls, values: ArrayLike) -> Empirical:
         """Give each of the `values` (n,), in nats, the same weight."""
         array = np.atleast_1d(np.asarray(values, dtype=float))
         return cls(array, np.full(array.shape, 1 / max(array.size, 1)))

@@ -22,7 +22,7 @@ from bgmodel.from_taps import ACCURACIES, T_MAX, chain
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.deciding import CIRCUIT
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.learning.as_learned import TEST
+from bgmodel.learning.dopamine_learner import TEST
 from bgmodel.learning.from_reward import XI, learn
 from bgmodel.learning.reinforce import Learner
 from bgmodel.tactile.edges import decoded_edges

@@ -25,9 +25,8 @@ from bgmodel.fitting.stops.model import TEST, circuit_stop
 from bgmodel.fitting.stops.race import STRENGTH, StopLikelihood, StopRace, likelihood
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.inputs import MOST_NATS
-from bgmodel.stopping.people import estimates_of, read_people
+from bgmodel.stopping.people import AFTER, estimates_of, read_people, slowing_of, violations_of
 from bgmodel.stopping.trials import StopTrials
-from bgmodel.stopping.violations import AFTER, slowing_of, violations_of
 from bgmodel.support.arrays import Array
 from bgmodel.trials.reading import Columns
 from circuits.anatomy import DEFAULT

@@ -5,8 +5,16 @@ import pytest
 
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.learning.as_learned import POPULATIONS, SPIKES, TEST, decide_as_learned
-from bgmodel.learning.dopamine_learner import CRITERION, LEVEL, CircuitLearned, criterion_outcomes
+from bgmodel.learning.dopamine_learner import (
+    CRITERION,
+    LEVEL,
+    POPULATIONS,
+    SPIKES,
+    TEST,
+    CircuitLearned,
+    criterion_outcomes,
+    decide_as_learned,
+)
 from bgmodel.learning.reinforce import Learned
 from bgmodel.simulated_evidence import gaussian_evidence
 from tests.helpers import refused

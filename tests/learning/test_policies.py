@@ -7,7 +7,7 @@ from scipy.stats import norm
 from bgmodel import Sprt, stream
 from bgmodel.deciding.decision import crossing_of_each
 from bgmodel.deciding.reward import reward
-from bgmodel.learning.policies import GaussianPolicy
+from bgmodel.learning.reinforce import GaussianPolicy
 from bgmodel.theory.sprt import gaussian_pair, reward_curve
 from tests.helpers import refused
 from tests.learning.helpers import T_MAX, XI, D, draw

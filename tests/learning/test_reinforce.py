@@ -8,8 +8,8 @@ import pytest
 from bgmodel import stream
 from bgmodel.deciding.reward import reward_of
 from bgmodel.deciding.tradeoff import Tradeoff
-from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import (
+    GaussianPolicy,
     Learned,
     Learner,
     LearningStopped,

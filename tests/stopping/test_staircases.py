@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from bgmodel.stopping.staircases import walk
+from bgmodel.stopping.task import walk
 from circuits.errors import DataWarning
 from tests.helpers import refused
 

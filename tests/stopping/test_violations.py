@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from bgmodel.stopping.trials import StopTrials, drawn_delays
-from bgmodel.stopping.violations import (
+from bgmodel.stopping.people import (
     slowing,
     slowing_of,
     truncated_means,
     violations,
     violations_of,
 )
+from bgmodel.stopping.trials import StopTrials, drawn_delays
 from tests.helpers import refused
 
 SSRT_MS = 220.0

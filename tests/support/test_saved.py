@@ -19,7 +19,7 @@ from bgmodel.deciding.reward import tally
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.learning.reinforce import Learner
-from bgmodel.learning.weights.feedback import WeightLearner
+from bgmodel.learning.weights.deciders import WeightLearner
 from bgmodel.plots import LABELS
 from bgmodel.support.saved import TREE, Facts, save, span
 from circuits.anatomy import load_circuit

@@ -8,10 +8,10 @@ import pytest
 
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.people import read_people
-from bgmodel.stopping.staircases import walk
+from bgmodel.stopping.task import walk
 from bgmodel.stopping.trials import StopTrials
+from bgmodel.trials.events import restored_delays
 from bgmodel.trials.reading import Columns
-from bgmodel.trials.restored import restored_delays
 from circuits.errors import DataWarning
 from tests.helpers import refused, unwarned
 

@@ -7,8 +7,7 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.learning.weights.critics import Affine, ReadOutConfidence
-from bgmodel.learning.weights.deciders import FixedPoint
-from bgmodel.learning.weights.feedback import Feedback, WeightLearner
+from bgmodel.learning.weights.deciders import Feedback, FixedPoint, WeightLearner
 from bgmodel.learning.weights.in_circuit import (
     InCircuit,
     circuit_time_at_accuracy,

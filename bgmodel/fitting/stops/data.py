@@ -11,8 +11,8 @@ from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.trials.design import design_of
+from bgmodel.stopping.people import AFTER, slowing
 from bgmodel.stopping.trials import StopTrials
-from bgmodel.stopping.violations import AFTER, slowing
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.trials.record import Trials
 from circuits.errors import InputError, require

@@ -7,8 +7,8 @@ import pytest
 
 from bgmodel.fitting.stops.data import laid
 from bgmodel.stopping.estimates import estimate_ssrt
+from bgmodel.stopping.people import slowing_of
 from bgmodel.stopping.trials import StopTrials
-from bgmodel.stopping.violations import slowing_of
 from figures.stopping.stopped import (
     DELAYS,
     StopValues,

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 import bgmodel as bg
-from bgmodel.learning.values.bandit import Bandit
-from bgmodel.learning.values.in_circuit import ValueCircuit
+from bgmodel.learning.values.bandit import Bandit, ValueCircuit, play
 from bgmodel.learning.values.learners import QBoth
-from bgmodel.learning.values.play import play
 from tests.helpers import refused
 
 

@@ -16,17 +16,20 @@ from bgmodel.fitting.likelihood import TrialLikelihood, TrialModel
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.posterior import posterior
 from bgmodel.fitting.predicted import predicted
-from bgmodel.learning.values.diffusion import (
+from bgmodel.learning.values.learners import QLearning
+from bgmodel.learning.values.models import (
     LAPSES,
     LONGEST_S,
+    MODELS,
     choice_probability,
     draw,
+    likelihood,
     log_density,
+    model_of,
+    simulated,
+    value_differences,
 )
-from bgmodel.learning.values.learners import QLearning
-from bgmodel.learning.values.models import MODELS, likelihood, model_of, value_differences
 from bgmodel.learning.values.people import pairs_of, read_pairs
-from bgmodel.learning.values.simulated import simulated
 from circuits.errors import FitWarning
 from tests.helpers import refused
 

@@ -5,7 +5,7 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.learning.weights.feedback import WeightLearner
+from bgmodel.learning.weights.deciders import WeightLearner
 from bgmodel.learning.weights.in_circuit import (
     InCircuit,
     circuit_time_at_accuracy,

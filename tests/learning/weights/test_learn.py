@@ -9,9 +9,8 @@ from scipy.special import expit, logit
 import bgmodel as bg
 from bgmodel.evidence import minus_log_softmax
 from bgmodel.learning.weights.critics import Trial
-from bgmodel.learning.weights.deciders import FixedPoint
+from bgmodel.learning.weights.deciders import Feedback, FixedPoint, WeightLearner
 from bgmodel.learning.weights.features import Features
-from bgmodel.learning.weights.feedback import Feedback, WeightLearner
 from bgmodel.learning.weights.learn import learn_weights
 from bgmodel.learning.weights.learned import (
     LearnedWeights,
