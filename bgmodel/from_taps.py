@@ -37,7 +37,7 @@ from bgmodel.learning.reinforce import Learner
 from bgmodel.support.arrays import Array
 from bgmodel.support.saved import Facts, Readable
 from bgmodel.support.seeds import stream
-from bgmodel.tactile.grating import PERIODS_MM
+from bgmodel.tactile.pressing import PERIODS_MM
 from bgmodel.tactile.source import Folds, Source, Tactile, load_taps
 from bgmodel.tactile.source import folds as folds_of
 from bgmodel.tactile.task import SameDifferent

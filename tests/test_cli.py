@@ -246,8 +246,7 @@ def test_options_say_what_they_are():
     from bgmodel.tactile.likelihood import Density
     from bgmodel.tactile.pressing import LibraryPlan
     from bgmodel.tactile.sensor import Nuisance
-    from bgmodel.tactile.skin import Skin
-    from bgmodel.tactile.tips import Tip
+    from bgmodel.tactile.skin import Skin, Tip
 
     sourced = ("assumed", "our choice", "19", "20")
     for kind in (Nuisance, Skin, Tip, LibraryPlan, Training, Density, Learner):

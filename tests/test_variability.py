@@ -9,8 +9,7 @@ from scipy.stats import norm
 
 import bgmodel as bg
 from bgmodel.fitting.exact import passage
-from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.gaps import CONSTANT, EXPONENTIAL
+from bgmodel.fitting.exact.algorithms import CONSTANT, EXPONENTIAL, GapModel
 from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
 from bgmodel.fitting.settings import FitSettings
 from tests.helpers import refused

@@ -11,7 +11,7 @@ from scipy import special, stats
 
 from bgmodel import stream
 from bgmodel.fitting.hierarchy.fit import GroupFit
-from bgmodel.fitting.stops.data import StopData, laid
+from bgmodel.fitting.stops.model import StopData, laid
 from bgmodel.fitting.stops.race import StopLikelihood
 from bgmodel.stopping.task import walk
 from bgmodel.stopping.trials import StopTrials

@@ -3,7 +3,7 @@
 import pytest
 
 from bgmodel.experiments.experiment import Experiment
-from bgmodel.explorer.ranking import RANKING, ranked
+from bgmodel.explorer.runs import RANKING, ranked
 from bgmodel.explorer.state import State
 from tests.explorer.helpers import small
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.model_comparison import Better, Predicted, _divided, better_by, predicted
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.predicted import Better, Predicted, _divided, better_by, predicted
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.support.seeds import stream
 from tests.drawn import TRUTH, drawn

@@ -7,11 +7,10 @@ from scipy.stats import norm
 
 from bgmodel import stream
 from bgmodel.tactile.decoder import EDGE
-from bgmodel.tactile.edges import decoded_edges
-from bgmodel.tactile.source import folds, source
+from bgmodel.tactile.skin import Tip
+from bgmodel.tactile.source import decoded_edges, folds, source
 from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.task import EdgeDirection, EdgeTurn, Orientation, SameDifferent
-from bgmodel.tactile.tips import Tip
 from tests.helpers import refused
 
 SD_DEG = 2.0
@@ -120,8 +119,8 @@ def test_one_part_of_a_recording_trains_the_decoder_and_another_is_read(monkeypa
             np.testing.assert_array_equal(taps.rest_mm, pins)
             return taps.labels.assign(edge_deg=taps.labels["yaw_deg"] + 3)
 
-    monkeypatch.setattr("bgmodel.tactile.edges.read_taps", read_taps)
-    monkeypatch.setattr("bgmodel.tactile.edges.train", train)
+    monkeypatch.setattr("bgmodel.tactile.source.read_taps", read_taps)
+    monkeypatch.setattr("bgmodel.tactile.source.train", train)
     assert decoded_edges(5, tmp_path).to_numpy().tolist() == [[30, 33], [-40, -37], [50, 53]]
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel.tactile.grating import PERIODS_MM, Grating
+from bgmodel.tactile.pressing import PERIODS_MM, Grating
 from tests.tactile.plans import places
 
 

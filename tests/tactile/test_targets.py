@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel.tactile.targets import read_targets
+from bgmodel.tactile.recordings import read_targets
 from tests.tactile.recorded import FORMS, write
 
 NEEDED = ["x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg"]

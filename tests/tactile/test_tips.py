@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel.tactile.tips import Tip
+from bgmodel.tactile.skin import Tip
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.special import ndtr
 
-from bgmodel.fitting.exact.raised import crossed_later, raised_bound
 from bgmodel.fitting.exact.responses import EVERY_TIME
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.likelihood import (
@@ -33,8 +32,16 @@ from bgmodel.fitting.likelihood import (
     likelihood_of,
 )
 from bgmodel.fitting.parameters import Parameter
-from bgmodel.fitting.stops.data import KEPT, go_process, laid
-from bgmodel.fitting.stops.model import TEST, StopModel, stop_model
+from bgmodel.fitting.stops.model import (
+    KEPT,
+    TEST,
+    StopModel,
+    crossed_later,
+    go_process,
+    laid,
+    raised_bound,
+    stop_model,
+)
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.trials import StopTrials

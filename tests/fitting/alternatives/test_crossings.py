@@ -5,8 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bgmodel.fitting.alternatives.circuit import ManyCircuitModel
-from bgmodel.fitting.alternatives.crossings import simulated_many
+from bgmodel.fitting.alternatives.circuit import ManyCircuitModel, simulated_many
 from bgmodel.fitting.alternatives.msprt import MsprtModel
 from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
 from circuits.anatomy import load_circuit

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.alternatives.lca import LcaModel
-from bgmodel.fitting.alternatives.race import RaceModel
+from bgmodel.fitting.alternatives.race import LcaModel, RaceModel
 from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
 
 GRID = Grid(150)

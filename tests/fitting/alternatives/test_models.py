@@ -43,7 +43,7 @@ def test_the_test_is_recovered_from_its_own_trials(fits):
 def test_models_are_compared_on_the_same_trials(fits):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("bgmodel.fitting.optimum.POPULATION", 6)
-        patch.setattr("bgmodel.fitting.predicted.FOLDS", 2)
+        patch.setattr("bgmodel.fitting.model_comparison.FOLDS", 2)
         compared = compare_fits(fits).table
     assert set(compared.index) == {"msprt", "race"}
     assert compared.loc["msprt", "parameters"] == 3

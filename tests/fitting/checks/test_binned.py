@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 from scipy.signal import fftconvolve
 
-from bgmodel.fitting import predicted
+from bgmodel.fitting import model_comparison
 from bgmodel.fitting.alternatives.race import RaceModel
-from bgmodel.fitting.checks.binned import PARTS, finer, moved_by_bins, of_bins, resolved
+from bgmodel.fitting.checks.cautions import PARTS, finer, moved_by_bins, of_bins, resolved
 from bgmodel.fitting.exact import passage
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import Grid, moments, responded
@@ -146,7 +146,7 @@ def test_the_fit_of_fast_decisions_agrees_with_an_own_series(bound, start):
 
 def test_models_are_compared_in_the_bins_of_their_fits(monkeypatch):
     """Whatever bins the likelihood had that is given: those of fast decisions are too wide."""
-    monkeypatch.setattr(predicted, "FOLDS", 2)
+    monkeypatch.setattr(model_comparison, "FOLDS", 2)
     some = likelihood(0.3, start=0.85, trials=300)
     fine = resolved(optimum(some))
     peaks = {"wide": (some, fine.vector), "narrow": (fine.likelihood, fine.vector)}

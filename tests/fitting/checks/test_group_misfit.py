@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from bgmodel.fitting.checks.group_misfit import TOGETHER, group_misfit
-from bgmodel.fitting.checks.misfit import Excess
+from bgmodel.fitting.checks.misfit import TOGETHER, Excess, group_misfit
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import Optimum

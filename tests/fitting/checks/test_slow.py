@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from bgmodel.fitting.checks.slow import slow_trials
+from bgmodel.fitting.checks.cautions import slow_trials
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of

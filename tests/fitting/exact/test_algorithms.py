@@ -6,8 +6,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel.fitting.exact import algorithms, passage
-from bgmodel.fitting.exact.algorithms import BOUND, DRIFT_SD, SPREAD, START, GapModel
-from bgmodel.fitting.exact.gaps import EXPONENTIAL, FALL, FLOOR, STEEPNESS, WEIBULL
+from bgmodel.fitting.exact.algorithms import (
+    BOUND,
+    DRIFT_SD,
+    EXPONENTIAL,
+    FALL,
+    FLOOR,
+    SPREAD,
+    START,
+    STEEPNESS,
+    WEIBULL,
+    GapModel,
+)
 from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
 from bgmodel.fitting.parameters import RESPONSE
 

@@ -6,8 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bgmodel as bg
-from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.gaps import CONSTANT, EXPONENTIAL, FALL, FLOOR, GAPS, STEEPNESS, WEIBULL
+from bgmodel.fitting.exact.algorithms import (
+    CONSTANT,
+    EXPONENTIAL,
+    FALL,
+    FLOOR,
+    GAPS,
+    STEEPNESS,
+    WEIBULL,
+    GapModel,
+)
 from bgmodel.fitting.exact.responses import Grid
 from bgmodel.fitting.settings import FitSettings
 from bgmodel.support.saved import packed, unpacked

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bgmodel.fitting.exact.passage import accuracy
-from bgmodel.fitting.exact.raised import crossed_later, raised_bound, threshold_nats
+from bgmodel.fitting.stops.model import crossed_later, raised_bound, threshold_nats
 from tests.helpers import unwarned
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import cells_of
-from bgmodel.fitting.hierarchy.pooled import pooled
+from bgmodel.fitting.hierarchy.labels import pooled
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.trials.design import design_of

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.hierarchy.scale import LOWEST, PARTS, Scale, log_uniform
+from bgmodel.fitting.hierarchy.group import LOWEST, PARTS, Scale, log_uniform
 from bgmodel.fitting.parameters import Parameter, freedom
 
 SPACE = freedom([Parameter("bound", 0.1, 8.0, 0.7), Parameter("spread", 0.0, 5.0, 0.0)], {}, 1)

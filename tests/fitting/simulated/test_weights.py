@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel.fitting.simulated.weights import count
+from bgmodel.fitting.simulated.crossings import count
 
 MIDDLE, WIDTH = 40, 0.1
 

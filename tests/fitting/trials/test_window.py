@@ -11,8 +11,7 @@ from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.trials.design import design_of
-from bgmodel.fitting.trials.window import fence_s
+from bgmodel.fitting.trials.design import design_of, fence_s
 from bgmodel.trials.reading import read_trials
 from circuits.errors import DataWarning
 from tests.drawn import choices, drawn

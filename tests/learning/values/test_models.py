@@ -13,9 +13,9 @@ from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.hierarchy.fit import fit_group
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.likelihood import TrialLikelihood, TrialModel
+from bgmodel.fitting.model_comparison import predicted
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.posterior import posterior
-from bgmodel.fitting.predicted import predicted
 from bgmodel.learning.values.learners import QLearning
 from bgmodel.learning.values.models import (
     LAPSES,
