@@ -35,8 +35,9 @@ from bgmodel.learning.dopamine_learner import (
 from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.arrays import Array
-from bgmodel.support.saved import Facts, Readable
+from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
+from bgmodel.support.tables import Readable
 from bgmodel.tactile.pressing import PERIODS_MM
 from bgmodel.tactile.source import Folds, Source, Tactile, load_taps
 from bgmodel.tactile.source import folds as folds_of

@@ -24,7 +24,8 @@ from bgmodel.experiments.models import Model, model_of
 from bgmodel.experiments.predictions import AGREES
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range, whole
-from bgmodel.support.saved import Facts, Readable
+from bgmodel.support.saved import Facts
+from bgmodel.support.tables import Readable
 from circuits.circuit import Circuit
 from circuits.dynamics.fixed_point import resting_hz
 from circuits.errors import require

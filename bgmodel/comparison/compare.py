@@ -37,8 +37,9 @@ from bgmodel.integrators.baselines import BASELINES, baselines_on
 from bgmodel.integrators.deciding import CIRCUIT, HIGHEST, LOWEST, decide_at_thresholds, refined
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_flag
-from bgmodel.support.saved import Facts, Readable
+from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
+from bgmodel.support.tables import Readable
 from circuits.anatomy import checked_circuit
 from circuits.circuit import Circuit
 from circuits.errors import DataWarning, InputError

@@ -120,7 +120,7 @@ class Decision(Facts):
 
     def summary(self) -> pd.DataFrame:
         """Return accuracy, mean time and numbers of trials, one row per threshold."""
-        from bgmodel.support.saved import Readable
+        from bgmodel.support.tables import Readable
 
         decided = np.atleast_2d(self.choice != UNDECIDED)
         accuracy = np.nan if self.truth is None else np.atleast_1d(self.accuracy)

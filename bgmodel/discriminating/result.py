@@ -16,7 +16,8 @@ from bgmodel.discriminating.planned import planned
 from bgmodel.discriminating.space import AXES, Space
 from bgmodel.experiments.models import Model
 from bgmodel.support.files import json_text, provenance
-from bgmodel.support.saved import Facts, Readable
+from bgmodel.support.saved import Facts
+from bgmodel.support.tables import Readable
 from circuits.errors import require
 
 if TYPE_CHECKING:

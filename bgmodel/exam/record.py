@@ -16,7 +16,8 @@ from bgmodel.exam.numbers import Number
 from bgmodel.exam.tables import Failed
 from bgmodel.experiments.predictions import AGREES, DISAGREES, OPEN, outcome_of
 from bgmodel.support.files import json_text, provenance
-from bgmodel.support.saved import Facts, Readable
+from bgmodel.support.saved import Facts
+from bgmodel.support.tables import Readable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

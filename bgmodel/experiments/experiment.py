@@ -41,8 +41,9 @@ from bgmodel.experiments.writing import python_text, toml_text
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support import toml_files
 from bgmodel.support.checks import path_of
-from bgmodel.support.saved import Facts, Readable
+from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
+from bgmodel.support.tables import Readable
 from bgmodel.tables.named import NamedEvidence, trial_table
 from circuits.declaration.table_writer import digest
 from circuits.errors import CalibrationWarning, DeadlineWarning, EditWarning, InputError

@@ -29,7 +29,8 @@ from bgmodel.fitting.quantiles import (
 from bgmodel.fitting.simulated.error import Simulation, simulation_error, without_parts
 from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array, Integers
-from bgmodel.support.saved import Facts, Readable
+from bgmodel.support.saved import Facts
+from bgmodel.support.tables import Readable
 from circuits.errors import FitWarning
 
 if TYPE_CHECKING:

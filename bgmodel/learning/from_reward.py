@@ -35,8 +35,9 @@ from bgmodel.learning.weights.sources import GaussianFeatures, tap_features
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_positive, whole
 from bgmodel.support.memory import check_learning_memory, check_memory
-from bgmodel.support.saved import Facts, Readable
+from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
+from bgmodel.support.tables import Readable
 from bgmodel.tables.given import EvidenceTable, trials_of
 from bgmodel.tactile.source import Source, Tactile, load_taps
 from bgmodel.task import Drawn, Gaussian, Task

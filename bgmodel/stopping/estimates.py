@@ -16,7 +16,8 @@ from bgmodel.deciding.measures import P_RANGE
 from bgmodel.plots import wilson
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array
-from bgmodel.support.saved import Facts, Readable
+from bgmodel.support.saved import Facts
+from bgmodel.support.tables import Readable
 from circuits.errors import DataWarning, InputError
 
 if TYPE_CHECKING:

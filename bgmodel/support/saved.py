@@ -1,4 +1,4 @@
-"""Results: tables and records, printed in short, saved whole and loaded as the same record.
+"""Records, printed in short, and saved whole and loaded again as the same record.
 
 A file is an .npz without pickled objects: arrays, tables in Parquet, and the rest as JSON. Only
 records of this package are made from one, so that a file from elsewhere runs no code.
@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib
 import io
 import json
-import shutil
 from dataclasses import fields, is_dataclass
 from html import escape
 from pathlib import Path
@@ -17,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from bgmodel.support.checks import path_of
 from bgmodel.support.files import check_new, check_writable, from_json, read_arrays, replacing
@@ -216,37 +214,3 @@ def _class(name: str) -> Any:
     if not isinstance(kind, type) or not kind.__module__.startswith(PACKAGES):
         raise TypeError(f"{name} is no record")
     return kind
-
-
-MOST_ROWS = 60
-"""Rows up to which a table is printed whole, as in pandas."""
-USUAL = (100, 24)
-"""Columns and lines of an output that is no terminal."""
-
-
-class Readable(pd.DataFrame):
-    """A DataFrame that prints wide tables in parts; pandas would hide their middle columns."""
-
-    @property
-    def _constructor(self) -> type[Readable]:
-        """The class of tables made from this one."""
-        return Readable
-
-    def with_note(self, text: str) -> Readable:
-        """Return it with a text that is printed below."""
-        found = self.copy()
-        found.attrs["note"] = text
-        return found
-
-    def __repr__(self) -> str:
-        """Return the table as text, each line at most as wide as the terminal."""
-        if len(self) > MOST_ROWS:
-            return super().__repr__()
-        text, note = self.to_string(line_width=shutil.get_terminal_size(USUAL).columns), self.attrs
-        return f"{text}\n{note['note']}" if note.get("note") else text
-
-    def _repr_html_(self) -> str | None:
-        """Return the table for a notebook."""
-        table: str | None = super()._repr_html_()  # type: ignore[misc]  # not in the stubs
-        note = escape(self.attrs.get("note", ""))
-        return f"{table}<pre>{note}</pre>" if table and note else table

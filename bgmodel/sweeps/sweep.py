@@ -15,7 +15,8 @@ import pandas as pd
 
 from bgmodel.support.checks import path_of
 from bgmodel.support.processes import end_if_imported, processes
-from bgmodel.support.saved import Facts, Readable
+from bgmodel.support.saved import Facts
+from bgmodel.support.tables import Readable
 from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.outcome import draw, gathered, measured
 from bgmodel.sweeps.plan import Plan, Point, Shard, read_plan

@@ -1,4 +1,4 @@
-"""Tip of the sensor: its skin, an elastic sheet bonded to a gel, solved exactly; pins and camera."""
+"""Tip of the sensor: skin, an elastic sheet bonded to a gel, solved exactly; pins and camera."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel.support.saved import MOST_ROWS, Readable
+from bgmodel.support.tables import MOST_ROWS, Readable
 from tests.helpers import ROOT
 
 NAME = st.from_regex(r"[a-z]{3,16}", fullmatch=True)

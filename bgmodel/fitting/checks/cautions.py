@@ -1,4 +1,4 @@
-"""Warnings of a fit: numbers at bounds, late and slow responses, short chains, errors, wide bins."""
+"""Warnings of a fit: numbers at bounds, late or slow responses, short chains, errors, bins."""
 
 from __future__ import annotations
 

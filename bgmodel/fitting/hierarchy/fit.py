@@ -32,7 +32,8 @@ from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.parameters import told_priors
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.processes import shared_map
-from bgmodel.support.saved import Facts, Readable
+from bgmodel.support.saved import Facts
+from bgmodel.support.tables import Readable
 from circuits.arrays import Arrays
 from circuits.errors import FitWarning, InputError, require
 from circuits.store import Entry
