@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from bgmodel.discriminating.discriminate import discriminate
     from bgmodel.exam.exam import Exam, take_exam
     from bgmodel.experiments.experiment import Experiment
-    from bgmodel.explorer.server import explore
+    from bgmodel.explorer.notebook import explore
     from bgmodel.fits import fit, simulate
     from bgmodel.fitting.model_comparison import compare_fits
     from bgmodel.from_taps import touch
@@ -89,7 +89,7 @@ LAZY = {
     "compare": "bgmodel.comparison.compare",
     "compare_fits": "bgmodel.fitting.model_comparison",
     "discriminate": "bgmodel.discriminating.discriminate",
-    "explore": "bgmodel.explorer.server",
+    "explore": "bgmodel.explorer.notebook",
     "fit": "bgmodel.fits",
     "learn": "bgmodel.learning.from_reward",
     "load": "bgmodel.support.saved",

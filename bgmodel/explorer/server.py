@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import hmac
-import re
 import secrets
 import socket
-from pathlib import Path
 from typing import Any
 
 import panel as pn
-import platformdirs
 from bokeh.server.auth_provider import AuthProvider
 from tornado.web import HTTPError
 
-from bgmodel.experiments.experiment import Experiment
 from bgmodel.explorer.page import Explorer
-from bgmodel.explorer.state import QUERY, State, of_circuit, opened
-from circuits.circuit import Circuit
+from bgmodel.explorer.state import QUERY, State
 from circuits.errors import InputError, quiet, require
 
 HOST = "127.0.0.1"
@@ -129,64 +124,3 @@ class Served:
         finally:
             for explorer in self.explorers:
                 explorer.stop()
-
-
-NEEDS = 'the explorer needs Panel: pip install "bgmodel[explore]"'
-
-
-def explore(what: Circuit | Experiment | str | Path = "") -> Any:
-    """Return the interactive explorer, which a notebook shows.
-
-    ``bgmodel explore`` shows the same page in the browser.
-
-    Parameters
-    ----------
-    what : Circuit, Experiment, str or path
-        A circuit or an experiment: the object, its name, its .toml file, or a link from the
-        explorer; by default the macaque circuit. A circuit that is not in a file is written to the
-        user's cache folder, so that the experiment's file can name it.
-
-    Returns
-    -------
-    panel.viewable.Viewable
-        The page; its attribute ``explorer`` has the current ``state``.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name or an invalid circuit or experiment.
-    ImportError
-        Without Panel: ``pip install "bgmodel[explore]"``.
-    """
-    try:
-        import panel as pn
-    except ImportError as error:
-        raise ImportError(NEEDS) from error
-    from bgmodel.explorer.page import Explorer
-
-    state = state_of(what)
-    pn.extension(inline=True)  # scripts from the package, since there may be no network
-    explorer: Any = Explorer(state, later=lambda call: pn.state.execute(call))
-    layout = explorer.layout()
-    layout.explorer = explorer
-    return layout
-
-
-def state_of(what: Circuit | Experiment | str | Path) -> State:
-    """Return the state of a circuit or an experiment, given as an object, by name, file or link."""
-    if isinstance(what, Experiment):
-        return State(what)
-    if isinstance(what, Circuit):
-        return of_circuit(str(_written(what)))
-    if not isinstance(what, (str, Path)):
-        must = "must be a circuit, an experiment, a name or a .toml file"
-        raise InputError.of("what", must, type(what).__name__)
-    return opened(what)
-
-
-def _written(circuit: Circuit) -> Path:
-    """Write a circuit to the cache folder, in a folder named by its hash, and return the path."""
-    from circuits.declaration.table_writer import digest, write
-
-    folder = platformdirs.user_cache_path("bgmodel") / "explored" / digest(circuit)[:16]
-    return Path(write(circuit, folder / f"{re.sub(r'[^A-Za-z0-9_-]+', '_', circuit.name)}.toml"))

@@ -6,13 +6,13 @@ import sys
 import pytest
 
 import bgmodel as bg
-from bgmodel.explorer import server
-from bgmodel.explorer.server import state_of
+from bgmodel.explorer import notebook
+from bgmodel.explorer.notebook import state_of
 from tests.helpers import refused
 
 
 def test_a_circuit_made_in_python_is_written_to_a_file_that_reads_back(tmp_path, monkeypatch):
-    monkeypatch.setattr(server.platformdirs, "user_cache_path", lambda _: tmp_path)
+    monkeypatch.setattr(notebook.platformdirs, "user_cache_path", lambda _: tmp_path)
     circuit = bg.load_circuit("macaque", 3).lesion("STN", 0.1)
     state = state_of(circuit)
     assert state.control == circuit
