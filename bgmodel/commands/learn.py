@@ -78,8 +78,7 @@ def learn(
         half_episodes, baseline_rate, carried, last; of weights trials, rate, half_trials,
         gain_plus, gain_minus, trace_decay, averaged, keep.
     feedback
-        How reliable feedback is while weights are learned, name=value: right, wrong, valid, given,
-        reversal.
+        How reliable feedback is while weights are learned, name=value: right, wrong, valid, given.
     """
     by_circuit = circuit is not None or what == DOPAMINE
     what = what or ("dopamine" if by_circuit else "threshold")

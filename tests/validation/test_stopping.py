@@ -8,9 +8,7 @@ from bgmodel.deciding.decision import first_crossing
 from bgmodel.stopping.circuit import closed_form, decide_with_stop, step_response
 from bgmodel.stopping.inputs import StopSignal
 from bgmodel.stopping.observer import StopMsprt, gaussian_stop_evidence
-from bgmodel.stopping.optimum import Rewards, optimal_policy
 from bgmodel.stopping.trials import drawn_delays, stop_trials
-from tests.stopping.test_observer import SHARE, earned, played, reward_of, task
 
 pytestmark = pytest.mark.validate
 POSTERIOR = 0.82
@@ -136,20 +134,3 @@ def test_an_abrupt_signal_stops_as_the_horse_race_within_a_reading():
     trials = stop_trials(StopMsprt().decide(stops, 0.9, 0.999), ssd, 2)
     assert np.nanmax(trials.rt_ms[trials.stop]) <= 300.0
     assert trials.p_respond > 0.1
-
-
-def test_none_of_the_best_constant_policies_of_a_grid_earns_more_than_the_optimum():
-    """The 20 best of 225 pairs of thresholds, on fresh paired trials: none by 2 standard errors."""
-    rewards = Rewards(reading=0.004)
-    tuning, fresh = task(10_000, 87_001), task(40_000, 87_003)
-    grid = [
-        (go, stop) for go in np.linspace(0.55, 0.97, 15) for stop in np.linspace(0.55, 0.99, 15)
-    ]
-    means = {pair: each.mean() for pair, each in earned(tuning, grid, rewards).items()}
-    best = sorted(means, key=means.__getitem__)[-20:]
-    policy = optimal_policy(0.35, 0.6, SHARE, fresh.begins, rewards)
-    optimum = reward_of(*played(policy, fresh), fresh, rewards)
-    for pair, each in earned(fresh, best, rewards).items():
-        apart = each - optimum
-        error = apart.std() / np.sqrt(len(apart))
-        assert apart.mean() < 2 * error, (pair, apart.mean(), error)

@@ -47,13 +47,10 @@ class Decider(Protocol):
         """Nats of drive per nat of evidence, kappa."""
         ...
 
-    def choose(
-        self, part: Features, weights: Array, criterion: Array, noise: Array, number: int
-    ) -> Trials:
+    def choose(self, part: Features, weights: Array, noise: Array, number: int) -> Trials:
         """Choose in trial ``number`` of every run; ``part`` holds one trial per run.
 
-        ``weights`` is (runs, hypotheses, units), ``criterion`` a posterior, (runs,), and ``noise``
-        standard normal, (runs, hypotheses + 1).
+        ``weights`` is (runs, hypotheses, units), and ``noise`` standard normal, (runs, hypotheses).
         """
         ...
 
@@ -71,34 +68,28 @@ class FixedPoint:
     drawn: bool = False
     """Whether the choice is drawn from the posterior, as REINFORCE assumes; otherwise it is the
     leader."""
-    read_out_sd_nats: float = 0.0
-    """Standard deviation of noise on the OUT that critics read, nats."""
 
     def __post_init__(self) -> None:
         check_range(0, 1, criterion=self.criterion)
         check_positive(gain=self.gain)
-        check_range(0, np.inf, read_out_sd_nats=self.read_out_sd_nats)
         check_flag("drawn", self.drawn)
         if self.sampled is not None:
             whole("sampled", self.sampled, 1)
 
-    def choose(
-        self, part: Features, weights: Array, criterion: Array, noise: Array, number: int
-    ) -> Trials:
+    def choose(self, part: Features, weights: Array, noise: Array, number: int) -> Trials:
         """Choose at the first reading at which a posterior reaches the criterion."""
         runs = np.arange(len(weights))
         drive = self.gain * np.cumsum(part.values @ weights.swapaxes(1, 2), axis=1)
         out = minus_log_softmax(drive)
         last = part.readings - 1
         if self.sampled is None:
-            reached = out.min(axis=2) <= -np.log(criterion)[:, None]
+            reached = out.min(axis=2) <= -np.log(self.criterion)
             last = np.where(reached.any(axis=1), reached.argmax(axis=1), last)
         else:
             last = np.minimum(last, self.sampled - 1)
         heard, read = drive[runs, last], out[runs, last]
-        choice = (heard + self._disturbance(noise[:, :-1])).argmax(axis=1)
-        nats = read[runs, choice] + self.read_out_sd_nats * noise[:, -1]
-        return Trials(last, choice, heard, np.exp(-nats))
+        choice = (heard + self._disturbance(noise)).argmax(axis=1)
+        return Trials(last, choice, heard, np.exp(-read[runs, choice]))
 
     def _disturbance(self, noise: Array) -> Array:
         """Return noise on the drives (runs, hypotheses) whose leader is the choice, nats."""
@@ -122,8 +113,6 @@ class Feedback:
     """Share of trials in which the reward is that of the choice; it is reversed in the others."""
     given: float = 1.0
     """Share of trials with any reward; weights change in these only."""
-    reversal: int | None = None
-    """Number of the trial from which labels are exchanged: hypothesis i is rewarded as i + 1."""
 
     def __post_init__(self) -> None:
         check_range(0, 1, valid=self.valid, given=self.given)
@@ -131,18 +120,11 @@ class Feedback:
         require(self.right > self.wrong, "right", f"must exceed wrong, {self.wrong:g}", self.right)
         if self.given == 0:
             raise InputError("learning needs feedback: given must be > 0", "given")
-        if self.reversal is not None:
-            whole("reversal", self.reversal, 1)
 
     @property
     def of_unit(self) -> bool:
         """Whether rewards are 0 and 1."""
         return (self.right, self.wrong) == (1.0, 0.0)
-
-    def label(self, truth: Integers, hypotheses: int, number: int) -> Integers:
-        """Return the hypothesis that is rewarded in trial ``number``, (runs,)."""
-        turned = self.reversal is not None and number >= self.reversal
-        return (truth + turned) % hypotheses
 
     def reward(self, correct: Truths, chance: Array) -> Array:
         """Return the reward of choices (runs,), NaN without feedback; chance (runs, 2) uniform."""

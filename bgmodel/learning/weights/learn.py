@@ -80,12 +80,10 @@ class Loop:
         at = self.number % BLOCK
         if at == 0:
             self._draw()
-        criterion = np.full(self.runs, self.decider.criterion)
         part, chance = self._parts[at], self._chance[:, at]
-        chosen = self.decider.choose(part, self.weights, criterion, self._noise[:, at], self.number)
-        label = self.feedback.label(part.truth, len(self.names), self.number)
-        correct = chosen.choice == label
-        trial = self._seen(part, chosen, criterion, self.feedback.reward(correct, chance))
+        chosen = self.decider.choose(part, self.weights, self._noise[:, at], self.number)
+        correct = chosen.choice == part.truth
+        trial = self._seen(part, chosen, self.feedback.reward(correct, chance))
         self._learn(trial)
         if self.number >= self.learner.trials - self.learner.last:
             self._total += self.weights
@@ -99,11 +97,12 @@ class Loop:
         source = source_at(self.source, self.number)
         drawn = [source.draw(BLOCK, rng=rng) for rng in self._rngs]
         self._parts = side_by_side(drawn)
-        hypotheses = len(self.names)
-        self._noise = np.stack([r.standard_normal((BLOCK, hypotheses + 1)) for r in self._rngs])
+        # One number more than is used, so that results keep their bytes.
+        shape = (BLOCK, len(self.names) + 1)
+        self._noise = np.stack([r.standard_normal(shape) for r in self._rngs])[..., :-1]
         self._chance = np.stack([r.random((BLOCK, 2)) for r in self._rngs])
 
-    def _seen(self, part: Features, chosen: Trials, criterion: Array, reward: Array) -> Trial:
+    def _seen(self, part: Features, chosen: Trials, reward: Array) -> Trial:
         """Return the trial as critic and rule see it."""
         since = chosen.last[:, None] - np.arange(part.steps)
         kept = np.where(since >= 0, self.learner.trace_decay ** np.maximum(since, 0), 0.0)
@@ -114,9 +113,8 @@ class Loop:
         self._mean += pace * surplus
         self._variance += pace * ((surplus**2).sum(axis=1)[:, None, None] - self._variance)
         return Trial(
-            trace, chosen.choice, chosen.drive, posterior, chosen.read_out, criterion, reward,
-            surplus,
-        )  # fmt: skip
+            trace, chosen.choice, chosen.drive, posterior, chosen.read_out, reward, surplus
+        )
 
     def _learn(self, trial: Trial) -> None:
         """Change weights and critic by the reward of a trial."""
@@ -171,10 +169,6 @@ def _check_together(rule: Rule, critic: Critic, feedback: Feedback) -> None:
         NoiseWarning.warn("feedback that is valid in half of the trials tells nothing")
 
 
-MOST_OVERSHOOT = 0.02
-"""Mean posterior at the decision beyond the criterion from which that is no critic."""
-
-
 def learn_weights(
     source: FeatureSource,
     *,
@@ -192,8 +186,8 @@ def learn_weights(
     In each trial the weights turn features into drives, the decider (by default ``FixedPoint()``,
     which stops at a posterior of 0.9) turns these into a choice, and the rule changes the weights
     by the reward less what the critic expected. The critic "affine" knows the share of valid
-    feedback. Warns if the critic assumes valid feedback and it is not, or if the criterion is the
-    critic and decisions overshoot it; a unit that is never active raises.
+    feedback. Warns if the critic assumes valid feedback and it is not; a unit that is never active
+    raises.
     """
     rule = rule_of(rule)
     learner, decider = learner or WeightLearner(), decider or FixedPoint()
@@ -203,7 +197,6 @@ def learn_weights(
         critic = Affine(valid=feedback.valid)
     loop = Loop(source, rule, critic, feedback, learner, decider, runs, seed, name)
     course = run_loop(loop)
-    _warn_of_overshoot(critic, course, decider)
     return LearnedWeights(course.final, loop.names, decider.gain, course)
 
 
@@ -221,17 +214,3 @@ def run_loop(loop: Loop) -> WeightCourse:
             weights.append(loop.weights.copy())
     course = np.stack(weights, axis=1)
     return WeightCourse(kept, course, correct, readings, confidence, loop.final)
-
-
-def _warn_of_overshoot(critic: Critic, course: WeightCourse, decider: Decider) -> None:
-    """Warn if the criterion is the critic and decisions overshoot it."""
-    if critic.name != "criterion":
-        return
-    some = course.confidence[:, -min(500, course.confidence.shape[1]) :]
-    beyond = float(some.mean()) - decider.criterion
-    if beyond > MOST_OVERSHOOT:
-        CalibrationWarning.warn(
-            f"one reading takes the posterior {beyond:.3f} beyond the criterion of "
-            f"{decider.criterion:g} on average, so the criterion is no estimate of the confidence "
-            "and weights will be too large: use the critic 'settled' or 'read-out'"
-        )

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.special import expit, logit
 
 import bgmodel as bg
 from bgmodel.evidence import minus_log_softmax
@@ -14,7 +13,6 @@ from bgmodel.learning.weights.features import Features
 from bgmodel.learning.weights.learn import learn_weights
 from bgmodel.learning.weights.learned import (
     LearnedWeights,
-    WeightCourse,
     counted_weights,
     time_at_accuracy,
 )
@@ -41,14 +39,14 @@ def updates(weights, decider, *, rule="confidence", decay=1.0, trials=6000):
     """Return the update by each of many trials under fixed weights, (trials, N, units)."""
     part = CELLS.draw(trials, rng=stream(1, "updates"))
     w = np.broadcast_to(weights, (trials, *weights.shape))
-    noise = stream(2, "noise").standard_normal((trials, 4))
-    chosen = decider.choose(part, w, np.full(trials, decider.criterion), noise, 0)
+    noise = stream(2, "noise").standard_normal((trials, 4))[:, :-1]
+    chosen = decider.choose(part, w, noise, 0)
     since = chosen.last[:, None] - np.arange(part.steps)
     trace = (np.where(since >= 0, decay ** np.maximum(since, 0), 0)[:, None] @ part.values)[:, 0]
     reward = (chosen.choice == part.truth).astype(float)
     posterior = np.exp(-minus_log_softmax(chosen.drive))
     confidence = posterior[np.arange(trials), chosen.choice]
-    trial = Trial(trace, chosen.choice, chosen.drive, posterior, confidence, confidence, reward,
+    trial = Trial(trace, chosen.choice, chosen.drive, posterior, confidence, reward,
                   trace)  # fmt: skip
     error = reward - (confidence if rule != "reinforce" else reward.mean())
     return rule_of(rule).change(w, trial, error)
@@ -96,18 +94,6 @@ def test_unequal_gains_shift_the_log_odds_by_the_logarithm_of_their_ratio(ratio)
     assert error < 0.1
 
 
-def test_overconfidence_is_the_shift_of_the_log_odds():
-    """Trials are right with log odds 0.7 nats below those of their confidence."""
-    rng = np.random.default_rng(5)
-    confidence = rng.uniform(0.6, 0.99, (2, 20_000))
-    right = rng.random(confidence.shape) < expit(logit(confidence) - 0.7)
-    empty = np.zeros((2, 1, 2, 1))
-    course = WeightCourse(np.array([1]), empty, right, confidence, confidence, empty[:, 0])
-    assert course.overconfidence(20_000) == pytest.approx(0.7, abs=0.08)
-    shuffled = replace(course, correct=np.ones_like(right))
-    assert (shuffled.overconfidence() == -np.inf).all()
-
-
 @pytest.fixture(scope="module")
 def gratings():
     return tap_features(held_out_taps(), SameDifferent(2.0))
@@ -135,17 +121,6 @@ def test_shuffled_labels_teach_nothing():
     learned = learn_weights(shuffled, seed=7, learner=WeightLearner(trials=2000), runs=4)
     assert np.abs(learned.calibration(drawn).slope).max() < 0.15
     assert learned.course.correct.mean() == pytest.approx(0.5, abs=0.03)
-
-
-def test_exchanged_labels_are_learned_again(gratings):
-    learned = learn_weights(
-        gratings[0], seed=8, runs=4, feedback=Feedback(reversal=1500),
-        learner=WeightLearner(trials=2500, half_trials=np.inf),
-    )  # fmt: skip
-    correct = learned.course.correct.mean(axis=0)
-    assert correct[1000:1500].mean() > 0.9
-    assert correct[1500:1530].mean() < 0.4
-    assert correct[2000:].mean() > 0.9
 
 
 def test_unreliable_feedback_spoils_the_confidence_critic_and_not_the_affine_one(gratings):
@@ -242,7 +217,6 @@ def test_rewards_and_names_that_do_not_fit_are_refused(wanted, options):
         ("given learning needs feedback", lambda: Feedback(given=0)),
         ("right must exceed wrong", lambda: Feedback(right=0)),
         ("valid", lambda: Feedback(valid=1.1)),
-        ("reversal", lambda: Feedback(reversal=0)),
         ("trials", lambda: WeightLearner(trials=0)),
         ("rate", lambda: WeightLearner(rate=0)),
         ("gain_plus", lambda: WeightLearner(gain_plus=-1)),
@@ -285,21 +259,7 @@ def test_a_class_without_trials_and_a_silent_unit_are_refused():
         learn_weights(replace(drawn, values=drawn.values * (np.arange(12) != 3)), seed=1)
 
 
-def test_the_criterion_is_no_critic_where_one_reading_tells_much(gratings):
-    with pytest.warns(CalibrationWarning, match="beyond the criterion of 0.9"):
-        learn_weights(gratings[0], seed=1, runs=2, critic="criterion",
-                      learner=WeightLearner(trials=1500))  # fmt: skip
-
-
 def test_feedback_that_is_right_half_of_the_time_is_warned_of():
     with pytest.warns(NoiseWarning, match="tells nothing"):
         learn_weights(CELLS, seed=1, runs=1, critic="affine", feedback=Feedback(valid=0.5),
                       learner=WeightLearner(trials=10))  # fmt: skip
-
-
-def test_labels_are_exchanged_from_the_trial_of_the_reversal_on():
-    truth = np.array([0, 1, 2])
-    feedback = Feedback(reversal=5)
-    for number, label in ((4, [0, 1, 2]), (5, [1, 2, 0]), (6, [1, 2, 0])):
-        assert feedback.label(truth, 3, number).tolist() == label
-    assert Feedback().label(truth, 3, 9).tolist() == [0, 1, 2]
