@@ -8,7 +8,7 @@ import numpy as np
 
 from bgmodel.evidence import Evidence, check_evidence, whole_steps
 from bgmodel.support.checks import check_finite, check_positive, check_range, whole
-from bgmodel.support.memory import check_evidence_memory
+from bgmodel.support.processes import check_evidence_memory
 from bgmodel.support.seeds import generator
 
 

@@ -12,9 +12,9 @@ import pytest
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.explorer.state import opened
 from bgmodel.fitting.simulated.network import read_network
-from bgmodel.support import memory
+from bgmodel.support import processes
 from bgmodel.support.files import KEY, read_arrays, read_provenance, read_table, write_table
-from bgmodel.support.memory import NoMemoryError
+from bgmodel.support.processes import NoMemoryError
 from bgmodel.sweeps.sweep import Sweep
 from bgmodel.tactile.decoder import Decoder
 from bgmodel.tactile.source import decoder_of
@@ -108,7 +108,7 @@ def test_compressed_taps_that_do_not_fit_are_refused_before_they_are_read(tmp_pa
     path = tmp_path / "taps.npz"
     npz(path, **{**TAPS, "rest_mm": np.zeros((500_000, 2))})
     assert path.stat().st_size < 100_000
-    monkeypatch.setattr(memory, "SMALL_BYTES", 7e6)
+    monkeypatch.setattr(processes, "SMALL_BYTES", 7e6)
     monkeypatch.setattr("psutil.virtual_memory", lambda: type("", (), {"available": 7_500_000}))
     with pytest.raises(NoMemoryError):
         read_arrays(path)

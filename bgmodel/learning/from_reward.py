@@ -34,7 +34,7 @@ from bgmodel.learning.weights.rules import rule_of
 from bgmodel.learning.weights.sources import GaussianFeatures, tap_features
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_positive, whole
-from bgmodel.support.memory import check_learning_memory, check_memory
+from bgmodel.support.processes import check_learning_memory, check_memory
 from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bgmodel.support.arrays import Array, Singles
 from bgmodel.support.checks import check_range, whole
-from bgmodel.support.memory import check_memory
+from bgmodel.support.processes import check_memory
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.pressing import PERIODS_MM
 from bgmodel.tactile.skin import Skin, Tip

@@ -14,8 +14,16 @@ import numpy.typing as npt
 
 from circuits.declaration.courses import warn_of_late
 from circuits.declaration.table import CircuitTable
-from circuits.engines.engine import CompiledEngine, Engine, SpikingEngine, TimedEngine
-from circuits.engines.registry import ENGINES, EngineOrName, engine_of, register
+from circuits.engines.engine import (
+    ENGINES,
+    CompiledEngine,
+    Engine,
+    EngineOrName,
+    SpikingEngine,
+    TimedEngine,
+    engine_of,
+    register,
+)
 from circuits.engines.shipped import Algebra, Brian2, Ensemble, Plain, Population, Rate
 from circuits.errors import require
 

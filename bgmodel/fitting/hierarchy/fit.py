@@ -290,7 +290,7 @@ class GroupFit(Facts):
 
     def plot(self) -> Figure:
         """Draw each person's parameters with intervals, and the distribution of the group."""
-        from bgmodel.fitting.hierarchy.drawing import draw_group
+        from bgmodel.fitting.hierarchy.labels import draw_group
 
         trials = sum(int(each.design.trials.sum()) for each in self.likelihoods.values())
         return draw_group(self.to_dataframe(), self.summary(), trials)

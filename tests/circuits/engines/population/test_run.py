@@ -21,7 +21,7 @@ from circuits.engines.population import plan as layout
 from circuits.engines.population import run as engine
 from circuits.engines.population.answers import Mixture, Straight
 from circuits.errors import NoiseWarning
-from circuits.laws.spectra import out_variance, rate_spectrum
+from circuits.laws.fluctuation import out_variance, rate_spectrum
 from tests.circuits.helpers import run_algebra
 from tests.circuits.spiking import ADEX
 from tests.helpers import refused, unwarned

@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from bgmodel.support.files import read_table
-from bgmodel.support.memory import (
+from bgmodel.support.processes import (
     CELL_BYTES,
     NoMemoryError,
     check_evidence_memory,

@@ -13,12 +13,11 @@ from circuits.circuit import Circuit
 from circuits.declaration.courses import Course
 from circuits.declaration.rows import Population, Projection
 from circuits.dynamics.fixed_point import solve, wired
-from circuits.dynamics.ticks import Clock
-from circuits.dynamics.timed import timed
+from circuits.dynamics.ticks import Clock, timed
 from circuits.dynamics.wiring import wire
 from circuits.engines import ENGINES, run
 from circuits.errors import EditWarning
-from circuits.laws.spectra import out_variance
+from circuits.laws.fluctuation import out_variance
 from circuits.laws.stability import growth, ringing
 
 TABLES = {name: anatomy.load_circuit(name, 3) for name in ("spiking_msprt", "macaque")}

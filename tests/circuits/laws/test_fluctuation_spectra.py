@@ -5,7 +5,7 @@ import pytest
 
 from circuits import anatomy
 from circuits.cells.phase import phase_spectrum
-from circuits.laws.spectra import out_variance, rate_spectrum
+from circuits.laws.fluctuation import out_variance, rate_spectrum
 from tests.circuits.helpers import run_ensemble, state
 from tests.helpers import refused
 

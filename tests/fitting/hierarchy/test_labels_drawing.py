@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from bgmodel.fitting.hierarchy.drawing import draw_group
+from bgmodel.fitting.hierarchy.labels import draw_group
 from tests.fitting.conftest import PEOPLE
 
 
