@@ -6,10 +6,8 @@ from bgmodel.fitting.known.likelihood import observed, readings_from
 from bgmodel.fitting.known.models import EXACT
 from bgmodel.fitting.known.trials import KnownTrials
 from bgmodel.simulated_evidence import gaussian_evidence
-from bgmodel.trials.readings import Readings
 
 TRUTH = {"gain": 1.0, "threshold": 0.12, "noise": 0.03, "t0_s": 0.3, "t0_sd_s": 0.05, "lapse": 0.02}
-ALL = {**TRUTH, "leak_hz": 0.0, "urgency": 0.0, "run_effect": 0.0}
 
 
 def simulated(trials=200, seed=5, model="msprt", channels=2, t_max=40, **values):
@@ -28,12 +26,3 @@ def few(trials=20, readings=3, alternatives=3, seed=1, forced=False):
         np.arange(trials) % alternatives, 0.4 + 0.3 * rng.random(trials),
         tuple(str(k) for k in range(trials)), forced,
     )  # fmt: skip
-
-
-def with_readings(log_likelihood, time_s=None):
-    """Return readings with two alternatives from log-likelihoods (trials, readings, 2)."""
-    values = np.asarray(log_likelihood, dtype=float)
-    trials, readings, _ = values.shape
-    when = np.tile(0.1 * (1 + np.arange(readings)), (trials, 1)) if time_s is None else time_s
-    ids = [("", str(k)) for k in range(trials)]
-    return Readings(ids, values, when, np.full(trials, readings), ("0", "1"))

@@ -42,18 +42,3 @@ def test_the_log_likelihood_is_that_of_pyddm(gap, more):
     assert np.abs(ours - limit).max() < 0.1
     # A difference would be seen: PyDDM's own step is worth more at half of this size.
     assert abs(ours.sum() - fine.sum()) < 2.0
-
-
-@pytest.mark.parametrize("name", ["drift_sd", "start", "fall_per_s"])
-def test_another_value_of_a_parameter_is_told_by_its_likelihood(name):
-    """A negative control: each parameter matters to these trials."""
-    table = drawn(92_001, 400, GapModel(EXPONENTIAL), **VALUES)
-    design = design_of(read_trials(table, strength="coherence"), rt_window=(0, SECONDS),
-                       sides=True)  # fmt: skip
-
-    def at(**values):
-        held = {k: v for k, v in {**VALUES, **RESPONSES, **values}.items() if k != "bound"}
-        likelihood = likelihood_of(GapModel(EXPONENTIAL), design, free=["bound"], fixed=held)
-        return likelihood(np.array([VALUES["bound"]]))
-
-    assert at(**{name: 0.8 * VALUES[name]}) < at() - 1.5

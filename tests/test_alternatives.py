@@ -5,11 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.stats import ks_2samp
 
 from bgmodel import Msprt, stream
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
-from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.simulated_evidence import separated_evidence
 from figures.decisions import measure_calibrated as calibrated
@@ -43,15 +41,6 @@ def test_a_decider_takes_no_longer_than_itself_and_a_later_one_by_what_it_is_lat
     known = rows.dropna(subset=["longer_ms"]).set_index("decider")["longer_ms"]
     assert known[MSPRT].to_numpy() == pytest.approx(0, abs=1e-5)
     assert known["late"].to_numpy() == pytest.approx(70, abs=1e-5)
-
-
-def test_right_and_wrong_responses_of_the_test_take_equally_long_at_any_strength():
-    """Wald 1947: with two alternatives, also if the likelihoods are those of another strength."""
-    for strength in (0.25, 0.5):
-        evidence = hick.drawn(4000, 2, strength)
-        decided = first_crossing(Msprt(0.55).run(evidence), 0.3)
-        right = decided.choice == evidence.truth
-        assert ks_2samp(decided.time_ms[right], decided.time_ms[~right]).pvalue > 0.001
 
 
 @pytest.mark.parametrize(("sure", "kept"), [(1.0, True), (2.0, False)])

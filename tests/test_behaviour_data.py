@@ -93,61 +93,43 @@ def test_the_sets_are_made_from_a_folder_with_their_licences(tmp_path):
     assert (tmp_path / "made" / LICENCES[0]).read_text() == "unedited"
 
 
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ({"signed_coherence": lambda t: -t["signed_coherence"]}, "a correct choice must be 1 if"),
-        ({"correct": lambda t: t["correct"].fillna(1)}, "correct must be empty at a coherence"),
-        (
-            {"choice": lambda t: 1 - t["choice"], "correct": lambda t: 1 - t["correct"]},
-            "must become more frequent",
-        ),
-    ],
-)
-def test_motion_whose_sign_is_another_is_refused(change, says):
-    assert motion(motion_file())["response"].sum() == motion_file()["choice"].sum()
+WRONG = [
+    (motion, {"signed_coherence": lambda t: -t["signed_coherence"]}, "correct choice must be 1 if"),
+    (motion, {"correct": lambda t: t["correct"].fillna(1)}, "correct must be empty at a coherence"),
+    (
+        motion,
+        {"choice": lambda t: 1 - t["choice"], "correct": lambda t: 1 - t["correct"]},
+        "must become more frequent",
+    ),
+    (learned_pairs, {"conf": "LC"}, "conf must be HC where stim is WW or LL"),
+    (learned_pairs, {"response": lambda t: 1 - t["response"]}, "must be 1 for the better item"),
+    (stop_signal, {"ssd_s": 0.1}, "ssd_s must be given in stop trials"),
+    (stop_signal, {"response": "left"}, "in the same trials"),
+    (simon, {"response": "left"}, "in the same trials"),
+    (simon, {"medication": "none"}, "medication must be none in controls"),
+    (simon, {"reward": 1.0}, "reward must be empty"),
+    (simon, {"pair": "AB"}, "pair must be given in the test"),
+    (selection, {"trial": lambda t: t["trial"][::-1].to_numpy()}, "in their order"),
+]
+"""An importer, columns that disagree with the others, and what it says."""
+
+
+@pytest.mark.parametrize(("read", "change", "says"), WRONG)
+def test_columns_that_disagree_are_refused(read, change, says):
     with pytest.raises(ValueError, match=says):
-        motion(motion_file().assign(**change))
+        read(FILES[read]().assign(**change))
 
 
-def test_pairs_whose_codes_disagree_are_refused():
+def test_codes_become_those_of_the_package():
+    assert motion(motion_file())["response"].sum() == motion_file()["choice"].sum()
     made = learned_pairs(pairs_file())
     assert made["trial"].tolist() == [*range(100), *range(100)]
     assert (made["conflict"] == np.where(pairs_file()["conf"] == "HC", "high", "low")).all()
-    with pytest.raises(ValueError, match="conf must be HC where stim is WW or LL"):
-        learned_pairs(pairs_file().assign(conf="LC"))
-    with pytest.raises(ValueError, match="response must be 1 for the better item"):
-        learned_pairs(pairs_file().assign(response=lambda t: 1 - t["response"]))
-
-
-def test_stop_trials_whose_columns_disagree_are_refused():
-    made = stop_signal(stop_file())
-    assert made["ssd"].notna().sum() == 50
-    with pytest.raises(ValueError, match="ssd_s must be given in stop trials"):
-        stop_signal(stop_file().assign(ssd_s=0.1))
-    with pytest.raises(ValueError, match="in the same trials"):
-        stop_signal(stop_file().assign(response="left"))
-
-
-def test_a_simon_task_whose_columns_disagree_is_refused():
+    assert stop_signal(stop_file())["ssd"].notna().sum() == 50
     made = simon(simon_file())
     test = made["phase"] == "test"
     # The left item of CB was chosen in every response, and B comes first in the alphabet.
     assert made.loc[test, "response"].dropna().tolist() == [0] * 45
     assert made["response"].isna().sum() == made["rt"].isna().sum() == 20
     assert set(made.loc[test, "congruency"]) == set(made.loc[test, "item"]) == {"none"}
-    with pytest.raises(ValueError, match="in the same trials"):
-        simon(simon_file().assign(response="left"))
-    with pytest.raises(ValueError, match="medication must be none in controls"):
-        simon(simon_file().assign(medication="none"))
-    with pytest.raises(ValueError, match="reward must be empty"):
-        simon(simon_file().assign(reward=1.0))
-    with pytest.raises(ValueError, match="pair must be given in the test"):
-        simon(simon_file().assign(pair="AB"))
-
-
-def test_trials_of_a_pair_that_are_out_of_order_are_refused():
-    made = selection(selection_file())
-    assert made["pair_trial"].tolist()[:4] == [0, 0, 1, 1]
-    with pytest.raises(ValueError, match="in their order"):
-        selection(selection_file()[::-1])
+    assert selection(selection_file())["pair_trial"].tolist()[:4] == [0, 0, 1, 1]

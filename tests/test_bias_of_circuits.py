@@ -10,7 +10,7 @@ from bgmodel.evidence import minus_log_softmax
 from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.settings import FitSettings
-from bgmodel.fitting.simulated.circuit import BIASES_NATS, CircuitModel
+from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.crossings import log_odds
 from bgmodel.theory.first_passage import Gaussian, walk
 from bgmodel.trials.reading import Columns
@@ -75,22 +75,6 @@ def test_an_ideal_circuit_with_a_bias_is_a_walk_from_another_start(model, drift,
 def test_a_bias_to_the_other_response_is_the_mirror_image(model):
     one, other = (decided(model, drift, bias)[0] for drift, bias in ((2.0, 0.5), (-2.0, -0.5)))
     np.testing.assert_array_equal(one, other[::-1])
-
-
-def test_between_simulated_biases_responses_change_steadily(model):
-    at = np.linspace(*BIASES_NATS[2:4], 5)
-    ones = [decided(model, 0.0, b)[0, 1].sum() for b in at]
-    assert np.all(np.diff(ones) > 0)
-    expected = [exact(0.0, b)[0] for b in at]
-    assert ones == pytest.approx(expected, abs=0.012)
-
-
-def test_parts_of_the_trials_add_up_with_a_bias_too(model):
-    undivided = replace(model, _kept={})
-    halves = [decided(half, 1.0, 0.3)[0].sum(axis=1) for half in undivided.halves()]
-    both = decided(undivided, 1.0, 0.3)[0].sum(axis=1)
-    assert np.mean(halves, axis=0) == pytest.approx(both, abs=0.01)
-    assert np.abs(halves[0] - halves[1]).max() > 0
 
 
 def test_stored_biases_are_read_back(tmp_path, monkeypatch):

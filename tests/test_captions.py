@@ -56,12 +56,6 @@ def test_a_caption_names_the_panels_that_are_drawn(name):
     assert named == drawn_letters(name)
 
 
-def test_panels_of_most_figures_have_letters():
-    assert drawn_letters("figG2") == set("abcdef")
-    assert drawn_letters("fig1") == set("abcd")
-    assert sum(bool(drawn_letters(script)) for script in SCRIPTS) >= 10
-
-
 def test_captions_follow_the_settings():
     few = captions(replace(FULL, episodes=1234, xi=50.0))
     assert "1\u202f234 trials of REINFORCE" in few["fig5a"].caption

@@ -117,27 +117,3 @@ def test_an_experiment_needs_nats_and_a_gain(here, name, says):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
         Experiment.from_toml("mine.toml").run()
     assert says in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    "command",
-    [("circuit", "show"), ("circuit", "run"), ("circuit", "export", "--save", "a.py"),
-     ("learn", "--what", "dopamine"), ("compare",)],
-)  # fmt: skip
-@pytest.mark.parametrize(
-    ("name", "says"),
-    [
-        ("nope", f"must be one of {', '.join(anatomy.CIRCUITS)}"),
-        ("nope.toml", "the circuit 'nope.toml' can't be read: No such file or directory"),
-        ("bad.toml", "STN: gain_hz_per_nat must be a number, got 'x'"),
-    ],
-)
-def test_a_circuit_that_is_not_there_or_wrong_gets_one_sentence(here, command, name, says, refusal):
-    text = table_writer.text(anatomy.bogacz_gurney())
-    row = next(line for line in text.splitlines() if '["STN", ' in line)
-    (here / "bad.toml").write_text(text.replace(row, row.replace("8,", '"x",')))
-    name = [name] if command[-1] == "show" else ["--circuit", name]
-    sentence = refusal(*command, *name)
-    assert says in sentence
-    assert sentence.count("\n") == 1
-    assert [path.name for path in here.iterdir()] == ["bad.toml"]

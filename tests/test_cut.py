@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from circuits import anatomy
 from circuits.dynamics.fixed_point import resting_hz, solve, wired
 from circuits.engines import run
-from tests.helpers import refused
 
 LESIONED = ("D1", "D2", "STN", "GPe")
 SPIKES = {"step_ms": 20.0, "seed": 3, "settle_ms": 20.0}
@@ -88,42 +87,6 @@ def test_populations_and_rates_settle_where_the_fixed_point_of_a_cut_is():
     for engine, more in (("rate", {}), ("population", {"noise": False, "laws": "lines"})):
         settled = run(table, drive, engine=engine, step_ms=50.0, **more).output_nats[0, -1]
         np.testing.assert_allclose(settled, held, atol=0.01)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (("GPe", "D1", 0.5), "pathway"),
-        (("GPe", "STN", 1.5), "fraction must be within 0..1"),
-        (("GPe", "STN", 0.5, 2), "channel"),
-    ],
-)
-def test_a_cut_without_sense_is_refused(arguments, says):
-    with refused(says):
-        anatomy.macaque(2).cut(*arguments)
-
-
-def test_axons_without_which_nothing_reaches_the_read_out_are_not_cut_whole():
-    table = anatomy.bogacz_gurney(2)
-    for p in table.projections:
-        if p.target == table.readout and p.source != "STN":
-            table = table.cut(p.source, p.target)
-    with refused("readout"):
-        table.cut("STN", table.readout)
-
-
-@settings(max_examples=20)
-@given(
-    st.sampled_from(["macaque", "spiking_msprt", "appendix_b", "gpr"]), st.sampled_from(LESIONED)
-)
-def test_a_silenced_nucleus_has_a_rate_of_0_and_all_others_those_without_its_axons(name, nucleus):
-    table = anatomy.load_circuit(name, 3)
-    cut = table
-    for p in paths_of(table, nucleus):
-        cut = cut.cut(p.source, p.target, 1.0)
-    assert resting_hz(table.lesion(nucleus, 1.0)) == pytest.approx(
-        {**resting_hz(cut), nucleus: 0.0}, abs=1e-6
-    )
 
 
 @pytest.mark.parametrize("engine", ["algebra", "rate", "ensemble"])

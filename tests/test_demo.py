@@ -1,6 +1,5 @@
 """The demo: the chain of learning, evidence and spikes, and its picture."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -11,7 +10,7 @@ from bgmodel.learning.reinforce import Learner
 from bgmodel.support.seeds import stream
 from circuits.anatomy import load_circuit
 from circuits.engines import Ensemble
-from tests.helpers import ROOT, run
+from tests.helpers import run
 
 pytestmark = pytest.mark.usefixtures("no_check_of_noise")
 
@@ -49,45 +48,6 @@ def test_a_decision_is_the_first_crossing_of_the_learned_threshold(chain):
         out = trace.out_nats[0, :, decision.choice[0]]
         assert out[at] <= chain.threshold_nats + 1e-9
         assert (out[:at] > chain.threshold_nats - 1e-9).all()
-
-
-def test_it_says_and_draws_both_decisions(chain):
-    text, figure = chain.summary(), demos.draw(chain)
-    assert f"of {chain.learned.learned.mean():.2f} nats" in text
-    for name, decision in chain.decisions.items():
-        time_ms = decision.time_ms[0]
-        assert f"after {time_ms:.0f} ms" in text
-        style = "--" if name == "MSPRT" else "-"
-        for panel in figure.axes[1:]:
-            assert any(
-                line.get_linestyle() == style and list(line.get_xdata()) == [time_ms, time_ms]
-                for line in panel.lines
-            )
-    plt.close(figure)
-
-
-def test_the_picture_is_as_large_as_in_the_docs_and_shaded_to_the_top_where_out_is_not_read(chain):
-    figure = demos.draw(chain)
-    high, wide = plt.imread(ROOT / "docs" / "demo.png").shape[:2]
-    assert np.allclose(200 * figure.get_size_inches(), (wide, high))
-    panel = figure.axes[2]
-    (shade,) = panel.patches
-    low, top = shade.get_extents().transformed(panel.transData.inverted()).get_points()[:, 1]
-    assert (low, top) == pytest.approx((chain.readable_nats, panel.get_ylim()[1]))
-    plt.close(figure)
-
-
-def test_rasters_have_the_spikes_from_the_onset_on_of_as_many_cells_as_the_title_says(chain):
-    figure = demos.draw(chain)
-    for panel, name in zip(figure.axes[3:], demos.NUCLEI, strict=True):
-        spikes = chain.spikes[name]
-        late = spikes[(spikes["time_ms"] > 0) & (spikes["neuron"] < demos.CELLS)]
-        drawn = np.concatenate(
-            [line.get_xdata() for line in panel.lines if line.get_marker() == "s"]
-        )
-        assert sorted(drawn) == sorted(late["time_ms"])
-    assert f"{demos.CELLS} cells per alternative" in figure.axes[3].get_title("left")
-    plt.close(figure)
 
 
 def test_the_command_writes_a_picture_and_says_what_one_sees(chain, tmp_path, monkeypatch, capsys):

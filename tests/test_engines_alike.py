@@ -11,6 +11,7 @@ from scipy.special import log_softmax, logsumexp
 from circuits import anatomy
 from circuits.cells import Phase, Rate
 from circuits.declaration.rows import Projection
+from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock
 from circuits.engines import ENGINES, engine_of, run
 from circuits.errors import RangeWarning
@@ -52,10 +53,14 @@ def test_a_drive_beyond_the_range_is_said_by_the_fixed_point_too():
 
 @pytest.mark.parametrize("name", TIMED)
 def test_default_times_are_the_same_in_every_engine(name):
-    """A tick of 0.1 ms in the engines that spike, a sample per ms, 0.3 s to settle."""
+    """A sample per ms, 0.3 s to settle, and the longest tick that times and cells allow."""
     engine, clock = engine_of(name), Clock(1, 50)
     assert (engine.sample_ms, engine.settle_ms) == (clock.sample_ms, clock.settle_ms) == (1, 300)
-    assert engine.dt_ms == (clock.dt_ms if engine.spiking else None)
+    renewal, membranes = wired(anatomy.load_circuit("macaque", 2)), wired(TABLE)
+    late = wired(renewal.circuit.with_projection("STN", "GPe", delay_ms=3.3))
+    ticks = [engine.clock(each, 1, 50).dt_ms for each in (renewal, membranes, late)]
+    assert ticks == ([0.25, 0.1, 0.1] if engine.spiking else [0.5, 0.5, 0.1])
+    assert replace(engine, dt_ms=0.1).clock(renewal, 1, 50).dt_ms == 0.1
 
 
 @pytest.mark.parametrize("engine", ENGINES)

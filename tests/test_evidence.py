@@ -152,18 +152,6 @@ def test_probabilities_in_place_of_logarithms_are_doubted(seed):
     assert not told(lambda: Evidence(0.3 * stream(seed, "c").integers(0, 4, (50, 5, 2))))
 
 
-def test_zeros_after_the_last_reading_do_not_count():
-    values, lengths = np.zeros((40, 60, 2)), np.full(40, 12)
-    values[:, :12] = separated_evidence(40, 12, 0.5, rng=3).log_likelihood + 20
-    assert not told(lambda: Evidence(values, lengths=lengths))
-    values[:, :12] = values[:, :12].cumsum(axis=1)
-    assert len(told(lambda: Evidence(values, lengths=lengths))) == 1
-
-
-def test_evidence_that_never_changes_within_a_trial_has_no_correlation():
-    assert not told(lambda: Evidence(np.repeat(np.full((20, 1, 2), [0.1, -0.3]), 20, axis=1)))
-
-
 def test_masked_readings_are_refused():
     values = np.zeros((2, 3, 2))
     masked = np.ma.array(values, mask=np.arange(12).reshape(values.shape) == 5)

@@ -7,7 +7,7 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.fits import question
-from bgmodel.fitting.fit import Fit, fit_likelihood
+from bgmodel.fitting.fit import Fit
 from bgmodel.fitting.hierarchy.group import Scale, priors_of
 from bgmodel.fitting.known.circuit import KnownCircuit
 from bgmodel.fitting.known.likelihood import known_likelihood
@@ -42,18 +42,6 @@ def test_a_fit_with_evidence_is_of_single_trials():
 def test_what_two_alternatives_can_not_give_warns():
     with pytest.warns(FitWarning):
         bg.fit(DATA, "msprt", evidence=EVIDENCE, free="+gain", forced=True)
-
-
-def test_a_size_that_few_trials_hardly_identify_is_said_once():
-    """As one with a large error, or as one at a bound."""
-    asked = known_likelihood(EXACT["leaky_sum"], simulated(25, 42))
-    with pytest.warns(FitWarning) as told:
-        fit = fit_likelihood(asked)
-    texts = [str(each.message) for each in told]
-    at_bound = dict(zip(asked.freedom.names, fit.optimum.at_bound, strict=True))
-    assert at_bound["noise"]
-    assert not at_bound["threshold"]
-    assert [sum(name in each for each in texts) for name in ("noise", "threshold")] == [1, 1]
 
 
 def test_draws_are_of_the_posterior():
@@ -165,19 +153,6 @@ def test_stop_signal_trials_are_fitted_by_their_stop_process():
     cells = alike.cells()  # every response is correct in the data, and so in the model
     assert cells["model_wrong_s"].isna().all()
     assert cells["model_correct_s"].between(0.3, 0.6).all()
-    figure = alike.plot()
-    assert [ax.get_xlabel() for ax in figure.axes] == [
-        "Stop-signal delay (ms)", "Response time (ms)"
-    ]  # fmt: skip
-    (line,) = [each for each in figure.axes[0].lines if each.get_label() == "Model"]
-    read, vector = alike.optimum.likelihood.trials, alike.optimum.vector
-    p = alike.optimum.likelihood.model.p_respond(read, alike.optimum.likelihood.values(vector))
-    for ssd_ms, drawn in zip(*line.get_data(), strict=True):
-        there = read.ssd_s[np.isfinite(read.ssd_s)] == ssd_ms / 1000
-        assert drawn == pytest.approx(p[there].mean(), abs=0.03)  # of 200 copies of the trials
-    (line,) = [x for x in figure.axes[1].lines if x.get_label() == "Failed stops, Model"]
-    assert line.get_ydata()[-1] == pytest.approx(p.mean(), abs=0.03)
-    plt.close(figure)
     for options in ({"engine": "rate"}, {"pooled": True}, {"rt_window": (0.1, 2.0)}):
         with refused(next(iter(options))):
             bg.fit(table, "constant_gap", **options)
@@ -240,14 +215,6 @@ def test_a_simulation_has_the_values_that_options_fix_too():
     assert np.nanquantile(made.rt_s, 0.05) > 0.85  # a few are lapses
     even = made.strength == 0
     assert made.response[even].mean() > 0.5
-
-
-def test_what_is_simulated_is_found_again_by_its_fit():
-    made = bg.simulate("constant_gap", GAP, "roitman_shadlen_2002", seed=2, **MONKEY)
-    table = bg.fit(made, "constant_gap").parameters().set_index("parameter")
-    for name in ("sensitivity", "bound", "t0_s"):
-        row = table.loc[name]
-        assert abs(row["value"] - GAP[name]) < 4 * row["standard_error"]
 
 
 def test_trials_of_people_one_after_the_other_are_those_that_were_read():

@@ -144,23 +144,3 @@ def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
     assert run(*asked, "--force") == 0
     assert capsys.readouterr().err.count("already exists") == 2
     assert made == {name: checksum(mine / name) for name in made}
-
-
-@pytest.mark.parametrize(
-    ("scale", "task", "says"),
-    [
-        (["--mm-per-px", "1"], [], "there is no folder"),
-        ([], [], "recordings need their scale"),
-        ([], ["--task", "orientation"], "needs taps of gratings"),
-    ],
-)
-def test_recordings_need_their_folders_their_scale_and_a_task_of_edges(
-    scale, task, says, tmp_path, monkeypatch, capsys
-):
-    monkeypatch.chdir(tmp_path)
-    for name in "ab":
-        (tmp_path / name).mkdir()
-    held_out = "nowhere" if scale else "b"
-    assert run("touch", "mine", "--recordings", "a", "--held-out", held_out, *scale, *task) == 2
-    assert says in capsys.readouterr().err
-    assert not (tmp_path / "mine").exists()

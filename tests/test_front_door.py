@@ -9,7 +9,6 @@ import pandas as pd
 import pytest
 
 import bgmodel as bg
-from bgmodel.task import Gaussian
 from circuits.declaration.edits import Edits
 from circuits.errors import RangeWarning
 from tests.helpers import ROOT, refused, run
@@ -38,22 +37,6 @@ def test_there_are_few_names_and_pages_show_each():
     returned = {"Circuit", "Decision", "Trace", "BgmodelWarning", "__version__"}
     shown = {name for name in bg.__all__ if re.search(rf"\b{name}\b", text)}
     assert set(bg.__all__) - shown <= returned
-
-
-def test_evidence_is_that_of_the_terminal():
-    asked = Gaussian(trials=30, channels=3, d_prime=0.4, t_max=20, conflict=0.3)
-    mine = bg.gaussian_evidence(
-        30, d_prime=0.4, channels=3, t_max=20, conflict=0.3, seed=bg.stream(7, "a")
-    )
-    assert np.array_equal(
-        mine.log_likelihood, asked.evidence(seed=bg.stream(7, "a")).log_likelihood
-    )
-    plain = Gaussian()
-    default = bg.gaussian_evidence(plain.trials, seed=bg.stream(7, "a"))
-    assert np.array_equal(
-        default.log_likelihood, plain.evidence(seed=bg.stream(7, "a")).log_likelihood
-    )
-    assert default.step_ms == plain.step_ms
 
 
 def test_one_reading_separates_two_hypotheses_by_d_prime():

@@ -12,9 +12,7 @@ import pytest
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.explorer.state import opened
 from bgmodel.fitting.simulated.network import read_network
-from bgmodel.support import processes
-from bgmodel.support.files import KEY, read_arrays, read_provenance, read_table, write_table
-from bgmodel.support.processes import NoMemoryError
+from bgmodel.support.files import KEY, read_provenance, read_table, write_table
 from bgmodel.sweeps.sweep import Sweep
 from bgmodel.tactile.decoder import Decoder
 from bgmodel.tactile.source import decoder_of
@@ -102,18 +100,6 @@ def test_taps_that_say_absurd_things_are_refused(tmp_path, changed):
         Taps.load(path)
     one_sentence(error)
     assert "taps.npz" in str(error.value)
-
-
-def test_compressed_taps_that_do_not_fit_are_refused_before_they_are_read(tmp_path, monkeypatch):
-    path = tmp_path / "taps.npz"
-    npz(path, **{**TAPS, "rest_mm": np.zeros((500_000, 2))})
-    assert path.stat().st_size < 100_000
-    monkeypatch.setattr(processes, "SMALL_BYTES", 7e6)
-    monkeypatch.setattr("psutil.virtual_memory", lambda: type("", (), {"available": 7_500_000}))
-    with pytest.raises(NoMemoryError):
-        read_arrays(path)
-    with pytest.raises(InputError):
-        Taps.load(path)
 
 
 @pytest.mark.parametrize("text", [DEEP, "[]", "3", '{"parameters": 3}', "9" * 10_000])

@@ -7,7 +7,6 @@ import pytest
 
 from circuits import anatomy
 from circuits.engines import run
-from tests.helpers import refused
 
 BASE = anatomy.macaque(2).with_neurons(30)
 STEP_MS, STEPS = 5.0, 6
@@ -46,15 +45,6 @@ def test_an_input_of_zero_or_none_at_all_changes_nothing(engine):
     np.testing.assert_array_equal(without, plain)
 
 
-def test_an_input_of_one_channel_reaches_that_channel():
-    """GPe inhibits its own channel's output: with more of it, OUT of that channel falls most."""
-    columns = np.full((2, STEPS, 1), 0.5)
-    out = driven(BASE.with_inputs("GPe[1]"), "rate", columns)
-    plain = run(BASE, DRIVE, engine="rate", step_ms=STEP_MS, settle_ms=20).output_nats
-    change = (out - plain)[:, -1].mean(axis=0)
-    assert change[1] < change[0] - 0.05
-
-
 @pytest.mark.parametrize("engine", ["rate", "population", "ensemble", "brian2"])
 def test_of_several_inputs_each_has_its_own_column(engine):
     one, other = np.full((2, STEPS, 1), 0.4), np.full((2, STEPS, 1), -0.3)
@@ -76,22 +66,3 @@ def test_every_column_keeps_its_place_in_the_file_and_the_hash(tmp_path):
     restored = load_circuit(write(table, tmp_path / "one.toml"), 2)
     assert replace(restored, name=table.name) == table
     assert digest(table) != digest(BASE) == digest(table.with_inputs())
-
-
-@pytest.mark.parametrize(
-    ("names", "says"),
-    [
-        (("ctx",), "more_inputs ctx"),
-        (("XYZ",), "more_inputs XYZ"),
-        (("STN[2]",), "more_inputs STN has 2"),
-        (("STN", "STN[1]"), "more_inputs once"),
-    ],
-)
-def test_a_place_that_takes_no_input_is_refused(names, says):
-    with refused(says):
-        BASE.with_inputs(*names)
-
-
-def test_a_drive_with_too_few_columns_is_refused():
-    with refused("drive channels"):
-        run(BASE.with_inputs("STN", "GPe"), np.zeros((1, 2, 3)), engine="rate", step_ms=5.0)

@@ -1,7 +1,6 @@
 """A figure says by itself that its table was made with another circuit than today's."""
 
 import json
-import shutil
 
 import matplotlib.pyplot as plt
 import pandas as pd
@@ -9,12 +8,9 @@ import pytest
 
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.declaration.table_writer import identity
-from figures.common import FAST, OLDER, older, say_if_older
-from figures.lesions import draw_A4 as figA4
-from figures.rooms import METADATA, read_metadata, table_path, write
+from figures.common import OLDER, older, say_if_older
+from figures.rooms import METADATA, read_metadata, write
 from tests.helpers import told
-
-LOSSES = ("loss_behaviour.csv", "loss_anticipation.csv")
 
 
 @pytest.fixture
@@ -56,14 +52,3 @@ def test_a_table_of_another_circuit_is_said_under_the_figure_and_of_todays_nothi
     assert [OLDER in text for text in texts] == [True] * bool(channels)
     assert (f"{OLDER}: found.csv" in written(figure)) == bool(channels)
     assert channels or written(figure).strip() == ""
-
-
-def test_a_figure_of_a_score_says_which_of_its_tables_is_older(tmp_path):
-    tables = table_path("loss_behaviour").parent
-    for name in (*LOSSES, METADATA):
-        shutil.copyfile(tables / name, tmp_path / name)
-    with_another_hash(tmp_path / LOSSES[1], "4")
-    with pytest.warns(UserWarning, match=OLDER):
-        figure = figA4.draw(FAST, *(tmp_path / name for name in LOSSES), output=tmp_path)
-    plt.close(figure)
-    assert LOSSES[1] in written(figure)

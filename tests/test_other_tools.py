@@ -1,13 +1,10 @@
 """Comparison with PyDDM and ssm-simulators at a few points of the `make score` grid."""
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from bgmodel import stream
 from bgmodel.deciding.decision import first_crossing
-from bgmodel.theory.first_passage import gaussian_pair
-from bgmodel.theory.sprt import siegmund, sprt
 from figures.tools import measure_crosschecks as crosschecks
 from figures.tools import other_tools
 from figures.tools.other_tools import Accumulators
@@ -32,17 +29,6 @@ def test_the_exact_walk_is_the_diffusion_of_pyddm_with_bounds_moved_out(theta, s
         assert moved > 4 * apart or abs(control.error_rate - walk.error_rate) > 2e-3
 
 
-def test_without_the_correction_pyddm_has_walds_error_rate():
-    pytest.importorskip("pyddm")
-    raw = other_tools.by_pyddm(0.5, 1.0, 0.0, overshoot=0.0)
-    assert raw.error_rate == pytest.approx(1 / (1 + np.e), abs=1e-4)
-    moved = other_tools.by_pyddm(0.5, 1.0, 0.0)
-    assert moved.error_rate == pytest.approx(float(siegmund(0.5, 1.0).error_rate), abs=1e-4)
-    truth = sprt(*gaussian_pair(0.5), 2.0)
-    assert moved.mean == pytest.approx(float(truth.mean_steps), abs=0.02)
-    assert abs(raw.mean - truth.mean_steps) > 2
-
-
 def test_simulated_decisions_are_those_of_both_solutions_and_of_no_control():
     pytest.importorskip("pyddm")
     at, trials = (D, 0.5, 0.0), 8000
@@ -55,19 +41,6 @@ def test_simulated_decisions_are_those_of_both_solutions_and_of_no_control():
         assert check["p"] > 1e-3
     raw = other_tools.by_pyddm(*at, overshoot=0.0)
     assert crosschecks.held(correct, readings, raw, times)["p"] < 1e-3
-
-
-def test_a_verdict_fails_where_one_point_or_all_of_them_are_off():
-    rng = stream(1, "verdict")
-    fair = pd.DataFrame({"z_error": rng.normal(size=20), "z_mean": rng.normal(size=20)})
-    fair = fair.assign(ks=0.01, p=np.linspace(0.02, 0.98, 20))
-    told = crosschecks.verdict(fair)
-    assert min(told["z_error_p"], told["z_mean_p"], told["p_bonferroni"]) > 0.01
-    assert told["evenness_p"] > 0.5
-    one = fair.assign(p=np.where(fair.index == 3, 1e-6, fair["p"]))
-    assert crosschecks.verdict(one)["p_bonferroni"] == pytest.approx(2e-5)
-    assert crosschecks.verdict(fair.assign(p=fair["p"] / 4))["evenness_p"] < 1e-3
-    assert crosschecks.verdict(fair.assign(z_error=fair["z_error"] + 2))["z_error_p"] < 1e-3
 
 
 @pytest.mark.parametrize("point", [Accumulators(3, 0.3, 6.0), POINT], ids=["race", "LCA"])

@@ -74,12 +74,6 @@ def test_noise_in_one_tick_decides_nothing(engine):
     bg.BasalGanglia(reads(30.0), engine).run(evidence)
 
 
-@pytest.mark.parametrize("engine", ["rate", "algebra"])
-def test_an_engine_without_noise_needs_no_filter(engine):
-    evidence = bg.gaussian_evidence(4, d_prime=0.5, t_max=4, seed=1)
-    assert np.isfinite(bg.BasalGanglia(reads(0.0), engine).run(evidence).out_nats).all()
-
-
 def test_a_warning_of_noise_names_the_filter():
     evidence = bg.gaussian_evidence(10, d_prime=0.5, t_max=4, seed=1)
     with pytest.warns(NoiseWarning, match=r"readout_tau_ms \(1 ms\)"):
@@ -170,15 +164,6 @@ def test_rates_that_run_away_in_a_run_name_the_loop(engine):
     drive = np.array([[[8.0, 0.0]] * 4])
     with pytest.raises(ValueError, match=r"run away.*N0 -> N1 -> N0 has a gain of 3"):
         run(circuit, drive, engine=engine, step_ms=500, seed=1)
-
-
-def test_a_nucleus_added_to_the_default_circuit_names_the_loop_that_it_makes():
-    new = "add PPN cell=Phase cell.cv=0.3 neurons=100 baseline_hz=20 gain_hz_per_nat=10"
-    circuit = load_circuit("macaque").edited(new, "add STN->PPN weight=2", "add PPN->STN weight=2")
-    with pytest.raises(ValueError, match="the loop STN -> PPN -> STN has a gain of"):
-        resting_state(circuit)
-    held = load_circuit("macaque").edited(new, "add STN->PPN weight=1", "add PPN->STN weight=1")
-    assert any("STN -> PPN -> STN" in doubt for doubt in doubts(held))
 
 
 @pytest.mark.parametrize("name", [name for name in CIRCUITS if name != "linear_gpe"])

@@ -9,7 +9,6 @@ import pytest
 import bgmodel as bg
 from bgmodel.support.files import checksum, read_provenance, read_table
 from bgmodel.tactile.source import held_out_taps
-from bgmodel.task import Task
 from tests.helpers import refused, run
 
 ALGEBRA = ("--engine", "algebra")
@@ -61,31 +60,6 @@ def test_own_taps_are_decided_on_and_named_in_provenance(command, extra, edges, 
     assert "edge-turn" in made
 
 
-@pytest.mark.filterwarnings("ignore::UserWarning")
-def test_experiments_and_sweeps_name_taps_in_their_file(edges, tmp_path):
-    """The path is seen from the folder of the file."""
-    task = """
-[task]
-name = "edge-direction"
-channels = 4
-step_deg = 10
-taps = "edges.csv"
-trials = 100
-t_max = 12
-"""
-    (tmp_path / "one.toml").write_text(
-        'name = "Own taps"\nsource = "none"\npublished = ""\nnote = ""\nengine = "algebra"\n'
-        f'[manipulation]\nedits = ["lesion STN 10%"]\n{task}'
-    )
-    (tmp_path / "grid.toml").write_text(
-        f'name = "Own taps"\nengine = "algebra"\n{task}\n[grid]\n"lesion STN" = [0, 0.1]\n'
-    )
-    done = bg.Experiment.from_toml(tmp_path / "one.toml").run()
-    assert len(done.to_dataframe())
-    swept = bg.Sweep.from_toml(tmp_path / "grid.toml").run(tmp_path / "out")
-    assert len(swept.to_dataframe()) > 1
-
-
 def test_taps_that_the_decoder_was_trained_on_are_refused(edges, tmp_path):
     table = read_table(edges)
     table["trained_on"] = np.arange(len(table)) < 7
@@ -95,24 +69,3 @@ def test_taps_that_the_decoder_was_trained_on_are_refused(edges, tmp_path):
             bg.EdgeTurn().evidence(taps=taps, seed=1)
     with refused("taps trained on 7 of its 1500"):
         bg.EdgeTurn(taps=tmp_path / "known.csv").evidence(seed=1)
-
-
-@pytest.mark.parametrize(
-    ("asked", "says"),
-    [
-        ({"name": "edge-turn"}, "taps the table has no edge_deg"),
-        ({"name": "same-different", "step_deg": 3.0}, "task.step_deg"),
-        ({"name": "edge-turn", "period_mm": 3.0}, "task.period_mm"),
-        ({"name": "gaussian", "taps": "edges.csv"}, "task.taps"),
-        ({"name": "edge-turn", "taps": "nowhere.csv"}, "path no table"),
-        ({"name": "orientation", "taps": 3}, "task.taps"),
-    ],
-)
-def test_bad_input_gets_one_clear_sentence(asked, says, edges, monkeypatch):
-    monkeypatch.chdir(edges.parent)
-
-    def tried():
-        Task.from_settings(asked).evidence(seed=1)
-
-    with refused(says):
-        tried()

@@ -7,17 +7,12 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb
-from PIL import Image
 
 from bgmodel import plots
 from bgmodel.experiments.experiment import shipped
 from circuits import anatomy
-from circuits.plots import PALETTE
-from figures import gallery
 from figures.common import FULL, STYLE
 from figures.rooms import rooms
-from figures.stamps import Stamp
 from tests.pictures import covered, under_legends
 
 TIMES = np.linspace(100, 900, 90) ** 1.1
@@ -122,21 +117,3 @@ def test_legends_and_texts_of_a_figure_cover_nothing(script, tables, tmp_path):
         figure = draw(FULL, *tables, output=tmp_path)
         assert under_legends(figure) == []
         assert covered(figure) == []
-
-
-def test_a_small_picture_keeps_the_colours_of_its_lines(tmp_path):
-    """By the usual choice of 96 colours, red lines of a drawing with shades became brown."""
-    figure, ax = plt.subplots(figsize=(11, 5))
-    ax.imshow(np.random.default_rng(1).random((40, 40)), cmap="viridis", extent=(0, 1, 0, 1))
-    for k, colour in enumerate(PALETTE[:6]):
-        ax.plot([1.1, 2], [k / 5, 1 - k / 5], color=colour, lw=1.5)
-    ax.set(xlim=(0, 2), ylim=(0, 1))
-    stamp = Stamp("", "", {}).text()
-    figure.savefig(tmp_path / "drawn.png", metadata={gallery.KEY: stamp})
-    plt.close(figure)
-    gallery.shrink(tmp_path / "drawn.png", tmp_path / "kept.png")
-    with Image.open(tmp_path / "kept.png") as picture:
-        pixels = np.unique(np.asarray(picture.convert("RGB")).reshape(-1, 3), axis=0).astype(int)
-    for colour in PALETTE[:6]:
-        away = np.abs(pixels - 255 * np.array(to_rgb(colour))).sum(axis=1)
-        assert away.min() < 30, colour

@@ -105,23 +105,6 @@ def test_human_thresholds_stand_at_the_published_grooves_at_three_quarters_corre
     }
 
 
-def test_chance_is_a_half_by_default(ax):
-    assert plots.accuracy_axis(ax).lines[0].get_ydata()[0] == 0.5
-    assert plots.accuracy_axis(ax, 0.25).lines[1].get_ydata()[0] == 0.25
-    assert plots.speed_accuracy(ax, [1], [0.6]).lines[-1].get_ydata()[0] == 0.5
-
-
-def test_lines_that_are_no_data_have_one_width():
-    z = np.zeros((1, 2))
-    drawn = (
-        plots.output([0.0], np.zeros((1, 2)), Figure().subplots()).axes[0].lines[-1:],
-        plots.accuracy_axis(Figure().subplots()).lines,
-        plots.trajectories(Figure().subplots(), z, np.ones(1), 4.0, color="k").lines[-2:],
-    )
-    assert [len(lines) for lines in drawn] == [1, 1, 2]
-    assert len({line.get_linewidth() for lines in drawn for line in lines}) == 1
-
-
 def test_channels_are_lines_in_their_own_colours(ax):
     table = pd.DataFrame({"channel": [0, 1, 0, 1], "time_ms": [0, 0, 5, 5], "value": [1, 2, 3, 4]})
     assert channel_lines(ax, table, steps=True) is ax

@@ -9,16 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circuits import anatomy, show, table_reader
-from circuits.anatomy import CIRCUITS, load_circuit
+from circuits.anatomy import load_circuit
 from circuits.cells import Rate
 from circuits.circuit import Circuit
 from circuits.declaration import table_writer
 from circuits.declaration.edits import Edits
 from circuits.declaration.rows import Population, Projection
 from circuits.differences import differences
-from circuits.drawing import draw
 from circuits.dynamics.fixed_point import resting_state
-from circuits.dynamics.wiring import fan_in
 from circuits.engines import ENGINES, run
 from circuits.laws.controls import linear_stn, perturbed, shuffled_stn
 from circuits.laws.fluctuation import out_variance, rate_spectrum
@@ -69,12 +67,6 @@ def test_both_receptors_of_sparse_connections_get_the_same_spikes(engine):
     assert two.spikes["SNr"].equals(one.spikes["SNr"])
 
 
-def test_sparse_connections_of_two_receptors_are_the_same_axons():
-    table = split(SMALL.with_connections(0.25), "STN", "SNr", 0.5)
-    ampa, nmda = table.pathways("STN", "SNr")
-    assert np.array_equal(fan_in(table, ampa, 0, 1), fan_in(table, nmda, 0, 1))
-
-
 @given(SHARES, st.sampled_from(PATHS), st.floats(0, 200), st.floats(0, 50))
 @settings(max_examples=20)
 def test_rest_depends_on_the_sum_of_the_weights_alone(share, path, tau_ms, delay_ms):
@@ -116,15 +108,6 @@ def test_edits_of_the_pair_act_on_all_of_its_receptors(share):
     same(lambda c: c.scale("STN", "SNr", 0.7).balanced("STN"))
     same(shuffled_stn)
     same(linear_stn, ("GPe", "STN"))
-
-
-def test_dopamine_scales_every_receptor_of_a_pathway():
-    for level in (0.8, 1.1):
-        two = split(MACAQUE, "ctx", "D1", 0.3).dopamine(level)
-        total = sum(p.weight for p in two.pathways("ctx", "D1"))
-        assert total == pytest.approx(MACAQUE.dopamine(level).projection("ctx", "D1").weight)
-        bias = MACAQUE.dopamine(level).population("D1").bias_nats
-        assert two.population("D1").bias_nats == pytest.approx(bias)
 
 
 def test_dopamine_within_a_trial_scales_every_receptor():
@@ -190,14 +173,6 @@ def test_a_step_through_two_receptors_is_the_sum_of_two_filters(fast_ms, slow_ms
     assert np.abs(alone.output_nats[0, :, 0] - wanted).max() > 0.1
 
 
-def test_a_circuit_without_receptors_has_the_file_and_the_hash_that_it_had():
-    for name in CIRCUITS:
-        table = load_circuit(name, 2)
-        assert not any("synapse" in row for row in table_writer.plain(table)["projections"])
-        assert '"synapse"' not in table_writer.text(table)
-        assert "synapse" not in show.pathways(table).columns
-
-
 def test_receptors_are_kept_by_files_and_shown():
     two = split(MACAQUE, "STN", "SNr", 0.7, tau_ms=100.0)
     assert table_reader.parse(table_writer.text(two), "two.toml") == two
@@ -206,22 +181,6 @@ def test_receptors_are_kept_by_files_and_shown():
         line for line in show.text(two).splitlines() if "STN -> SNr" in line and "NMDA" in line
     )
     assert " 100 " in line
-
-
-def test_a_circuit_is_drawn_with_all_receptors_of_a_pathway():
-    def width(circuit):
-        (arrow,) = (p for p in draw(circuit).axes[0].patches if p.get_gid() == "STN->SNr")
-        return arrow.get_linewidth(), arrow.get_linestyle()
-
-    two = split(MACAQUE, "STN", "SNr", 0.7)
-    assert width(two) == pytest.approx(width(MACAQUE))
-    assert width(two.block("SNr", "NMDA")) == pytest.approx(width(MACAQUE.scale("STN", "SNr", 0.7)))
-    lost = two.block("SNr", "NMDA").block("SNr", "AMPA")
-    assert width(lost)[1] == width(MACAQUE.cut("STN", "SNr"))[1] != width(two)[1]
-    labels = {t.get_text() for t in draw(two.block("SNr", "NMDA")).axes[0].get_legend().texts}
-    assert "Transmits nothing" not in labels
-    texts = {text.get_text() for text in draw(two.block("SNr", "NMDA")).axes[0].texts}
-    assert "AMPA" in texts
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import yaml
 from packaging.requirements import Requirement
 
 import bgmodel
-from bgmodel.support.files import read_table
+from bgmodel.support.files import provenance, read_table
 from figures.rooms import table_path
 from tests.helpers import ROOT
 
@@ -19,10 +19,15 @@ NEWER = {"brian2"}
 """Packages that the recipe needs in a newer version; it says why."""
 
 
-def test_changelog_and_citation_have_one_date():
-    dated = re.search(r"^## \[.+?\] - (\S+)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
-    assert dated is not None
-    assert f"\ndate-released: {dated[1]}\n" in (ROOT / "CITATION.cff").read_text()
+def test_changelog_citation_build_and_results_have_one_version_and_date():
+    newest = re.search(r"^## \[(.+?)\] - (\S+)$", (ROOT / "CHANGELOG.md").read_text(), re.M)
+    assert newest[1] == bgmodel.__version__ == provenance()["versions"]["bgmodel"]
+    citation = (ROOT / "CITATION.cff").read_text()
+    assert f"\nversion: {newest[1]}\n" in citation
+    assert f"\ndate-released: {newest[2]}\n" in citation
+    told = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    assert "version" not in told["project"]
+    assert told["tool"]["setuptools"]["dynamic"]["version"]["attr"] == "bgmodel.version.__version__"
 
 
 def test_the_recipe_needs_what_the_core_needs():

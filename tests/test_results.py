@@ -4,18 +4,16 @@ import re
 import sys
 from dataclasses import replace
 
-import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.bootstrap import Z95
 from bgmodel.support.files import read_table
 from circuits.anatomy import load_circuit
 from circuits.declaration.table_writer import identity
 from figures import __main__ as runner
 from figures import pages, pieces
 from figures.pieces import Piece, Score
-from figures.rooms import origin, rooms, table_path, write
+from figures.rooms import origin, rooms, write
 from tests.helpers import ROOT, refused
 
 TEMPLATES = [pytest.param(path, id=pages.page_of(path).name) for path in pages.templates()]
@@ -123,13 +121,6 @@ def test_tables_lists_what_a_page_read_and_what_it_names_by_their_origin(tmp_pat
     assert key.startswith(f"What each column means: [{tmp_path.name}]")
 
 
-def test_a_table_says_fewest_and_most_trials_and_whether_it_is_coarse():
-    parameters = {"circuits": CIRCUITS, "trials": [100, 500], "fast": True}
-    note = pages.said({"parameters": parameters, "seed": None, "versions": {"bgmodel": "0"}})
-    assert "100 to 500 trials, seeds in their files" in note
-    assert "coarse (`make score FAST=1`)" in note
-
-
 def test_a_table_that_is_missing_or_stale_is_named_in_a_sentence(tmp_path, place):
     template = tmp_path / "x.md.j2"
     template.write_text('{{ rows("y")[0].no }}')
@@ -156,26 +147,6 @@ def test_a_page_needs_the_origin_of_its_table(tmp_path, place):
     place("y").write_text("a\n1\n")
     with refused("table"):
         pages.rendered(template, place)
-
-
-def test_r_of_times_is_what_noise_leaves_of_r_without_noise():
-    """Attenuation of a correlation (Spearman 1904), which the page of decisions states.
-
-    Its factor is that of linear noise; thresholds of the circuit and of rates differ a little.
-    """
-    table = read_table(table_path("limits_times")).dropna()
-    assert len(table) > 15
-    errors = {
-        name: (table[f"{name}_high"] - table[f"{name}_low"]) / (2 * Z95 * table[name])
-        for name in ("as_it_is", "no_noise", "ceiling")
-    }
-    error = np.hypot(np.hypot(errors["as_it_is"], errors["no_noise"]), errors["ceiling"] / 2)
-    apart = table["as_it_is"] / table["attenuated"] - 1
-    assert (apart.abs() < 3 * error).all()
-    assert apart.abs().max() < 0.03
-    # Noise of cells and delays both take something, and together what is missing.
-    assert (table["as_it_is"] < table["no_noise"]).all()
-    assert (table["no_noise"] <= table["half_times"] + 0.01).all()
 
 
 @pytest.fixture

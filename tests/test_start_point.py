@@ -78,30 +78,6 @@ def test_a_start_between_falling_bounds_is_likelier_than_none_or_its_mirror():
     assert known[1] > known[2] + 50
 
 
-def test_without_a_bias_it_is_worth_nothing():
-    table = drawn(91_002, start=0.0)
-    best, _ = fitted(table)
-    assert dict(zip(best.likelihood.freedom.names, best.vector, strict=True))["start"] == (
-        pytest.approx(0.0, abs=0.06)
-    )
-    # Twice the gain is chi-squared with one degree of freedom.
-    asked = FitSettings(strength="coherence")
-    by_side = design_of(asked.read(table), sides=True)
-    without = optimum(likelihood_of(GapModel(), by_side))
-    assert 0 <= best.log_likelihood - without.log_likelihood + 1e-3 < 5.5
-
-
-def test_exchanged_responses_exchange_the_bias():
-    """Table and strengths turned round: the same fit with a start of the other sign."""
-    table = drawn(91_003)
-    turned = table.assign(response=1 - table["response"], coherence=-table["coherence"])
-    one, other = (dict(zip(f.likelihood.freedom.names, f.vector, strict=True)) for f in
-                  (fitted(table)[0], fitted(turned)[0]))  # fmt: skip
-    assert other["start"] == pytest.approx(-one["start"], abs=0.01)
-    for name in ("sensitivity", "bound", "t0_s"):
-        assert other[name] == pytest.approx(one[name], rel=0.01)
-
-
 def test_splitting_sides_alone_changes_no_likelihood():
     choices = read_trials(drawn(91_004, start=0.0), strength="coherence")
     plain, sides = (likelihood_of(GapModel(), design_of(choices, sides=s)) for s in (False, True))
@@ -119,15 +95,6 @@ def test_a_bias_that_is_not_fitted_is_warned_of_with_the_way_to_fit_it():
         FitSettings(strength="coherence", free=("+start",)).design(
             read_trials(table, strength="coherence")
         )
-
-
-def test_a_start_of_each_level_of_a_condition():
-    left, right = drawn(91_006, start=0.3), drawn(91_007, start=-0.3)
-    table = pd.concat([left.assign(cue="a"), right.assign(cue="b")], ignore_index=True)
-    best, _ = fitted(table, "", vary=("start=cue",))
-    values = dict(zip(best.likelihood.freedom.names, best.vector, strict=True))
-    assert values["start[cue=a]"] == pytest.approx(0.3, abs=0.06)
-    assert values["start[cue=b]"] == pytest.approx(-0.3, abs=0.06)
 
 
 def test_python_fits_it_by_the_same_name_and_a_circuit_says_that_it_has_none():

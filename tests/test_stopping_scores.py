@@ -5,21 +5,11 @@ import pytest
 
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.stopping.observer import StopMsprt, log_odds_of_stop
-from bgmodel.stopping.trials import StopTrials
-from figures.stopping import measure_stopping as stopping
-from figures.stopping import relative
 from figures.stopping.observer import abrupt, commitments, decisions, observed, with_tone
 from figures.stopping.runs import (
     agreement,
     evidence_of,
-    go_times,
-    model_of,
-    nth,
-    pulse,
-    share,
-    standard_error,
 )
-from tests.helpers import unwarned
 
 NONE = np.nan
 
@@ -32,23 +22,6 @@ def test_agreement_counts_outcomes_and_compares_times_of_those_that_responded_in
     assert scores["same_chance"] == pytest.approx(chance)
     assert scores["same_corrected"] == pytest.approx((41 / 42 - chance) / (1 - chance))
     assert (scores["times_r"], scores["times_ms"]) == (pytest.approx(1.0), pytest.approx(3.0))
-
-
-def test_few_common_responses_have_no_correlation_and_equal_certainty_no_correction():
-    scores = agreement(np.arange(5.0), np.arange(5.0))
-    assert np.isnan(scores["times_r"])
-    assert np.isnan(scores["same_corrected"])
-
-
-def test_omissions_count_as_the_slowest_time_and_not_in_a_standard_error():
-    assert nth(np.array([1.0, 2.0, NONE, NONE]), 0.75) == 2.0
-    assert standard_error(np.array([1.0, 3.0, NONE])) == pytest.approx(1 / np.sqrt(2))
-    assert share(np.array([True, False]))["p_respond"] == 0.5
-
-
-def test_a_pulse_of_the_score_gives_no_warning():
-    with unwarned():
-        assert pulse(100.0, amount_nats=0.5).duration_ms == 100
 
 
 def test_common_input_raises_s_and_changes_no_posterior():
@@ -77,39 +50,3 @@ def test_the_observer_withholds_in_stop_trials_and_not_before_the_signal():
     late = commitments(made, 2)
     assert np.isfinite(late).mean() > 0.9
     assert late.min() >= 100
-
-
-def test_an_inhibition_function_has_no_time_where_too_few_fail_or_stop():
-    went = np.arange(100.0, 1100.0, 10.0)
-    stopped = [np.where(went < ssd, went, NONE) for ssd in stopping.DELAYS_MS]
-    table = stopping.by_delay("race", went, stopped).set_index("ssd_ms")
-    assert np.isnan(table.loc[100.0, ["ssrt_ms", "failed_ms"]].to_numpy(float)).all()
-    assert table.loc[500.0, "ssrt_ms"] == -10  # the last time before the delay
-    assert table.loc[500.0, "failed_ms"] == pytest.approx(went[went < 500].mean())
-
-
-def test_people_who_race_answer_as_their_go_times_say(monkeypatch):
-    """40 simulated people with an SSRT of 200 ms; p(respond) is that of the race in each tenth."""
-    rng = np.random.default_rng(1)
-
-    def person():
-        go = rng.normal(500, 100, 400)
-        ssd = rng.choice([200.0, 300.0, 400.0], 200)
-        stop = rng.normal(500, 100, 200)
-        stop[stop > ssd + 200] = NONE
-        return StopTrials(np.append(go, stop), np.append(np.full(400, NONE), ssd))
-
-    people = {f"p{k}": person() for k in range(40)}
-    monkeypatch.setattr(relative, "read_people", lambda columns: people)
-    table = relative.people()
-    assert table["p_respond"].to_numpy() == pytest.approx(table["p_race"].to_numpy(), abs=0.06)
-    late = table["failed_minus_go_ms"] - table["race_minus_go_ms"]
-    assert late.abs().max() < 20
-
-
-def test_the_noise_of_a_circuit_can_be_another_one():
-    evidence = evidence_of("other noise", 30)
-    one, other = (go_times(model_of(noise=noise), evidence) for noise in (0, 1))
-    again = go_times(model_of(), evidence)
-    np.testing.assert_array_equal(one, again)
-    assert not np.array_equal(one, other, equal_nan=True)

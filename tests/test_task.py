@@ -11,13 +11,12 @@ import bgmodel as bg
 from bgmodel.conditions import Condition, circuit_seen_from, seen_from
 from bgmodel.names import CircuitName
 from bgmodel.simulated_evidence import separated_evidence
-from bgmodel.tables.given import EvidenceTable, trials_of
+from bgmodel.tables.given import EvidenceTable
 from bgmodel.tactile.source import load_taps
 from bgmodel.tactile.task import EdgeTurn, Orientation, SameDifferent
 from bgmodel.task import KINDS, Gaussian, Task, kind_of, settings_of_tasks
 from tests.helpers import refused
 
-RAMP = {"expectancy_nats": 3.0, "expectancy_ms": 800.0}
 DRAWN = [Gaussian(channels=3), SameDifferent(1.5), Orientation(4)]
 
 
@@ -106,21 +105,6 @@ def test_files_are_looked_for_in_the_folder_of_the_file_that_names_them():
     assert seen_from(folder, absolute).task.evidence == Path("/data/own.csv")
     taps = replace(plain, task=EdgeTurn(taps="own.csv"))
     assert seen_from(folder, taps).task.taps == folder / "own.csv"
-
-
-def test_what_is_expected_comes_before_the_same_evidence():
-    plain = trials_of(Gaussian(trials=8), 5, "t").evidence
-    asked = Gaussian(trials=8, **RAMP)
-    ahead = trials_of(asked, 5, "t").evidence
-    np.testing.assert_array_equal(ahead.log_likelihood, plain.log_likelihood)
-    assert ahead.foreperiod_steps == 16
-    assert asked.used()["expectancy_ms"] == 800
-    assert "expectancy_ms" not in Gaussian(trials=8).used()
-    drawn = asked.evidence(seed=5)
-    np.testing.assert_array_equal(
-        drawn.log_likelihood, Gaussian(trials=8).evidence(seed=5).log_likelihood
-    )
-    assert drawn.foreperiod_steps == 16
 
 
 @pytest.mark.parametrize(

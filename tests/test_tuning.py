@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 
 from bgmodel import tuning
-from bgmodel.exam.exam import Exam
 from bgmodel.tuning import tune
 from circuits.anatomy import load_circuit
 from circuits.dynamics.fixed_point import resting_hz
 from circuits.laws.family import failures
 from tests.helpers import refused
 
-RATES = ("rest.msn", "rest.stn", "rest.gpe", "rest.snr")
 FREE = {"SNr.baseline_hz": (0.0, 60.0), "STN.gain_hz_per_nat": (8.0, 30.0)}
 GIVEN = {"numbers": ["rest.snr"], "free": FREE, "held_out": ["rest.gpe"], "evaluations": 1}
 
@@ -79,12 +77,3 @@ def test_fields_of_a_circuit_outside_the_family_are_set_as_they_are(at_the_fixed
 def test_a_tuning_that_could_not_be_judged_is_refused(field, wrong):
     with refused(field):
         tune("macaque", **(GIVEN | wrong))
-
-
-def test_numbers_that_are_not_answered_weigh_the_same_wherever_the_circuit_is():
-    exam = Exam.shipped()
-    rows = tuning._scores(
-        tuning.model_of("macaque_small"), tuning._only(exam, ["rest.fsi"]), 1, 1.0, 1, closed=True
-    )
-    assert [row["outcome"] for row in rows] == ["not answered"]
-    assert tuning._loss(rows) == tuning.UNMET

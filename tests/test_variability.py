@@ -4,15 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import dblquad, quad
+from scipy.integrate import quad
 from scipy.stats import norm
 
-import bgmodel as bg
 from bgmodel.fitting.exact import passage
 from bgmodel.fitting.exact.algorithms import CONSTANT, EXPONENTIAL, GapModel
-from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
-from bgmodel.fitting.settings import FitSettings
-from tests.helpers import refused
+from bgmodel.fitting.exact.responses import Grid
 from tests.test_start_point import drawn, fitted
 
 GRID = Grid(1500)
@@ -81,19 +78,6 @@ def test_choices_under_varying_starts_are_those_of_quadrature(drift, spread, bou
     assert masses[1].sum() == pytest.approx(integral, abs=5e-4)
 
 
-def test_choices_under_both_are_those_of_quadrature_in_two_dimensions():
-    values = {"bound": 0.7, "start": 0.2, "start_spread": 0.6, "drift_sd": 1.5}
-    masses = decided(1.0, **values)[0]
-    half = 0.6 * 0.8 * 0.7
-    integral, _ = dblquad(
-        lambda v, z: norm.pdf(v, 1.0, 1.5) * chosen(v, 0.7, z) / (2 * half),
-        0.14 - half, 0.14 + half, 1.0 - 9 * 1.5, 1.0 + 9 * 1.5,
-    )  # fmt: skip
-    assert masses[1].sum() == pytest.approx(integral, abs=2e-4)
-    # A negative control: with a start a little further the choices are others.
-    assert abs(decided(1.0, **{**values, "start": 0.21})[0, 1].sum() - integral) > 1e-3
-
-
 @GAP
 def test_without_variability_it_is_the_test_alone(gap):
     same = {"bound": 0.8, "start": -0.3}
@@ -110,30 +94,6 @@ def test_without_variability_it_is_the_test_alone(gap):
         assert four / two == pytest.approx(4, rel=0.05)
 
 
-@pytest.mark.parametrize(("drift", "bound"), [(1.0, 0.8), (2.0, 0.7)])
-def test_errors_are_slow_with_varying_drifts_and_fast_with_varying_starts(drift, bound):
-    """Of a constant bound; without variability both responses have the same times."""
-    times = {}
-    for name, more in {
-        "alike": {}, "drifts": {"drift_sd": 1.0}, "starts": {"start_spread": 0.7},
-    }.items():  # fmt: skip
-        mass = decided(drift, bound=bound, **more)[0]
-        wrong, right = mass @ GRID.middles_s / mass.sum(axis=1)
-        times[name] = wrong - right
-    assert times["alike"] == pytest.approx(0, abs=1e-4)
-    assert times["drifts"] > 0.02
-    assert times["starts"] < -0.02
-
-
-@GAP
-def test_exchanged_sides_exchange_the_responses(gap):
-    values = {"bound": 0.8, "start_spread": 0.5, "drift_sd": 1.2}
-    one = decided(1.4, gap, **values, start=0.3)[0]
-    other = decided(-1.4, gap, **values, start=-0.3)[0]
-    assert one == pytest.approx(other[::-1], rel=1e-12)
-    assert one[1].sum() > one[0].sum() + 0.2
-
-
 @GAP
 @given(st.floats(-5, 5), st.floats(0, 5), st.floats(0, 0.9), st.floats(0.3, 8.0))
 @settings(max_examples=25)
@@ -144,33 +104,6 @@ def test_any_values_within_bounds_give_masses(gap, drift, sd, spread, bound):
     assert masses.sum() < 1 + 4e-3
     if gap is EXPONENTIAL and bound < 1:
         assert masses.sum() > 1 - 0.02
-
-
-def test_mean_and_spread_of_times_against_simulated_walks():
-    """20 000 walks of 0.5 ms steps; Siegmund's correction moves their bound by 0.583 steps."""
-    rng, step, trials = np.random.default_rng(94_001), 5e-4, 20_000
-    bound, drift, sd, spread = 0.7, 1.5, 1.0, 0.6
-    moved = bound - 0.583 * np.sqrt(step)
-    x = rng.uniform(-1, 1, trials) * spread * bound
-    v = rng.normal(drift, sd, trials)
-    at, response = np.full(trials, np.nan), np.full(trials, -1)
-    left = np.arange(trials)
-    for tick in range(1, round(6 / step)):
-        x[left] += v[left] * step + np.sqrt(step) * rng.normal(size=len(left))
-        hit = np.abs(x[left]) >= moved
-        at[left[hit]], response[left[hit]] = tick * step, x[left[hit]] > 0
-        left = left[~hit]
-        if not len(left):
-            break
-    mass = decided(drift, bound=bound, drift_sd=sd, start_spread=spread)[0]
-    exact = {name: value[0] for name, value in moments(mass[None] / BIN_S, GRID).items()}
-    error = 1 / np.sqrt(trials)
-    assert (response == 1).mean() == pytest.approx(exact["accuracy"], abs=4 * 0.4 * error)
-    assert np.nanmean(at) == pytest.approx(exact["mean_s"], abs=4 * exact["sd_s"] * error)
-    wrong, right = mass @ GRID.middles_s / mass.sum(axis=1)
-    for k, mean in ((0, wrong), (1, right)):
-        some = at[response == k]
-        assert some.mean() == pytest.approx(mean, abs=4 * some.std() / np.sqrt(len(some)))
 
 
 def test_varying_drifts_are_recovered_and_nothing_is_gained_without():
@@ -188,35 +121,3 @@ def test_varying_drifts_are_recovered_and_nothing_is_gained_without():
     assert nats > 8
     nats, _ = gain(drawn(94_003, bound=1.0, start=0.0))
     assert -0.02 < nats < 3
-
-
-def test_varying_starts_are_recovered():
-    table = drawn(94_004, trials=1500, start=0.0, start_spread=0.7)
-    held, plain = ("t0_sd_s=0.05", "lapse=0.01"), ("sensitivity", "bound", "t0_s")
-    best, values = fitted(table, free=(*plain, "start_spread"), fix=held)
-    without, _ = fitted(table, free=plain, fix=held)
-    assert values["start_spread"] == pytest.approx(0.7, abs=0.15)
-    assert best.log_likelihood > without.log_likelihood + 8
-
-
-def test_both_differ_between_conditions_and_are_free_by_name():
-    some = drawn(94_005, trials=60, start=0.0)
-    cued = some.assign(cue=np.where(np.arange(len(some)) % 2, "a", "b"))
-    asked = FitSettings(
-        strength="coherence", free=("+drift_sd",), vary=("start_spread=cue",), fix=("lapse=0.01",)
-    )
-    design = asked.design(asked.read(cued))
-    built = asked.likelihood(design, asked.model("falling_gap"))
-    assert built.freedom.names == [
-        "sensitivity", "bound", "fall_per_s", "start_spread[cue=a]", "start_spread[cue=b]",
-        "drift_sd", "t0_s", "t0_sd_s",
-    ]  # fmt: skip  # those by default, without the fixed one, and those asked for
-    # They are symmetric, and sides are no cells.
-    assert design.cells == 6
-    vector = built.freedom.start
-    vector[3] = 0.6
-    by_cue = np.array(design.conditions["cue"])
-    changed = built.density(vector) != built.density(built.freedom.start)
-    assert set(by_cue[changed.any(axis=(1, 2))]) == {"a"}
-    with refused("drift_sd must lie between 0 and 5"):
-        bg.fit(some, "constant_gap", strength="coherence", fix={"drift_sd": -1.0})

@@ -3,7 +3,6 @@
 import ast
 import threading
 import warnings
-from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
@@ -11,10 +10,9 @@ import pytest
 
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.explorer.panels import MEASURES, Memory, panels
-from bgmodel.explorer.runs import Runs
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.simulated_evidence import gaussian_evidence
-from circuits.errors import EditWarning, RangeWarning
+from circuits.errors import RangeWarning
 from tests.explorer.helpers import small
 from tests.helpers import ROOT
 
@@ -89,11 +87,6 @@ def test_each_decision_of_four_threads_warns_once():
     rounds(2)
 
 
-@pytest.mark.validate
-def test_each_decision_of_four_threads_warns_once_in_twenty_rounds():
-    rounds(20)
-
-
 def test_a_warning_is_an_error_in_a_thread_if_a_user_says_so():
     with warnings.catch_warnings(), ThreadPoolExecutor(1) as pool:
         warnings.simplefilter("error", RangeWarning)
@@ -121,45 +114,6 @@ def test_a_cell_that_runs_while_the_explorer_computes_keeps_its_warning(monkeypa
         thread.join(WAIT_S)
         assert len(issued) == 1
     assert [(panel.name, panel.warnings) for panel in shown] == [(MEASURES, ())]
-
-
-def cells(count):
-    """Run cells while the explorer computes one state after the other.
-
-    Each cell shows its own warning, as in a notebook, and the explorer its own only.
-    """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", EditWarning)  # of the calls here
-        states = [small("macaque", "algebra", f"set STN.baseline_hz {hz}") for hz in (900, 901)]
-    notes, shown, turn = Counter(), threading.Semaphore(0), iter(range(10**9))
-
-    def ended(_):
-        shown.release()
-        runs.show(states[next(turn) % 2])
-
-    runs = Runs(lambda panel: notes.update((panel.name, note) for note in panel.warnings), ended)
-    try:
-        with process() as issued:
-            runs.show(states[1])
-            for k in range(count):
-                decide()
-                assert [one.category for one in issued] == [RangeWarning] * (k + 1), k
-            assert shown.acquire(timeout=WAIT_S)
-            runs.stop(wait=True)
-            assert len(issued) == count
-    finally:
-        runs.stop(wait=True)
-    assert any("baseline_hz" in note for _, note in notes)
-    assert not [note for _, note in notes if "too strong" in note]
-
-
-def test_warnings_of_cells_and_of_the_explorer_do_not_mix():
-    cells(3)
-
-
-@pytest.mark.validate
-def test_warnings_of_200_cells_and_of_the_explorer_do_not_mix():
-    cells(200)
 
 
 def changes_filters(text):

@@ -1,13 +1,11 @@
 """Choices without times, and responses that are given by waiting: read, fitted and simulated."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.special import expit
-from scipy.stats import norm
 
 import bgmodel as bg
 from bgmodel.fits import question
@@ -23,7 +21,7 @@ from bgmodel.fitting.trials.design import FAVOURS, design_of
 from bgmodel.learning.values.models import LAPSES, MODELS, likelihood
 from circuits.errors import DataWarning, FitWarning
 from tests.drawn import choices, drawn
-from tests.helpers import refused, run, told, unwarned
+from tests.helpers import refused, told, unwarned
 
 pytestmark = pytest.mark.filterwarnings("ignore:there is no column rt")
 STRENGTHS = np.array([0.05, 0.1, 0.2, 0.4])
@@ -124,15 +122,6 @@ def test_choices_alone_give_back_sensitivity_and_lapses(seed):
     assert fit.residuals().empty
 
 
-def test_choices_of_another_model_do_not_fit():
-    """The negative control of the misfit: performance that falls with strength."""
-    wrong = table(4000)
-    wrong.loc[wrong.coherence.abs() > 0.3, "response"] = np.arange(1000) % 2
-    with pytest.warns(FitWarning):
-        fit = bg.fit(wrong, "constant_gap", strength="coherence", fix={"lapse": 0.01})
-    assert fit.misfit.p["accuracy"] < 1e-6
-
-
 def test_what_choices_alone_leave_open_is_said():
     options = {"strength": "coherence"}
     with pytest.warns(FitWarning) as caught:
@@ -147,18 +136,6 @@ def test_what_choices_alone_leave_open_is_said():
             bg.fit(cue, "constant_gap", **more, **options)
     with refused("rt_window"):
         bg.fit(table(), "constant_gap", rt_window=(0.1, 2.0), **options)
-
-
-def test_a_condition_may_change_what_is_not_open():
-    """Bounds of two instructions, one of them at the default: both are identified."""
-    slow = table(2000, 4).assign(cue="slow")
-    quick = table(2000, 5, sensitivity=5.0).assign(cue="quick")
-    fit = bg.fit(
-        pd.concat([slow, quick], ignore_index=True), "constant_gap", strength="coherence",
-        vary={"bound": "cue/slow"},
-    )  # fmt: skip
-    row = fit.summary().loc["bound[cue=quick]"]
-    assert abs(row.value - BOUND * 5 / 9) < 3.5 * row.standard_error
 
 
 @pytest.mark.parametrize("model", ["falling_gap", "msprt", "race", "lca", "macaque"])
@@ -200,17 +177,6 @@ def test_what_is_simulated_without_times_has_none_and_fits():
         question(settings_of(), made, ["constant_gap"]).likelihoods("constant_gap")["a"]
     )
     assert np.isfinite(kept.each).all()
-
-
-def test_people_without_times_are_fitted_in_a_hierarchy():
-    people = table(160, people="abcdef", spread=0.3, seed=2)
-    group = bg.fit(people, "constant_gap", strength="coherence", hierarchical=True, most_draws=400)
-    row = group.summary().loc["sensitivity"]
-    assert row.low < 9 < row.high
-    assert group.cells().mean_s.isna().all()
-    new = group.to_datatree()["posterior_predictive"]
-    assert np.isnan(new["rt"]).all()
-    assert (new["response"] >= 0).all()
 
 
 def test_a_learner_needs_no_times():
@@ -262,21 +228,6 @@ def test_choices_at_the_end_of_known_evidence_are_a_logistic_regression_on_its_s
     assert np.allclose(each.each(np.array([0.5, 0.0])), np.log(p), atol=1e-6)
     known = known_trials(trials)
     assert known_likelihood(model, known, fixed=held).freedom.names == ["noise", "bias_1"]
-
-
-def test_without_noise_choices_at_the_end_are_the_sign_of_a_gaussian():
-    """``Phi(v sqrt(T))`` of all trials, with v the drift and T the end that is set."""
-    data, evidence, _, side = readings(3000, steps=5)
-    trials = bg.read_trials(data, evidence=evidence, forced=True, columns=UPPER)
-    each = known_likelihood(
-        EXACT["leaky_sum"], known_trials(trials), free=["noise"],
-        fixed={"threshold": 100.0, "leak_hz": 0.0, "lapse": 0.001},
-    )  # fmt: skip
-    p = each.responses(each.values(np.array([0.001])))[0]
-    assert np.allclose(p.sum(axis=1), 1)
-    right = p[np.arange(len(side)), (side > 0).astype(int)].mean()
-    expected = 0.999 * norm.cdf(0.4 * np.sqrt(0.5)) + 0.0005
-    assert abs(right - expected) < 4 * np.sqrt(expected * (1 - expected) / 3000)
 
 
 def test_noise_of_choices_at_the_end_is_recovered_checked_and_simulated():
@@ -344,29 +295,6 @@ def test_a_go_no_go_task_gives_back_its_parameters(seed):
     assert np.array_equal(np.isnan(made.rt_s), made.response == 0)
 
 
-def test_a_window_leaves_those_who_wait():
-    trials = bg.read_trials(go_table(), strength="coherence", columns=GO)
-    with pytest.warns(DataWarning):
-        design = design_of(trials, rt_window=(0.4, 1.0))
-    waited = design.observed.response == np.where(design.side > 0, 0, 1)[design.observed.cell]
-    assert waited.sum() == (trials.response == 0).sum()
-    each = likelihood_of(GapModel(), design)
-    mass, missing = design.observed.outcomes(each.density(fixed_at(each, **GIVEN)))
-    assert np.allclose(mass.sum(axis=(1, 2)), 1)
-    assert np.allclose(missing, 0, atol=1e-9)
-
-
-def test_people_who_wait_are_fitted_in_a_hierarchy():
-    parts = [go_table(timed(k, 40)).assign(participant_id=f"p{k}") for k in range(4)]
-    group = bg.fit(
-        pd.concat(parts, ignore_index=True), "constant_gap", strength="coherence", columns=GO,
-        hierarchical=True, most_draws=300, fix={"lapse": 0.02, "t0_sd_s": 0.05},
-    )  # fmt: skip
-    row = group.summary().loc["sensitivity"]
-    assert row.low < 7 < row.high
-    assert set(group.cells()[FAVOURS]) == {"0", "1"}
-
-
 def test_which_response_waits_is_read_from_names_and_codes():
     names = go_table()
     codes = names.assign(response=(names.response == "go").astype(int))
@@ -386,61 +314,52 @@ def test_which_response_waits_is_read_from_names_and_codes():
 # What can't be read.
 
 
-def test_trials_without_times_that_are_wrong_are_refused():
-    read = {"strength": "coherence"}
+def mixed(participant):
+    """Read trials of two people, one of them without times."""
     data = table(people="ab")
-    some = data.assign(rt=np.where(data.participant_id == "a", 0.6, np.nan))
-    for participant in (None, "b"):
-        with refused("rt"):
-            bg.read_trials(some, participant=participant, **read)
-    with refused("rt"):
-        bg.read_trials(data.assign(RT_ms=500.0), **read)
-    with refused("deadline_s"):
-        bg.read_trials(data, columns=bg.Columns(deadline_s=1.0), **read)
-    with refused("response"):
-        bg.read_trials(data.assign(response=data.response.where(data.index > 5)), **read)
+    rt = np.where(data.participant_id == "a", 0.6, np.nan)
+    return bg.read_trials(data.assign(rt=rt), participant=participant, strength="coherence")
+
+
+def alone(**changed):
+    return bg.read_trials(table().assign(**changed), strength="coherence")
+
+
+def waiting(change):
+    return bg.read_trials(change(go_table()), strength="coherence", columns=GO)
+
+
+def withheld(rt_s, **more):
+    return replace(choices([0.1, -0.1], [1, 0]), withheld=0, rt_s=np.array(rt_s), **more)
+
+
+@pytest.mark.parametrize(
+    ("field", "call"),
+    [
+        ("rt", lambda: mixed(None)),
+        ("rt", lambda: mixed("b")),
+        ("rt", lambda: alone(RT_ms=500.0)),
+        ("deadline_s", lambda: bg.read_trials(table(), columns=bg.Columns(deadline_s=1.0))),
+        ("response", lambda: alone(response=lambda t: t.response.where(t.index > 5))),
+        ("deadline_s", lambda: bg.Columns(withheld="no")),
+        ("stimulus", lambda: bg.Columns(withheld="no", deadline_s=1.0, stimulus="shown")),
+        ("withheld", lambda: bg.Columns(withheld=0, deadline_s=1.0)),
+        ("rt", lambda: waiting(lambda t: t.fillna({"rt": 1.2}))),
+        ("rt", lambda: waiting(lambda t: t.assign(rt=t.rt.where(t.rt > 0.5)))),
+        ("withheld", lambda: waiting(lambda t: t[t.response == "go"])),
+        ("withheld", lambda: waiting(lambda t: t.replace({"response": {"no": "nogo"}}))),
+        ("withheld", lambda: waiting(lambda t: t.assign(rt=np.nan))),
+        ("deadline_s", lambda: withheld([0.5, np.nan])),
+        ("rt_s", lambda: withheld([0.5, 0.6], deadline_s=1.0)),
+    ],
+)
+def test_missing_times_that_are_wrong_are_refused(field, call):
+    with refused(field):
+        call()
+
+
+def test_a_missing_column_of_times_is_doubted_and_an_empty_one_is_not():
     with pytest.warns(DataWarning, match="no column rt"):
-        bg.read_trials(data, **read)
+        alone()
     with unwarned():
-        bg.read_trials(data.assign(rt=np.nan), **read)
-
-
-def test_withheld_responses_that_are_wrong_are_refused():
-    read = {"strength": "coherence", "columns": GO}
-    data = go_table()
-    with refused("deadline_s"):
-        bg.Columns(withheld="no")
-    with refused("stimulus"):
-        bg.Columns(withheld="no", deadline_s=1.0, stimulus="shown")
-    with refused("withheld"):
-        bg.Columns(withheld=0, deadline_s=1.0)
-    with refused("rt"):
-        bg.read_trials(data.fillna({"rt": 1.2}), **read)
-    with refused("withheld"):
-        bg.read_trials(data[data.response == "go"], **read)
-    with refused("withheld"):
-        bg.read_trials(data.assign(response=data.response.replace("no", "nogo")), **read)
-    with refused("withheld"):
-        bg.read_trials(data.assign(rt=np.nan), **read)
-    with refused("rt"):
-        bg.read_trials(data.assign(rt=data.rt.where(data.rt > 0.5)), **read)
-    trials = choices([0.1, -0.1], [1, 0])
-    with refused("deadline_s"):
-        replace(trials, withheld=0, rt_s=np.array([0.5, np.nan]))
-    with refused("rt_s"):
-        replace(trials, withheld=0, deadline_s=1.0)
-
-
-def test_the_command_fits_both(tmp_path, capsys):
-    table(80).to_csv(tmp_path / "alone.csv", index=False)
-    go_table(timed(trials=60)).to_csv(tmp_path / "go.csv", index=False)
-    for name, more in (("alone", ()), ("go", ("--columns", "withheld=no", "deadline_s=1.2"))):
-        capsys.readouterr()
-        done = run(
-            "fit", tmp_path / f"{name}.csv", tmp_path / name, "--strength", "coherence",
-            "--models", "constant_gap", "--json", *more,
-        )  # fmt: skip
-        assert done == 0
-        rows = json.loads(capsys.readouterr().out)["records"]
-        free = {row["parameter"] for row in rows if not row["held"]}
-        assert free == ({"sensitivity", "lapse"} if name == "alone" else set(GIVEN))
+        alone(rt=np.nan)

@@ -92,6 +92,8 @@ class Cell:
         State variables of a spiking cell.
     of_rates : tuple of str
         Constants that also affect rates, not only spikes.
+    longest_tick_ms : float
+        Longest tick, ms, with which its rate and the irregularity of its spikes are as stated.
     brian : BrianText
         Its tick as Brian2 code.
     """
@@ -100,6 +102,7 @@ class Cell:
     hears: ClassVar[str] = "hz"
     state: ClassVar[tuple[str, ...]] = ()
     of_rates: ClassVar[tuple[str, ...]] = ()
+    longest_tick_ms: ClassVar[float] = 0.1
     brian: ClassVar[BrianText | None] = None
 
     @property

@@ -41,6 +41,7 @@ class Phase(Cell):
 
     cv: float
     state: ClassVar[tuple[str, ...]] = ("phi",)
+    longest_tick_ms: ClassVar[float] = 0.25
     begin = staticmethod(_begin)
     tick = staticmethod(_tick)
     brian: ClassVar[BrianText | None] = BrianText(

@@ -48,6 +48,8 @@ ALL_ALIKE = np.ones(3)
 """Factors on the constants of a cell that equals its row."""
 LEAST_FACTOR = 0.1
 """Lowest value of a cell's constant, as a fraction of its population's."""
+TICK_MS = 0.1
+"""The tick where no longer one is exact enough or divides all times."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class Clock:
 
     steps: int  # number of readings of evidence
     step_ms: float  # from one reading to the next; each reading is held until the next
-    dt_ms: float = 0.1  # one tick
+    dt_ms: float = TICK_MS  # one tick
     sample_ms: float = 1.0  # from one recorded sample to the next
     settle_ms: float = 300.0  # at rest before the first reading; not recorded
 
@@ -169,6 +171,16 @@ class Scheme:
         if row.heterogeneity:
             factors = cell_factors(circuit, row.name, int(self.wiring.channel[block]))
         return tick_constants(row.cell, factors, self.dt_ms)
+
+
+def tick_ms(wiring: Wiring, candidates_ms: tuple[float, ...], *times_ms: float) -> float:
+    """Return the first candidate that divides all delays and these times, or else ``TICK_MS``."""
+    delays = [p.delay_ms for p in wiring.projections]
+    for dt in candidates_ms:
+        ticks = np.array([*delays, *times_ms]) / dt
+        if np.abs(ticks - np.round(ticks)).max() < 1e-6:
+            return dt
+    return TICK_MS
 
 
 def cell_factors(circuit: CircuitTable, name: str, channel: int) -> Array:

@@ -21,6 +21,7 @@ from circuits.checks import (
     is_whole,
 )
 from circuits.declaration.rows import OF_CELLS
+from circuits.dynamics.ticks import TICK_MS, Clock, tick_ms
 from circuits.engines.memory import blocks, cells, connection_bytes, on_cache_lines
 from circuits.errors import InputError, require
 
@@ -210,6 +211,12 @@ class Engine:
 class TimedEngine(Engine):
     """Base class of engines with dynamics."""
 
+    ticks_ms: ClassVar[tuple[float, ...]] = (0.5, 0.25, 0.2)
+    """Ticks longer than ``TICK_MS`` that are exact enough, the longest first."""
+
+    dt_ms: float | None = None
+    """One tick, ms; by default the longest of 0.5, 0.25, 0.2 and 0.1 that divides all times. Where
+    cells spike it is 0.25 if all cell types of the circuit allow it, as Phase does, or else 0.1."""
     sample_ms: float = 1.0
     """Time from one recorded sample to the next, ms."""
     settle_ms: float = 300.0
@@ -220,8 +227,19 @@ class TimedEngine(Engine):
         super().__post_init__()
         check_positive(sample_ms=self.sample_ms)
         check_range(0, math.inf, settle_ms=self.settle_ms)
-        if (dt_ms := getattr(self, "dt_ms", None)) is not None:
-            check_positive(dt_ms=dt_ms)
+        if self.dt_ms is not None:
+            check_positive(dt_ms=self.dt_ms)
+
+    def longest_ms(self, wiring: Wiring) -> float:
+        """Return the longest tick that is exact enough for a circuit."""
+        return self.ticks_ms[0]
+
+    def clock(self, wiring: Wiring, steps: int, step_ms: float) -> Clock:
+        """Return the times of a run, with the engine's tick or the longest that suits a circuit."""
+        times, dt, longest = (self.sample_ms, self.settle_ms), self.dt_ms, self.longest_ms(wiring)
+        allowed = tuple(ms for ms in self.ticks_ms if ms <= longest)
+        dt = tick_ms(wiring, allowed, step_ms, *times) if dt is None else dt
+        return Clock(steps, step_ms, dt, *times)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -230,11 +248,11 @@ class SpikingEngine(TimedEngine):
 
     spiking: ClassVar[bool] = True
     sparse: ClassVar[bool] = True
+    # Words of noise, four ticks each, then fill every whole millisecond.
+    ticks_ms: ClassVar[tuple[float, ...]] = (0.25,)
     cell_bytes: ClassVar[float] = 100.0
     """Measured memory per cell, bytes, for each trial or thread that runs at the same time."""
 
-    dt_ms: float = 0.1
-    """One tick, ms."""
     spikes: tuple[str, ...] = ()
     """Populations whose spikes are recorded."""
 
@@ -246,6 +264,11 @@ class SpikingEngine(TimedEngine):
             raise InputError.of("spikes", "must be names of populations, such as ('STN',)", spikes)
         object.__setattr__(self, "spikes", tuple(spikes))
         super().__post_init__()
+
+    def longest_ms(self, wiring: Wiring) -> float:
+        """Return the longest tick that all cell types of a circuit allow."""
+        allowed = (row.cell.longest_tick_ms for row in wiring.rows if row.spiking)
+        return min(allowed, default=TICK_MS)
 
     @property
     def noisy(self) -> bool:

@@ -40,10 +40,11 @@ def run(
     """Run a circuit of spiking cells in NumPy; the arguments are those of ``Engine.run``."""
     drive = checked_drive(circuit, drive)
     noise.stream_key(seed, first_trial, "")  # says at once if they are out of range
-    clock = Clock(drive.shape[1], step_ms, engine.dt_ms, engine.sample_ms, engine.settle_ms)
     names = circuit.spiking(engine.spikes)
     warn_beyond_range(circuit, drive)
-    scheme = Scheme(wired(circuit), engine.dt_ms)
+    wiring = wired(circuit)
+    clock = engine.clock(wiring, drive.shape[1], step_ms)
+    scheme = Scheme(wiring, clock.dt_ms)
     kept = [b for name in names for b in scheme.wiring.blocks_of(name)]
     courses = timed(scheme.wiring, clock)
     late, every = clock.settle_ticks, clock.sample_ticks
@@ -62,7 +63,7 @@ def run(
         clock.time_ms,
         engine=engine.id,
         output_hz=np.array(outputs),
-        spikes=spike_tables(scheme.wiring, names, spikes, engine.dt_ms),
+        spikes=spike_tables(scheme.wiring, names, spikes, clock.dt_ms),
         about=clock.about(seed, first_trial),
     )
 
@@ -71,8 +72,9 @@ def stream(
     circuit: CircuitTable, engine: Plain, *, step_ms: float, steps: int, seed: int, trial: int
 ) -> Stream:
     """Begin a trial in NumPy; the arguments are those of ``Engine.stream``."""
-    clock = Clock(steps, step_ms, engine.dt_ms, engine.sample_ms, engine.settle_ms)
-    scheme = Scheme(wired(circuit), engine.dt_ms)
+    wiring = wired(circuit)
+    clock = engine.clock(wiring, steps, step_ms)
+    scheme = Scheme(wiring, clock.dt_ms)
     one, w = _Trial(scheme, clock, timed(scheme.wiring, clock), seed, trial), scheme.wiring
     every = clock.sample_ticks
 

@@ -66,9 +66,6 @@ class Algebra(Engine):
 class PopulationsEngine(CompiledEngine):
     """Base class of engines that transmit rates instead of spikes."""
 
-    dt_ms: float | None = None
-    """One tick, ms; by default the longest of 0.5, 0.25, 0.2 and 0.1 that divides all times."""
-
     def row_length(self, count: int) -> int:
         """Return a whole number of cache lines, so that a row is written past the caches."""
         return -(-count // CACHE_LINE) * CACHE_LINE

@@ -43,18 +43,6 @@ def test_rates_decode_to_the_activity_they_stand_for():
     )
 
 
-def test_an_activity_is_one_line_and_in_a_notebook_its_mean_rates():
-    activity = run_algebra(anatomy.bogacz_gurney(4), evidence(4)[:3, None])
-    line = repr(activity)
-    assert line.startswith("Activity(bogacz_gurney on algebra: 3 trials x 1 ticks x 4 channels, ")
-    assert f"mean OUT {activity.output_nats.mean():.3g} nats" in line
-    assert line.endswith("no recorded spikes)")
-    assert "\n" not in line
-    page = activity._repr_html_()
-    assert f"{activity.rates_hz['GPe'].mean():.4g}" in page
-    assert "<table" not in replace(activity, rates_hz={})._repr_html_()
-
-
 def test_independent_spikes_have_twice_their_rate_over_their_number():
     """The one-sided density of n cells is twice the power of one over n, at every frequency."""
     hz, cells = 40.0, 300
@@ -70,12 +58,6 @@ def test_independent_spikes_have_twice_their_rate_over_their_number():
     assert power[inside].mean() == pytest.approx(law.mean(), rel=0.03)
     half = frequency[inside] < 50
     assert power[inside][half].mean() == pytest.approx(law[half].mean(), rel=0.1)
-
-
-def test_a_segment_of_a_spectrum_that_does_not_fit_is_refused():
-    recorded = run_rate(anatomy.bogacz_gurney(), np.zeros((1, 1, 2)), step_ms=500)
-    with refused("segment_ms"):
-        recorded.spectrum("STN", from_ms=100)
 
 
 @pytest.mark.parametrize(
@@ -146,13 +128,6 @@ def test_smoothing_keeps_a_constant_and_what_is_unknown():
     smooth = plots.smoothed(values, 1.0, 5.0)
     assert smooth[:40] == pytest.approx(7.0)
     assert np.isnan(smooth[40:]).all()
-
-
-def test_what_cannot_be_drawn_is_said(activity):
-    with refused("trial"):
-        activity.plot(2)
-    with refused("rates"):
-        replace(activity, rates_hz={}).plot(0)
 
 
 def test_labelled_arrays_hold_what_the_activity_holds():

@@ -5,10 +5,9 @@ import pytest
 
 from circuits import anatomy
 from circuits.checks import is_whole, whole_ticks
-from circuits.dynamics.ticks import Clock, Scheme
+from circuits.dynamics.ticks import Scheme
 from circuits.dynamics.wiring import wire
 from tests.circuits.helpers import run_rate
-from tests.helpers import refused
 
 
 def test_times_are_whole_ticks():
@@ -20,16 +19,6 @@ def test_times_are_whole_ticks():
         _ = Scheme(wire(circuit), 0.1).unit_delay
     with pytest.raises(ValueError, match="delay of STN->GPe"):
         run_rate(circuit, np.zeros((1, 1, 2)), step_ms=1)
-    with refused("dt_ms"):
-        whole_ticks("delay", 2, 0)
-    with refused("step_ms"):
-        Clock(1, 0)
-    with refused("sample_ms of 0.25 ms is not a multiple"):
-        Clock(1, 1, sample_ms=0.25)
-    with refused("settle_ms"):
-        Clock(1, 1, settle_ms=-1)
-    with refused("sample_ms step_ms must be a multiple of sample_ms"):
-        Clock(1, 3, sample_ms=2)
 
 
 @pytest.mark.parametrize("value", [3, 3.0, np.int32(3), np.float32(3), -2, 0])

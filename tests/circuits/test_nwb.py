@@ -1,7 +1,6 @@
 """Trials as NWB."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -105,16 +104,3 @@ def test_out_of_saliences_is_no_nats_in_a_file_of_trials(tmp_path):
     write_nwb(run(anatomy.gpr(), [[[0.5, 0.2]]], engine="rate", step_ms=5.0), tmp_path / "a.nwb")
     with pynwb.NWBHDF5IO(str(tmp_path / "a.nwb"), "r") as file:
         assert file.read().acquisition["OUT"].unit == "salience"
-
-
-def test_the_same_circuit_and_seed_on_another_task_is_another_file(parts, tmp_path):
-    names = set()
-    for trials in ([0], [1], [0]):
-        write_nwb(parts, tmp_path / "a.nwb", trials=trials)
-        with pynwb.NWBHDF5IO(str(tmp_path / "a.nwb"), "r") as file:
-            names.add(file.read().identifier)
-    assert len(names) == 2
-    one = replace(parts[0], output_nats=parts[0].output_nats + 0.1)
-    write_nwb(one, tmp_path / "a.nwb", trials=[0])
-    with pynwb.NWBHDF5IO(str(tmp_path / "a.nwb"), "r") as file:
-        assert file.read().identifier not in names

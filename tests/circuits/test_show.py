@@ -47,16 +47,6 @@ def test_the_page_says_whether_a_circuit_is_in_the_family_and_what_fails():
     assert "family" not in show.text(anatomy.gpr())  # not in nats
 
 
-def test_constants_of_cells_are_in_the_circuits_unit():
-    for name, unit in (("humphries", "salience"), ("spiking_msprt", "nat")):
-        table = anatomy.load_circuit(name)
-        shown = show.constants(table)
-        assert [f"mv_per_{unit} " in shown, shown.count("mv_per_")] == [
-            any(hasattr(row.cell, "mv_per_nat") for row in table.populations),
-            len({row.cell for row in table.populations if hasattr(row.cell, "mv_per_nat")}),
-        ]
-
-
 def test_a_row_without_a_source_is_assumed():
     edited = anatomy.spiking_msprt().add("D1->GPe weight=-0.1", "D1 amount=0.1 to_ms=9")
     assert show.pathways(edited)["source"].iloc[-1] == "assumed"
@@ -96,10 +86,3 @@ def test_the_macaque_names_the_nuclei_that_rest_outside_the_published_range(chan
 
 def test_a_table_without_published_rates_has_no_line_on_them():
     assert "published" not in show.text(anatomy.spiking_msprt(2))
-
-
-def test_the_rest_of_a_table_is_solved_once_per_page(monkeypatch):
-    solved = []
-    monkeypatch.setattr(show, "resting_hz", lambda table: solved.append(table) or {})
-    show.text(anatomy.macaque())
-    assert len(solved) == 1

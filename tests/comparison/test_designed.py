@@ -23,8 +23,6 @@ from bgmodel.comparison.designed import (
     designed,
     designed_circuit,
     designs,
-    kappa_of,
-    readings_of,
     size,
     text,
     theories,
@@ -36,7 +34,7 @@ from bgmodel.integrators.sprt import Msprt
 from circuits import anatomy
 from circuits.engines import Population
 from circuits.laws.controls import linear_stn
-from tests.helpers import refused, unwarned
+from tests.helpers import refused
 
 OF_COMPETITORS = {
     MSPRT: lambda competitors: np.log(np.exp(competitors).sum()),
@@ -136,13 +134,6 @@ def test_without_the_exponential_of_stn_a_circuit_follows_max_vs_average():
     assert outcomes(differences) == {MSPRT: APART, "max vs next": APART, "max vs average": FOLLOWS}
 
 
-def test_a_gpr_circuit_works_in_its_own_unit_and_follows_max_vs_average():
-    table = designed_circuit(BasalGanglia(anatomy.gpr(4), "rate", 0.1), [0.05])
-    assert outcomes(table)["max vs average"] == FOLLOWS
-    assert (table["latency_ms"] > 0).all()
-    assert "OUT: the circuit's threshold, salience" in text(table, "salience")
-
-
 @pytest.mark.parametrize("leader", [1, 3])
 @pytest.mark.parametrize(
     ("table", "engine"),
@@ -158,11 +149,6 @@ def test_relabelling_channels_changes_nothing(table, engine, leader):
     np.testing.assert_allclose(other, one, atol=0.02)
 
 
-def test_the_gain_of_a_circuit_in_nats_changes_nothing():
-    one, other = (designed_circuit(exact("macaque", gain), [0.25]) for gain in (0.5, 0.8))
-    np.testing.assert_allclose(one["value"], other["value"], atol=1e-6)
-
-
 @pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
 def test_the_circuits_follow_the_msprt_by_populations(name):
     model = BasalGanglia(anatomy.CIRCUITS[name](4), Population(rates=False), 0.5, 7)
@@ -172,14 +158,6 @@ def test_the_circuits_follow_the_msprt_by_populations(name):
     equal = table["held"] == ""
     np.testing.assert_allclose(table[equal]["value"], 0, atol=1e-9)
     assert (table[~equal]["low"] < table[~equal]["high"]).all()
-
-
-def test_noise_is_the_same_in_all_designs_and_its_interval_shrinks_with_trials():
-    model = BasalGanglia(anatomy.macaque(4), Population(rates=False), 0.5, 7)
-    few, many = (designed_circuit(model, [0.25], trials=n) for n in (20, 180))
-    ratio = (few["high"] - few["low"])[few["held"] != ""].mean()
-    ratio /= (many["high"] - many["low"])[many["held"] != ""].mean()
-    assert 2 < ratio < 5  # 3 for means over independent trials
 
 
 def test_what_a_circuit_does_not_read_is_refused():
@@ -240,55 +218,6 @@ def test_a_theory_is_followed_within_60_ms_and_told_apart_beyond_100():
     legend = text(designed(Msprt(), OWN[MSPRT]))
     assert f"{FOLLOWS}: all intervals within 60 ms; {APART}: at each OUT an interval" in legend
     assert "beyond 100 ms" in legend
-
-
-def test_a_difference_is_known_if_the_leader_is_chosen_in_nine_trials_of_ten():
-    moved = np.ones((4, 100))
-    moved[0, :9], moved[1, :11], moved[2, :99], moved[3] = (np.nan,) * 4
-    with unwarned():
-        value, low, _ = _intervals(moved)
-    assert np.isfinite(value).tolist() == [True, False, False, False]
-    assert np.isfinite(low[0])
-
-
-def test_only_what_has_noise_is_shown_with_an_interval():
-    table = designed(Msprt(), OWN[MSPRT])
-    body, _, _ = text(table).partition("\n\n")
-    assert "[" not in body
-    body, _, _ = text(table.assign(low=table["value"] - 3, high=table["value"] + 3)).partition(
-        "\n\n"
-    )
-    others = (table["held"] != "").sum()
-    assert body.count("[") == others
-    # With equal competitors it is 0 by construction of the thresholds, and there is no test.
-    assert [line.split()[3] for line in body.splitlines()[1:]].count("-") == len(OWN[MSPRT])
-
-
-def test_trials_last_half_as_long_again_as_the_theory_needs():
-    """Of three competitors on average 0 one, all else hopeless, stands 2/3 of 1.6 nats up."""
-    rise_s = (1.5 + 1.6 * 2 / 3) / 2.0
-    needed = 1.5 * rise_s / (STEP_MS / 1000)
-    assert needed <= readings_of(MaxVsNext(), [-1.5]) <= needed + 5
-
-
-def test_without_nats_a_design_is_given_as_it_is():
-    for design in designs():
-        plain = design.evidence(3).own_totals[0, 1, 1:]
-        assert plain == pytest.approx(design.competitors)
-    model = BasalGanglia(anatomy.gpr(4), "rate", 0.1)
-    assert kappa_of(model) == 1
-    assert kappa_of(exact("macaque", 0.3)) == 0.3
-    assert theories()[MSPRT] == Msprt()
-
-
-def test_designed_trials_have_four_channels_and_three_thresholds_by_default():
-    table = designed(Msprt())
-    assert table["threshold"].drop_duplicates().tolist() == [0.35, 0.25, 0.15]
-    assert "3 equal" in set(table["design"])
-    # Readings of 50 ms, in which the leader rises by 2 nats per second.
-    evidence = designs()[0].evidence(3)
-    assert evidence.step_ms == 50
-    assert evidence.own_totals[0, -1].tolist() == pytest.approx([0.3, 0, 0, 0])
 
 
 @pytest.mark.parametrize("thresholds", [0.2, "0.2", [], [[0.2]], ["a"], None])

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel import Msprt, stream
+from bgmodel import stream
 from bgmodel.comparison.compare import compare, with_other_noise
 from bgmodel.comparison.edited import compare_edits
 from bgmodel.comparison.matched import OTHER_NOISE, matched_measures
-from bgmodel.comparison.page import behaviour, page, verdicts
+from bgmodel.comparison.page import behaviour, page
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.integrators import basal_ganglia
@@ -20,11 +20,9 @@ from bgmodel.integrators.deciding import (
     CIRCUIT,
     DECODER,
     decide_at_thresholds,
-    sample_ms,
     thresholds_about,
     without_noise_alone,
 )
-from bgmodel.integrators.steady import resting_activity
 from bgmodel.simulated_evidence import separated_evidence
 from circuits.anatomy import load_circuit
 from circuits.engines import Ensemble, engine_of
@@ -79,23 +77,6 @@ def test_the_spiking_circuit_decides_as_the_msprt(table):
     assert "other noise" not in text
 
 
-@pytest.mark.parametrize("kind", ["sign", "shuffled"])
-def test_the_circuit_on_wrong_evidence_does_not_decide_as_the_msprt(kind):
-    """Negative controls: the circuit gets something else than the test."""
-    values = EVIDENCE.log_likelihood
-    wrong = replace(EVIDENCE, log_likelihood=-values if kind == "sign" else values[::-1].copy())
-    test = msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT_AT_GAIN]
-    levels = thresholds_about(test)
-    swept = decide_at_thresholds(POPULATIONS, wrong, levels, decoder_tau_ms=None)[CIRCUIT]
-    # The posterior is that of the right evidence.
-    known = np.exp(-Msprt().run(EVIDENCE).out_nats)[:, -1]
-    chosen = known[np.arange(EVIDENCE.trials), swept.choice]
-    assert chosen.mean(axis=1).max() < 0.6
-    measured = matched_measures(test, swept, rng=stream(1, "b"), accuracies=(0.95,), resamples=50)
-    agreement = measured.set_index("measure")["value"]["agreement"]
-    assert np.isnan(agreement) or agreement < 0.5
-
-
 def test_without_gpe_or_the_right_sum_the_circuit_agrees_less():
     """GPe held at its rest, the STN's sum to the wrong channel: worse by a margin."""
     edited = {"GPe": TABLE.clamp("GPe"), "shuffled": shuffled_stn(TABLE)}
@@ -129,35 +110,6 @@ def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms, sh
             assert np.array_equal(getattr(one, field), getattr(dropped[name], field)), (name, field)
 
 
-def test_at_rest_rates_are_the_animals_and_cells_fire_irregularly():
-    """MSN at most 5 Hz, STN 8-25, GPe 25-75, SNr 20-80 (the ranges of rat and macaque)."""
-    for channels in (2, 4):
-        activity = resting_activity(load_circuit("spiking_msprt", channels), seed=SEED).set_index(
-            "nucleus"
-        )
-        for name, low, high in (
-            ("D1", 0, 5),
-            ("D2", 0, 5),
-            ("STN", 8, 25),
-            ("GPe", 25, 75),
-            ("SNr", 20, 80),
-        ):
-            assert low <= activity.loc[name, "rate_hz"] <= high, name
-        # And those of the fixed point, where cells are not silent on average and swing into firing.
-        silence = np.zeros((1, 1, channels))
-        fixed = (
-            BasalGanglia(load_circuit("spiking_msprt", channels), "algebra")
-            .run_drive(silence, 1.0)
-            .rates_hz
-        )
-        for name in ("ctx", "STN", "GPe"):
-            rate_hz = fixed[name].mean()
-            assert activity.loc[name, "rate_hz"] == pytest.approx(rate_hz, rel=0.05), name
-        # The table's own description of its cells.
-        assert abs(activity.loc["ctx", "interval_cv"] - 0.5) < 0.1
-        assert abs(activity.loc["STN", "interval_cv"] - 0.3) < 0.1
-
-
 def test_a_page_has_the_main_measures_and_explains_what_is_unknown(table):
     shown = page(table)
     assert re.search("same choice +by chance +r of times +later, ms", shown)
@@ -167,31 +119,6 @@ def test_a_page_has_the_main_measures_and_explains_what_is_unknown(table):
     assert "unknown" not in page(table.assign(value=table["value"].fillna(1), low=0, high=1))
     loose = table.assign(low=table["low"].where(table["measure"] != "extra_ms"))
     assert "[unknown]: more than 5 % of the bootstrap's resamples" in page(loose)
-
-
-def test_a_warning_is_below_the_verdict_at_the_accuracy_that_it_names(table):
-    lost = table.assign(value=table["value"].mask(table["accuracy"] == 0.95))
-    cautions = [
-        "no comparison is possible at accuracy 0.95: because",
-        "posteriors are not calibrated",
-    ]
-    lines = verdicts(lost, cautions).splitlines()
-    assert lines[0] == "circuit against MSPRT at its gain:"
-    assert re.match(r"  at 0.9: same choice 0\.\d{3} \(0\.\d{3} by chance\), ", lines[1])
-    assert lines[2:4] == ["  at 0.95: not reached", f"    warning: {cautions[0]}"]
-    assert lines[-1] == f"  warning: {cautions[1]}"
-
-
-@pytest.mark.parametrize(
-    ("late_ms", "remark"),
-    [(58.2, "; 58 ms later;"), (-3.4, "; 3 ms earlier;"), (np.nan, "chance); ")],
-)
-def test_a_verdict_of_equal_accuracy_says_that_a_delay_was_subtracted(table, late_ms, remark):
-    """Time is equal only then: a circuit can be as accurate as the test and later."""
-    timed = table.assign(value=table["value"].where(table["measure"] != "extra_ms", late_ms))
-    line = verdicts(timed).splitlines()[1]
-    assert remark in line.replace(", ", "; ")
-    assert line.index("mean delay is subtracted") > line.index("chance)")
 
 
 QUICK = BasalGanglia(TABLE, "population", GAIN, SEED)
@@ -260,10 +187,6 @@ def test_the_ceiling_is_the_circuit_beside_itself_and_1_without_noise():
     assert of(without, "r_noise_corrected") == pytest.approx(of(without, "pearson_r"))
 
 
-def test_out_is_sampled_each_ms_or_fifty_times_a_slow_reading():
-    assert [sample_ms(step) for step in (1, 50, 99, 100, 120, 150, 1000)] == [1, 1, 1, 2, 1, 3, 20]
-
-
 class Steep:
     """A test whose setting is ten times the share of errors, or 0."""
 
@@ -321,18 +244,6 @@ def test_each_seed_has_another_noise_of_its_own(monkeypatch):
     assert asked[2] == asked[3]
     assert with_other_noise(replace(QUICK, engine="algebra"), EVIDENCE, test) is test
     assert len(asked) == 4
-
-
-def test_the_decoder_beside_a_circuit_counts_for_20_ms_by_default(monkeypatch):
-    taken = []
-
-    def recorded(activity, trace, lowest, again, tau_ms):
-        taken.append(tau_ms)
-        return trace
-
-    monkeypatch.setattr("bgmodel.integrators.deciding.decoded", recorded)
-    decide_at_thresholds(QUICK, LONG[:2], [0.4])
-    assert taken == [20.0]
 
 
 def test_an_edit_that_changes_nothing_is_warned_of():

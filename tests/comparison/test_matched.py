@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from bgmodel import Msprt, stream
-from bgmodel.bootstrap import check_resamples, check_trials, interval, resampled, shown
-from bgmodel.comparison.matched import at_equal_accuracy, equivalent, latency, matched_measures
+from bgmodel.bootstrap import check_resamples, check_trials, interval, resampled
+from bgmodel.comparison.matched import equivalent, latency, matched_measures
 from bgmodel.deciding.trace import Trace
 from bgmodel.deciding.tradeoff import Tradeoff, curve, decides_without_evidence, margin, tradeoff
-from bgmodel.integrators.baselines import MaxVsAverage, Race
+from bgmodel.integrators.baselines import Race
 from bgmodel.simulated_evidence import separated_evidence
 from tests.helpers import refused
 
@@ -58,29 +58,6 @@ def test_a_delay_is_an_offset_and_nothing_else():
     assert (measured(late, latency_ms=0.0).query("measure == 'accuracy_gap'")["high"] < 0).all()
 
 
-def test_times_that_are_stretched_show_as_a_slope():
-    slow = replace(TRACE, time_ms=TRACE.time_ms * 1.1)
-    table = measured(replace(tradeoff(slow, EVIDENCE, TEST.settings), posterior=TEST.posterior))
-    assert value(table, "slope") == pytest.approx(0.1, abs=1e-8)
-    assert value(table, "offset_ms") == pytest.approx(0, abs=1e-5)
-
-
-def test_a_monotone_function_of_the_test_is_the_test():
-    squared = tradeoff(Trace(TRACE.out_nats**3, TRACE.time_ms, 0.0, 50.0), EVIDENCE)
-    table = measured(squared)
-    assert value(table, "agreement", 0.95) > 0.995
-    assert equivalent(table).all()
-
-
-def test_baselines_differ_as_they_must():
-    """Negative controls: less efficient at N = 4, the intervals clear of zero."""
-    for baseline in (Race(), MaxVsAverage()):
-        table = measured(tradeoff(baseline.run(EVIDENCE), EVIDENCE), latency_ms=0.0)
-        assert value(table, "accuracy_gap", 0.95, "high") < -0.01
-        assert value(table, "extra_ms", 0.95, "low") > 0
-        assert not equivalent(table).any()
-
-
 @pytest.mark.parametrize("kind", ["sign", "shuffled"])
 def test_wrong_evidence_reaches_no_accuracy_that_could_agree(kind):
     """Negative controls: an accuracy that is not reached gives no figure, and no interval."""
@@ -91,28 +68,6 @@ def test_wrong_evidence_reaches_no_accuracy_that_could_agree(kind):
     table = measured(swept)
     assert table[["value", "low", "high"]].isna().all(axis=None)
     assert not equivalent(table).any()
-
-
-def test_extra_time_and_its_interval_do_not_hang_on_the_grid():
-    """A delay of 40 ms on a coarse grid of thresholds: the value and its interval hold 40."""
-    late = replace(TRACE, time_ms=TRACE.time_ms + 40.0)
-    table = measured(tradeoff(late, EVIDENCE, np.geomspace(1.2, 0.005, 120)))
-    for accuracy in (0.90, 0.95, 0.97):
-        assert value(table, "extra_ms", accuracy) == pytest.approx(40, abs=4)
-        ends = [value(table, "extra_ms", accuracy, column) for column in ("low", "high")]
-        assert ends[0] - 1 <= 40 <= ends[1] + 1
-
-
-def test_expected_accuracy_is_the_counted_one_with_a_smaller_error():
-    """A martingale: the mean posterior of what is chosen is the accuracy, whatever chooses."""
-    for integrator in (Msprt(), Race()):
-        swept = tradeoff(integrator.run(EVIDENCE), EVIDENCE)
-        counted = (swept.choice == EVIDENCE.truth).mean(axis=1)
-        expected = swept.posterior.mean(axis=1)
-        error = np.sqrt(expected * (1 - expected) / EVIDENCE.trials)
-        assert (np.abs(counted - expected) < 4 * error + 1e-9).all()
-    k = np.argmin(np.abs(TEST.posterior.mean(axis=1) - 0.9))
-    assert TEST.posterior[k].std() < 0.3 * np.sqrt(0.9 * 0.1)
 
 
 def test_the_interval_of_a_proportion_is_the_binomial_one():
@@ -136,14 +91,6 @@ def test_without_a_truth_all_but_the_errors_is_known():
     table = measured(TEST, truth=None)
     assert {"agreement", "accuracy_gap"} <= set(table["measure"])
     assert not {"accuracy", "error_agreement"} & set(table["measure"])
-
-
-def test_thresholds_fall_and_accuracy_rises():
-    accuracy, time = curve(TEST, np.ones((1, 800)))
-    assert (np.diff(TEST.settings) < 0).all()
-    assert (np.diff(accuracy) >= 0).all()
-    assert (np.diff(time) >= 0).all()
-    assert abs(TEST.posterior[TEST.settings == TEST.setting(0.9)].mean() - 0.9) < 0.01
 
 
 def test_parts_join_to_the_whole():
@@ -201,14 +148,6 @@ def test_all_are_matched_at_the_accuracy_asked_for_between_their_settings():
     assert measures["threshold"] == pytest.approx(
         other.settings[1] + share[1] * (other.settings[2] - other.settings[1])
     )
-
-
-def test_at_the_end_of_the_range_of_the_test_others_are_matched_to_it():
-    """Asked for 0.9 the test reaches 0.894, within the margin: so does the other then."""
-    test, other = staircase([0.80, 0.894], "test"), staircase([0.84, 0.88, 0.9], "other")
-    matched = at_equal_accuracy((test, other), 0.9)
-    assert [one.posterior.mean() for one in matched] == pytest.approx([0.894] * 2, abs=1e-3)
-    assert [test.reaches(a) for a in (0.77, 0.791, 0.9, 0.906)] == [False, True, True, False]
 
 
 @given(arrays(float, st.integers(1, 9), elements=st.floats(0.5, 1)), st.floats(0.4, 1), st.data())
@@ -278,11 +217,6 @@ def test_early_and_forced_decisions_count_in_more_than_half_of_the_trials(share,
         assert np.isnan(value(table, "agreement", 0.9)) == most
 
 
-def test_an_interval_leaves_a_fortieth_of_its_resamples_on_either_side():
-    values = np.concatenate([[7.0], np.linspace(0, 1, 1001)])
-    assert interval(values) == pytest.approx((7, 0.025, 0.975))
-
-
 def test_an_interval_is_known_where_the_value_is_and_all_but_a_twentieth_of_its_resamples():
     values = np.concatenate([[7.0], np.linspace(0, 1, 1000)])
     for unknown, known in ((40, True), (60, False)):
@@ -292,13 +226,6 @@ def test_an_interval_is_known_where_the_value_is_and_all_but_a_twentieth_of_its_
         assert np.isfinite(interval(some)[1:]).tolist() == [known, known]
     values[0] = np.nan
     assert np.isnan(interval(values)).all()
-
-
-def test_a_number_that_is_not_known_is_said_to_be_so():
-    assert shown(1.25, 1.0, 1.5, ".2f") == "1.25 [1.00, 1.50]"
-    assert shown(np.nan, 1.0, 1.5, ".2f") == "unknown"
-    for ends in ((np.nan, 1.5), (1.0, np.nan), (np.nan, np.nan)):
-        assert shown(1.25, *ends, ".2f") == "1.25 [unknown]"
 
 
 def test_the_latency_is_that_of_accuracies_from_85_to_98_per_cent_and_of_no_others():

@@ -9,15 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from bgmodel import BasalGanglia, Msprt, stream
-from bgmodel.comparison.compare import compare
+from bgmodel import Msprt, stream
 from bgmodel.comparison.matched import accuracy_after, warn_of_missed, warn_of_readings
 from bgmodel.deciding.calibration import calibration, miscalibrated, warn_of_calibration
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.integrators.baselines import Lca
 from bgmodel.simulated_evidence import separated_evidence
 from circuits.errors import CalibrationWarning, DeadlineWarning
-from tests.helpers import run, unwarned
+from tests.helpers import unwarned
 
 
 def drawn(trials, steps, seed=1, hypotheses=2):
@@ -41,12 +40,6 @@ def silent(call, *arguments):
         return call(*arguments)
 
 
-def test_the_ceiling_is_the_accuracy_of_all_readings():
-    evidence = drawn(4000, 12)
-    right = (evidence.posterior[:, -1].argmax(axis=1) == evidence.truth).mean()
-    assert abs(accuracy_after(evidence) - right) < 4 * np.sqrt(right * (1 - right) / 4000)
-
-
 def test_an_accuracy_beyond_the_readings_is_said_with_what_they_allow():
     evidence = drawn(400, 5)
     top = f"{accuracy_after(evidence):.3f}"
@@ -54,17 +47,6 @@ def test_an_accuracy_beyond_the_readings_is_said_with_what_they_allow():
     with pytest.warns(DeadlineWarning, match=warning):
         assert warn_of_readings(evidence, (0.7, 0.9, 0.99)) == [0.7]
     assert silent(warn_of_readings, drawn(400, 120), (0.7, 0.9, 0.99)) == [0.7, 0.9, 0.99]
-
-
-def test_a_baseline_that_stays_below_what_readings_allow_has_a_ceiling_of_its_own():
-    evidence = drawn(400, 120)
-    leaky = tradeoff(Lca(leak_hz=20.0, inhibition_hz=0.0).run(evidence), evidence)
-    with pytest.warns(
-        DeadlineWarning, match=r"LCA reaches no accuracy of 0.99: at the best .* 0\.[5-9]"
-    ):
-        warn_of_missed("LCA", leaky, (0.7, 0.99))
-    test = tradeoff(Msprt().run(evidence), evidence)
-    silent(warn_of_missed, "MSPRT", test, (0.7, 0.99))
 
 
 @pytest.mark.parametrize("hypotheses", [2, 4])
@@ -99,29 +81,17 @@ def test_the_sentence_is_said_where_zero_lies_outside_its_interval(posterior, ac
     assert which == ("" if not apart else "sure" if posterior > accuracy else "unsure")
 
 
+def test_a_baseline_that_stays_below_what_readings_allow_has_a_ceiling_of_its_own():
+    evidence = drawn(400, 120)
+    leaky = tradeoff(Lca(leak_hz=20.0, inhibition_hz=0.0).run(evidence), evidence)
+    with pytest.warns(
+        DeadlineWarning, match=r"LCA reaches no accuracy of 0.99: at the best .* 0\.[5-9]"
+    ):
+        warn_of_missed("LCA", leaky, (0.7, 0.99))
+    test = tradeoff(Msprt().run(evidence), evidence)
+    silent(warn_of_missed, "MSPRT", test, (0.7, 0.99))
+
+
 def test_without_decisions_there_is_nothing_to_say():
     assert calibration(np.nan, np.nan, 0) == miscalibrated(np.nan, np.nan, 0) == ""
     silent(warn_of_calibration, np.array([]), np.array([], dtype=bool))
-
-
-@pytest.mark.parametrize("conflict", [0.0, 0.9])
-def test_a_run_under_conflict_says_that_posteriors_are_not_calibrated(conflict):
-    asked = ("circuit", "run", "--engine", "population", "--posterior", 0.7)
-    asked += ("--task", f"conflict={conflict}", "trials=200")
-    if not conflict:
-        silent(run, *asked)
-        return
-    with pytest.warns(CalibrationWarning, match="too sure: .* of 200 decisions are correct"):
-        assert run(*asked) == 0
-
-
-def test_few_trials_show_no_miscalibration():
-    silent(warn_of_calibration, np.full(10, 0.95), np.arange(10) < 8)
-
-
-def test_a_comparison_says_what_is_out_of_reach_before_it_runs():
-    evidence = scaled(drawn(400, 8), 2.0)
-    model = BasalGanglia("spiking_msprt", "algebra", 0.5)
-    with pytest.warns(DeadlineWarning, match="no threshold reaches an accuracy of 0.999") as caught:
-        compare(model, evidence, accuracies=(0.8, 0.999))
-    assert any("the evidence is too sure" in str(one.message) for one in caught)

@@ -6,20 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bgmodel import stream
-from bgmodel.bootstrap import interval, resampled
 from bgmodel.comparison.pairs import NearInTime, Product, SameChoice, by_chance, side_by_side
 from bgmodel.deciding.tradeoff import ChoicesAndTimes
-
-SHARES = ("agreement", "error_agreement", "within_50_ms")
-
-
-def drawn(trials, seed=1, hypotheses=3, accuracy=0.85):
-    """Return decisions whose errors and times are their own, slower where the truth is 1."""
-    rng = stream(seed, "pairs")
-    truth = rng.integers(hypotheses, size=trials)
-    choice = np.where(rng.random(trials) < accuracy, truth, rng.integers(hypotheses, size=trials))
-    time_ms = rng.integers(0, 30, trials) * 20.0 + 300 * (truth == 1)
-    return ChoicesAndTimes(choice, time_ms), truth
 
 
 @given(st.integers(0, 2**31), st.integers(3, 14))
@@ -48,51 +36,6 @@ def test_chance_is_the_mean_over_all_pairs_of_different_trials_of_one_truth(seed
                     counted += weight
             wanted = total / counted if counted else np.nan
             np.testing.assert_allclose(chance[b], wanted, rtol=1e-9, atol=1e-9)
-
-
-def test_a_copy_agrees_beyond_chance_in_all():
-    test, truth = drawn(300)
-    same = side_by_side(test, test, truth, resampled(300, 100, stream(2, "b")))
-    for name in SHARES:
-        np.testing.assert_allclose(same[f"{name}_corrected"], 1)
-        assert 0 < same[f"{name}_chance"][0] < 1
-
-
-def test_a_shuffled_copy_agrees_beyond_chance_in_nothing():
-    """With twenty shuffles within each truth, nearly all 95 % intervals contain 0."""
-    test, truth = drawn(600)
-    weights = resampled(600, 200, stream(2, "b"))
-    inside = dict.fromkeys((*SHARES, "pearson_r"), 0)
-    for k in range(20):
-        order = np.arange(600)
-        for value in np.unique(truth):
-            here = np.flatnonzero(truth == value)
-            order[here] = stream(3, "shuffled", value, k).permutation(here)
-        shuffled = ChoicesAndTimes(test.choice[order], test.time_ms[order])
-        measures = side_by_side(test, shuffled, truth, weights)
-        measures["pearson_r_corrected"] = measures["pearson_r"] - measures["pearson_r_chance"]
-        for name in inside:
-            _, low, high = interval(measures[f"{name}_corrected"])
-            inside[name] += low < 0 < high
-        # Between truths times differ: the correlation of shuffled trials is not 0.
-        assert measures["pearson_r_chance"][0] > 0.2
-    assert min(inside.values()) >= 17, inside
-
-
-def test_names_of_hypotheses_mean_nothing():
-    test, truth = drawn(400)
-    other, _ = drawn(400, seed=5)
-    weights = resampled(400, 20, stream(2, "b"))
-    named = np.array([2, 0, 1])
-    measures = side_by_side(test, other, truth, weights)
-    renamed = side_by_side(
-        ChoicesAndTimes(named[test.choice], test.time_ms),
-        ChoicesAndTimes(named[other.choice], other.time_ms),
-        named[truth],
-        weights,
-    )
-    for name, values in measures.items():
-        np.testing.assert_allclose(renamed[name], values, err_msg=name)
 
 
 def test_without_a_truth_all_trials_are_shuffled():

@@ -52,13 +52,6 @@ def test_one_pass_over_thresholds_equals_a_plain_loop(seed, ticks, channels, cou
             assert free.choice[k, n] == (decision.choice[k, n] if tick >= 0 else -1)
 
 
-def test_without_evidence_only_an_output_below_the_threshold_is_a_response():
-    """The rule is that up to the onset of evidence: equality decides nothing."""
-    out = np.array([[[0.5, 0.7], [0.4, 0.7]], [[0.5, 0.7], [0.3, 0.7]], [[0.9, 0.2], [0.9, 0.9]]])
-    assert any_crossing(out, 0.4).tolist() == [False, True, True]
-    assert any_crossing(out[:, :1], 0.4).tolist() == [False, False, True]
-
-
 def test_tally_and_each_agree_with_first_crossing():
     evidence = some_evidence()
     trace = Msprt().run(evidence)
@@ -73,25 +66,6 @@ def test_tally_and_each_agree_with_first_crossing():
     rows = np.arange(evidence.trials) % 9, np.arange(evidence.trials)
     assert (each.choice == decision.choice[rows]).all()
     assert (each.time_ms == decision.time_ms[rows]).all()
-
-
-def test_tallies_of_two_halves_pool_to_that_of_all_trials():
-    evidence = some_evidence()
-    thresholds = np.linspace(0.02, 1.0, 5)
-    halves = [evidence[: evidence.trials // 2], evidence[evidence.trials // 2 :]]
-    first, second = (tally(Msprt().run(half), half.truth, thresholds) for half in halves)
-    pooled, every = first + second, tally(Msprt().run(evidence), evidence.truth, thresholds)
-    assert pooled.trials == every.trials
-    assert pooled.correct.tolist() == every.correct.tolist()
-    assert pooled.forced.tolist() == every.forced.tolist()
-    assert pooled.steps == pytest.approx(every.steps)
-
-
-def test_of_several_that_cross_at_once_the_largest_margin_wins():
-    out = np.array([[[2.0, 2.0, 2.0], [0.5, 0.2, 0.2]]])
-    trace = Trace(out, np.array([0.0, 1.0]))
-    assert first_crossing(trace, 1.0).choice[0] in (1, 2)
-    assert first_crossing(trace, [[1.5, 1.0, 1.1]]).choice.tolist() == [[0]]
 
 
 @pytest.mark.parametrize("hypotheses", [2, 3, 5])
@@ -178,19 +152,6 @@ def test_a_prior_beyond_its_threshold_is_a_premature_response():
     assert (patient.time_ms >= 50).all()
 
 
-def test_undecided_is_a_value():
-    evidence = some_evidence(steps=2)
-    trace = Msprt().run(evidence)
-    free = first_crossing(trace, 1e-3, forced=False)
-    assert (free.choice == -1).all()
-    assert np.isnan(free.time_ms).all()
-    assert not free.forced.any()
-    forced = first_crossing(trace, 1e-3)
-    assert forced.forced.all()
-    assert (forced.choice == trace.out_nats[:, -1].argmin(axis=1)).all()
-    assert (forced.steps == 2).all()
-
-
 TRACE = Msprt().run(some_evidence())
 
 
@@ -205,6 +166,11 @@ TRACE = Msprt().run(some_evidence())
         (lambda: crossing_of_each(TRACE, [np.inf] * 300), "thresholds 300 finite"),
         (lambda: tally(TRACE, np.zeros(300, int), 0.3), r"thresholds \(K,\)"),
         (lambda: tally(TRACE, None, [0.3]), "truth needs the truth"),
+        (lambda: tally(TRACE, np.zeros(3, int), [0.3]), "truth must"),
+        (lambda: tally(TRACE, np.full(300, 3), [0.3]), "truth must"),
+        (lambda: tally(TRACE, np.full(300, -1), [0.3]), "truth must"),
+        (lambda: tally(TRACE, np.zeros(300), [0.3]), "truth must"),
+        (lambda: tally(TRACE, ["a"] * 300, [0.3]), "truth must"),
     ],
 )
 def test_thresholds_without_sense_are_refused(call, says):
@@ -238,3 +204,22 @@ def test_a_crossing_between_onset_and_the_first_reading_is_premature():
     decision = first_crossing(Trace(out, time_ms, 0.0, 50.0), 0.2)
     assert decision.premature.tolist() == [True, False]
     assert decision.time_ms.tolist() == [31.0, 50.0]
+
+
+def test_without_evidence_only_an_output_below_the_threshold_is_a_response():
+    """The rule is that up to the onset of evidence: equality decides nothing."""
+    out = np.array([[[0.5, 0.7], [0.4, 0.7]], [[0.5, 0.7], [0.3, 0.7]], [[0.9, 0.2], [0.9, 0.9]]])
+    assert any_crossing(out, 0.4).tolist() == [False, True, True]
+    assert any_crossing(out[:, :1], 0.4).tolist() == [False, False, True]
+
+
+def test_tallies_of_two_halves_pool_to_that_of_all_trials():
+    evidence = some_evidence()
+    thresholds = np.linspace(0.02, 1.0, 5)
+    halves = [evidence[: evidence.trials // 2], evidence[evidence.trials // 2 :]]
+    first, second = (tally(Msprt().run(half), half.truth, thresholds) for half in halves)
+    pooled, every = first + second, tally(Msprt().run(evidence), evidence.truth, thresholds)
+    assert pooled.trials == every.trials
+    assert pooled.correct.tolist() == every.correct.tolist()
+    assert pooled.forced.tolist() == every.forced.tolist()
+    assert pooled.steps == pytest.approx(every.steps)

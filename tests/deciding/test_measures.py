@@ -53,33 +53,6 @@ def test_ez_inverts_the_exact_moments(drift, bound, other_s):
     np.testing.assert_allclose(parameters, (drift, bound, other_s), rtol=1e-3, atol=1e-4)
 
 
-def test_ez_recovers_a_simulated_diffusion():
-    """A walk in steps of 0.5 ms; bounds are moved in by 0.5826 steps for the overshoot."""
-    drift, bound, other_s, dt = 0.15, 0.12, 0.3, 5e-4
-    rng = stream(8, "ez")
-    sd = DIFFUSION_S * np.sqrt(dt)
-    edge = bound / 2 - 0.5826 * sd
-    at, alive = np.zeros(5000), np.ones(5000, dtype=bool)
-    time_s, right = np.zeros(5000), np.zeros(5000, dtype=bool)
-    for step in range(1, 20_000):
-        at[alive] += drift * dt + sd * rng.standard_normal(alive.sum())
-        out = alive & (np.abs(at) >= edge)
-        time_s[out], right[out] = step * dt, at[out] > 0
-        alive &= ~out
-    assert not alive.any()
-    times = time_s[right] + other_s
-    parameters = ez_diffusion(right.mean(), times.mean(), times.var(), 5000)
-    np.testing.assert_allclose(parameters, (drift, bound, other_s), rtol=0.05)
-
-
-def test_ez_at_the_edges_is_moved_by_half_a_trial():
-    for accuracy, moved in ((1, 1 - 1 / 200), (0, 1 / 200), (0.5, 0.5 + 1 / 200)):
-        parameters = ez_diffusion(accuracy, 0.7, 0.1, 100)
-        np.testing.assert_allclose(parameters, ez_diffusion(moved, 0.7, 0.1, 100))
-        assert np.isfinite(parameters).all()
-    assert np.isnan(ez_diffusion(0.9, 0.7, 0.0, 100)).all()
-
-
 def test_a_diffusion_is_withheld_where_the_deadline_cuts_off_more_than_a_few():
     """A hundredth of the trials is a few, one more is not; other measures stay."""
     truth = np.arange(1000) % 2

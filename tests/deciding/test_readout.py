@@ -13,7 +13,6 @@ from bgmodel import (
     Evidence,
     Msprt,
     Sprt,
-    Trace,
     first_crossing,
     threshold_from_posterior,
 )
@@ -223,28 +222,6 @@ def test_a_response_that_is_left_out_by_its_own_threshold_is_no_error():
         first_crossing(trace, [[0.3, 0.85]])
 
 
-def test_a_circuit_decides_in_python_what_it_decides_at_the_terminal(tmp_path):
-    """In parts, with trials that end at their decision or with rates to their ends."""
-    from bgmodel.support.files import read_table
-    from bgmodel.task import Gaussian
-
-    out = tmp_path / "out.csv"
-    options = ("--task", "trials=30", "--engine", "population", "--seed", 5, "--posterior", 0.85)
-    assert run("circuit", "run", "--save", out, *options) == 0
-    evidence = Gaussian(trials=30).evidence(seed=bg.stream(5, "circuit run"))
-    model = BasalGanglia("macaque", "population", 0.55, 5)
-    means = RateMeans()
-    table = read_table(out)
-    for decision in (
-        model.decide(evidence, posterior=0.85),
-        model.decide(evidence, posterior=0.85, rates=means),
-        first_crossing(model.run(evidence), posterior=0.85),
-    ):
-        assert (decision.choice == evidence.truth).tolist() == table["correct"].tolist()
-        assert decision.time_ms.tolist() == pytest.approx((1000 * table["rt"]).tolist())
-    assert {"STN", "GPe"} <= {*means.table()["population"]}
-
-
 BROKEN = {
     "ends beyond the ticks": {"ends": np.full(60, 1000)},
     "ends of no tick": {"ends": np.zeros(60, int)},
@@ -272,19 +249,6 @@ def test_nothing_is_read_where_a_trace_has_nothing(decide, broken):
             decide(odd, 0.3)
 
 
-TRUTH = np.asarray(EVIDENCE.truth)
-
-
-@pytest.mark.parametrize(
-    "truth",
-    [TRUTH[:3], TRUTH + 2, -1 - TRUTH, TRUTH / 1, ["a"] * 60],
-    ids=["few", "too high", "negative", "floats", "names"],
-)
-def test_a_tally_counts_the_truth_of_each_trial_or_nothing(truth):
-    with refused("truth must"):
-        tally(TRACES["MSPRT"], truth, [0.3])
-
-
 @pytest.mark.parametrize("kind", ["f2", ">f4", ">f8", "g"])
 def test_out_of_any_precision_is_decided_on(kind):
     trace = TRACES["MSPRT"]
@@ -307,7 +271,23 @@ def test_a_trial_that_was_dropped_is_not_decided_below_its_drop():
             decide(trace, 0.1)
 
 
-def test_a_trace_without_a_read_out_is_decided_on_without_its_checks():
-    trace = TRACES["circuit"]
-    bare = Trace(trace.out_nats, trace.time_ms, step_ms=STEP_MS)
-    assert told(lambda: first_crossing(bare, 0.85))[0].startswith("60 of 60 trials decide before")
+def test_a_circuit_decides_in_python_what_it_decides_at_the_terminal(tmp_path):
+    """In parts, with trials that end at their decision or with rates to their ends."""
+    from bgmodel.support.files import read_table
+    from bgmodel.task import Gaussian
+
+    out = tmp_path / "out.csv"
+    options = ("--task", "trials=30", "--engine", "population", "--seed", 5, "--posterior", 0.85)
+    assert run("circuit", "run", "--save", out, *options) == 0
+    evidence = Gaussian(trials=30).evidence(seed=bg.stream(5, "circuit run"))
+    model = BasalGanglia("macaque", "population", 0.55, 5)
+    means = RateMeans()
+    table = read_table(out)
+    for decision in (
+        model.decide(evidence, posterior=0.85),
+        model.decide(evidence, posterior=0.85, rates=means),
+        first_crossing(model.run(evidence), posterior=0.85),
+    ):
+        assert (decision.choice == evidence.truth).tolist() == table["correct"].tolist()
+        assert decision.time_ms.tolist() == pytest.approx((1000 * table["rt"]).tolist())
+    assert {"STN", "GPe"} <= {*means.table()["population"]}

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, gaussian_evidence, stream
 from bgmodel.comparison.matched import matched_measures
-from bgmodel.deciding.tradeoff import PLACED, _steps, levels, margin, tradeoff
-from bgmodel.integrators.baselines import BASELINES, Lca, MaxVsNext
+from bgmodel.deciding.tradeoff import PLACED, _steps, margin, tradeoff
+from bgmodel.integrators.baselines import BASELINES, MaxVsNext
 from tests.helpers import cues
 
 
@@ -77,15 +77,6 @@ def test_times_at_an_accuracy_are_those_of_a_randomised_test_on_a_lattice():
     table = matched_measures(test, other, rng=stream(1, "b"), accuracies=(0.9,), resamples=20)
     table = table.set_index("measure")["value"]
     assert table["agreement"] == table["pearson_r"] == pytest.approx(1)
-
-
-def test_a_model_whose_accuracy_falls_with_time_has_thresholds_up_to_its_best():
-    evidence = gaussian_evidence(300, d_prime=0.5, t_max=60, seed=2)
-    trace = Lca(leak_hz=20.0, inhibition_hz=0.0).run(evidence)
-    at = levels(trace, evidence)
-    every = tradeoff(trace, evidence, _steps(trace, evidence)[0]).posterior.mean(axis=1)
-    reached = tradeoff(trace, evidence, at).posterior.mean(axis=1)
-    assert reached.max() == pytest.approx(every.max(), abs=0.005)
 
 
 def test_evidence_that_says_nothing_has_one_threshold():

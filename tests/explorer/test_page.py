@@ -91,16 +91,6 @@ def test_circuits_and_experiments_are_opened(explorer, widgets):
     assert explorer.state == explorer.history.first
 
 
-def test_a_change_that_changes_nothing_leaves_the_run_alone(explorer, widgets, monkeypatch):
-    """A browser reports an Enter twice: as a new text, and as a key."""
-    asked = []
-    monkeypatch.setattr(explorer.runs, "show", asked.append)
-    for _ in range(2):
-        widgets["line"].value = "lesion STN 10%"
-    assert asked == [explorer.state]
-    assert widgets["line"].value == ""
-
-
 def test_a_click_in_the_drawing_chooses_its_row(explorer):
     drawing, row = explorer.views[CIRCUIT].figure, explorer.controls.row
     for name in ("GPe->STN", "figure_1"):
@@ -126,13 +116,6 @@ def test_a_refusal_is_text_below_its_field_which_keeps_what_was_typed(explorer, 
     assert below(widgets["preset"]) is not explorer.refusal
     assert all(explorer.refusal not in card.objects for card in explorer.controls.cards)
     assert widgets["d_prime"].value == FEW.d_prime
-
-
-@pytest.mark.parametrize("name", ["lesion", "dopamine", "d_prime"])
-def test_an_emptied_number_is_no_traceback(explorer, widgets, name):
-    widgets["line"].value = "lesion STN 10%"
-    widgets[name].value = None
-    assert explorer.state.edits == (() if name == "lesion" else ("lesion STN 10%",))
 
 
 def test_panels_are_dimmed_until_they_show_the_new_state(explorer, widgets):
@@ -161,6 +144,13 @@ def test_losses_are_ranked_and_the_ranking_of_another_state_says_so(explorer, wi
     assert "another state" not in view.card.title
 
 
+@pytest.mark.parametrize("name", ["lesion", "dopamine", "d_prime"])
+def test_an_emptied_number_is_no_traceback(explorer, widgets, name):
+    widgets["line"].value = "lesion STN 10%"
+    widgets[name].value = None
+    assert explorer.state.edits == (() if name == "lesion" else ("lesion STN 10%",))
+
+
 def test_files_are_those_of_the_state(explorer, widgets):
     widgets["line"].value = "lesion STN 5%"
     texts = {name: explorer.file(name).read().decode() for name in FILES}
@@ -168,8 +158,3 @@ def test_files_are_those_of_the_state(explorer, widgets):
     assert len(rows) == 1 + 2 * explorer.state.experiment.trials
     assert "condition" in rows[0]
     assert "intact" in texts["circuit.toml"]
-
-
-def test_template_and_notebook_show_the_same_parts(explorer):
-    page, layout = explorer.template(), explorer.layout()
-    assert [*page.header, *page.main] == [explorer.tools, explorer.body] == [*layout]

@@ -8,9 +8,8 @@ import pytest
 from bgmodel.deciding.measures import MEASURES as MEASURED
 from bgmodel.deciding.measures import OF_ALL, OF_DIFFUSION
 from bgmodel.experiments.experiment import Experiment
-from bgmodel.explorer.panels import CIRCUIT, KEPT, MEASURES, TITLES, TRADEOFF, TRIAL, Memory, panels
+from bgmodel.explorer.panels import CIRCUIT, KEPT, MEASURES, Memory, panels
 from bgmodel.explorer.state import State, opened
-from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
 from bgmodel.plots import labelled
 from circuits.laws.stability import growth
 from tests.explorer.helpers import small
@@ -29,12 +28,6 @@ def shown(memory):
     """Return the panels of an edited circuit by name."""
     state = small("macaque", "population", "lesion STN 10%", "add D1->GPe weight=-0.1 delay_ms=4")
     return state, {panel.name: panel for panel in panels(state, memory, workers=1)}
-
-
-def test_each_panel_shows_the_circuit_of_the_state(shown):
-    state, by = shown
-    assert set(by) == set(TITLES)
-    assert {(panel.key, panel.digest) for panel in by.values()} == {(state.key, state.digest)}
 
 
 def test_each_figure_is_a_whole_svg_in_which_text_is_text(shown):
@@ -78,10 +71,6 @@ def test_an_experiment_shows_its_source_and_the_verdicts_of_the_command(tmp_path
     assert state.experiment.source in by[MEASURES].text
 
 
-def test_without_predictions_there_are_no_verdicts(shown):
-    assert len(shown[1][MEASURES].tables) == 1
-
-
 def test_the_python_that_is_copied_computes_the_same(shown, memory):
     state, _ = shown
     code = state.experiment.to_python().replace("print(", "found = (")
@@ -89,26 +78,6 @@ def test_the_python_that_is_copied_computes_the_same(shown, memory):
     exec(code, names)
     assert names["experiment"] == state.experiment
     assert names["found"].equals(memory.outcome[1].summary())
-
-
-@pytest.mark.usefixtures("shown")
-def test_the_curve_of_the_msprt_passes_through_its_decisions(memory):
-    (curve,) = memory.others.kinds["test"].values()
-    outcome = memory.outcome[1]
-    evidence, gain = outcome.given.evidence, outcome.models[0].gain
-    assert curve["mean_ms"].is_monotonic_increasing
-    decision = Msprt(gain).decide(evidence, float(threshold_from_posterior(0.8, 2)))
-    late = curve["mean_ms"].searchsorted(decision.time_ms.mean())
-    low, high = curve["accuracy"].iloc[max(0, late - 2)], curve["accuracy"].iloc[late + 1]
-    assert low - 0.02 <= decision.accuracy <= high + 0.02
-
-
-def test_without_edits_the_control_is_shown_alone():
-    state = small()
-    by = {panel.name: panel for panel in panels(state, Memory(), workers=1)}
-    assert [*by[MEASURES].tables[0]] == ["Measure", "Control"]
-    assert by[MEASURES].warnings == ()
-    assert "Manipulation" not in by[TRADEOFF].text
 
 
 def test_a_run_that_is_refused_says_so_in_the_sentence_of_the_command(tmp_path, capsys):
@@ -147,20 +116,6 @@ def test_the_circuit_says_whether_it_oscillates(level, oscillates):
     assert [cell.split(",")[0] for cell in cells] == ["no", oscillates]
 
 
-@pytest.mark.parametrize(("edit", "shifts"), [("lesion STN 10%", True), ("lesion GPe 5%", False)])
-def test_a_loss_of_stn_is_noted_as_the_criterion_that_it_acts_as(edit, shifts):
-    state = small("macaque", "algebra", edit)
-    panel = next(p for p in panels(state, Memory(), workers=1) if p.name == MEASURES)
-    assert any("criterion lower by 0.105 nats" in note for note in panel.warnings) == shifts
-
-
-def test_warnings_are_part_of_the_panels_and_not_printed(recwarn):
-    state = small("macaque", "population", "dopamine 0.1")
-    by = {panel.name: panel for panel in panels(state, Memory(), workers=1)}
-    assert any("oscillation" in note for panel in by.values() for note in panel.warnings)
-    assert not [one for one in recwarn if "oscillation" in str(one.message)]
-
-
 def test_names_are_text_and_not_mathematics_or_markup(tmp_path):
     from circuits.anatomy import load_circuit
     from circuits.declaration.table_writer import text
@@ -172,13 +127,6 @@ def test_names_are_text_and_not_mathematics_or_markup(tmp_path):
     for panel in panels(state, Memory(), workers=1):
         assert not panel.refused
         assert "<script>" not in panel.svg + panel.folded
-
-
-def test_a_trial_of_a_circuit_without_spikes_has_rates():
-    state = small("bogacz_gurney")
-    (panel,) = (p for p in panels(state, Memory(), workers=1) if p.name == TRIAL)
-    assert not panel.refused
-    assert panel.svg
 
 
 def test_what_is_remembered_does_not_grow():

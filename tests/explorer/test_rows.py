@@ -21,12 +21,6 @@ def test_an_amount_writes_replaces_and_removes_its_line():
     assert rows.amount(state, "scale", "GPe->STN") == 1.0
 
 
-def test_the_level_of_dopamine_is_an_edit_unless_it_is_normal():
-    state = rows.with_dopamine(small(), 0.9)
-    assert rows.dopamine(state) == 0.9
-    assert rows.with_dopamine(state, 1.0).edits == ()
-
-
 def test_values_can_be_set_again_as_they_are_shown():
     state = small()
     for name in (*rows.names(state)["Nuclei"], "STN->GPe"):

@@ -52,23 +52,6 @@ def test_a_newer_state_cancels_the_run_of_an_older_one(started, monkeypatch):
     assert {panel.name for panel in panels} == set(TITLES)
 
 
-def test_a_closed_page_ends_its_run(started, monkeypatch):
-    begun = threading.Event()
-
-    def endless(state, memory, workers):
-        begun.set()
-        while True:
-            processes.advance(1)
-            time.sleep(0.001)
-        yield
-
-    monkeypatch.setattr(module, "panels", endless)
-    runs = started(lambda panel: None, lambda state: None)
-    runs.show(small())
-    assert begun.wait(20)
-    runs.stop(wait=True)
-
-
 def test_a_ranking_waits_for_the_panels_and_ends_when_it_is_cancelled(started, monkeypatch):
     begun, over, panels = threading.Event(), threading.Event(), []
     state = small()

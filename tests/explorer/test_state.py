@@ -4,7 +4,6 @@ import pytest
 
 from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.explorer.state import MOST_TRIALS, History, State, opened
-from bgmodel.task import Gaussian
 from circuits.errors import InputError
 from tests.explorer.helpers import small
 from tests.helpers import refused
@@ -42,13 +41,6 @@ def test_a_link_that_unpacks_to_much_more_than_an_experiment_is_refused():
         State.from_link(f"?state={bomb}")
 
 
-def test_every_included_experiment_opens_with_few_enough_trials():
-    for name, experiment in shipped().items():
-        state = opened(name)
-        assert state.experiment.trials <= MOST_TRIALS
-        assert state.experiment.manipulation == experiment.manipulation
-
-
 @pytest.mark.parametrize(
     ("name", "value", "field"),
     [
@@ -69,33 +61,6 @@ def test_a_setting_out_of_range_is_refused_and_names_its_field(name, value, fiel
     assert field in (refused.value.field, None)
 
 
-def test_a_threshold_takes_the_place_of_a_posterior_and_the_reverse():
-    state = small().with_setting("threshold", 0.3)
-    assert state.experiment.posterior is None
-    assert state.with_setting("posterior", 0.8).experiment.threshold is None
-
-
-def test_the_edited_circuit_becomes_the_control():
-    state = small("macaque", "algebra", "lesion STN 10%").as_control()
-    assert state.alike
-    more = state.edited("dopamine 0.9")
-    assert more.control == state.circuit
-    assert not more.alike
-
-
-def test_the_hash_is_that_of_the_edited_circuit_and_the_key_of_everything():
-    state = small()
-    edited, slower = state.edited("lesion STN 10%"), state.with_setting("d_prime", 0.9)
-    assert edited.digest != state.digest == slower.digest
-    assert len({state.key, edited.key, slower.key}) == 3
-
-
-def test_learning_is_not_for_the_explorer():
-    text = small().experiment.to_toml() + "\n[learning]\ntrials = 100\n"
-    with refused("learning"):
-        State(Experiment.from_text(text))
-
-
 def test_a_circuit_of_a_file_opens_with_its_alternatives(tmp_path):
     from circuits.anatomy import load_circuit
     from circuits.declaration.table_writer import write
@@ -106,20 +71,6 @@ def test_a_circuit_of_a_file_opens_with_its_alternatives(tmp_path):
     path.write_text("name = 'x'\n= 3")
     with pytest.raises(InputError, match="not valid TOML"):
         opened(path)
-
-
-@pytest.mark.parametrize("trials", [7, 99, MOST_TRIALS + 1])
-def test_a_number_of_trials_that_cannot_be_shown_is_refused_at_its_field(trials):
-    with refused("trials"):
-        small().with_setting("trials", trials)
-
-
-def test_no_trials_at_all_are_refused_in_the_words_of_the_task():
-    with pytest.raises(InputError) as here:
-        small().with_setting("trials", 0)
-    with pytest.raises(InputError) as there:
-        Gaussian(trials=0)
-    assert str(here.value) == str(there.value)
 
 
 def test_undo_and_redo_lead_to_the_states_before_and_after():
@@ -141,19 +92,14 @@ def test_undo_and_redo_lead_to_the_states_before_and_after():
     assert history.state.edits == ("dopamine 0.9",)
 
 
-def test_a_refused_state_leaves_the_history_unchanged():
-    history = History(small())
-    with pytest.raises(InputError):
-        history.go(history.state.edited("lesion ctx"))
-    assert history.state is history.first
-    assert not history.past
+def test_learning_is_not_for_the_explorer():
+    text = small().experiment.to_toml() + "\n[learning]\ntrials = 100\n"
+    with refused("learning"):
+        State(Experiment.from_text(text))
 
 
-def test_only_the_last_states_are_kept(monkeypatch):
-    monkeypatch.setattr("bgmodel.explorer.state.LONGEST", 3)
-    history = History(small())
-    for k in range(9):
-        history.go(history.state.with_setting("trial", 1 + k))
-    while history.past:
-        history.undo()
-    assert history.state.trial == 6
+def test_every_included_experiment_opens_with_few_enough_trials():
+    for name, experiment in shipped().items():
+        state = opened(name)
+        assert state.experiment.trials <= MOST_TRIALS
+        assert state.experiment.manipulation == experiment.manipulation

@@ -48,12 +48,6 @@ def test_the_window_of_a_course_is_shaded_in_the_lane_of_its_nucleus():
     assert drawn() == []
 
 
-def test_only_courses_that_begin_before_the_decision_are_shaded():
-    control, edited = shown("add STN amount=0.1 from_ms=50", "add STN amount=0.1 from_ms=99999")
-    assert control.courses == ()
-    assert [row.from_ms for row in edited.courses] == [50.0]
-
-
 def test_a_trial_that_is_decided_before_the_first_reading_is_decided_without_evidence():
     control, edited = shown("set SNr.bias_nats -9")
     assert (control.premature, edited.premature) == (False, True)

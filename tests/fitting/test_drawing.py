@@ -69,18 +69,6 @@ def test_quantiles_are_over_the_probability_of_each_response(drawn):
     assert ax.get_title(loc="right") == too_few(table) != ""
 
 
-def test_strengths_are_on_the_axis_and_conditions_in_the_key(drawn):
-    labels = [text.get_text() for text in drawn.axes[0].get_xticklabels()]
-    assert labels == ["0.1", "0.4"]
-    (legend,) = drawn.legends
-    entries = {text.get_text() for text in legend.get_texts()}
-    models = {f"{name}, {dbs}" for name in ("one", "other") for dbs in ("off", "on")}
-    assert entries == {*models, "Data, off", "Data, on"}
-    assert (
-        drawn.get_suptitle() == "somebody: 27 trials, 9 per point; bars: 95 % intervals of the data"
-    )
-
-
 def test_at_one_strength_conditions_are_on_the_axis():
     table = cells(0.1).assign(strength=1.0)[1:]
     figure = draw_fits({"one": table}, "somebody")

@@ -8,7 +8,6 @@ import pytest
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import QUANTILES
 from bgmodel.fitting.fit import cells_of, fit_likelihood, widened
-from bgmodel.fitting.identify import directions
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.posterior import Posterior
@@ -17,7 +16,6 @@ from bgmodel.fitting.simulated.error import Simulation
 from bgmodel.fitting.trials.design import design_of
 from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn
-from tests.helpers import unwarned
 
 pytestmark = pytest.mark.usefixtures("brief_search")
 MODEL = GapModel()
@@ -97,16 +95,6 @@ def test_a_fit_prints_its_largest_residuals_and_cells_without_errors(fit):
     assert facts["errors"] == too_few(fit.cells()) != ""
 
 
-def test_quantiles_of_a_model_are_those_of_its_draws():
-    values = {"sensitivity": 12.0, "bound": 0.6}
-    design = design_of(drawn(MODEL, [0.1], 20_000, 62, seconds=2.0, **values))
-    likelihood = likelihood_of(MODEL, design, free=["bound"], fixed={**TRUTH, "sensitivity": 12.0})
-    (row,) = cells_of(design, likelihood.density(np.array([0.6]))).to_dict("records")
-    for q in QUANTILES:
-        name = f"q{round(100 * q)}_s"
-        assert row[f"model_{name}"] == pytest.approx(row[name], abs=0.012)
-
-
 def test_a_cell_without_any_response_is_empty_and_not_an_error():
     some = drawn(MODEL, [0.05, 0.4], 30, 63, deadline_s=1.0, sensitivity=12.0, bound=0.6)
     design = design_of(some)
@@ -140,31 +128,6 @@ def test_what_can_not_be_told_apart_is_fitted_with_a_warning(likelihood):
     assert abs(fit.directions.cosines[0, 1]) > 0.999
     product = fit.optimum.values["bound"] * fit.optimum.values["times"]
     assert product == pytest.approx(0.6, abs=0.05)
-
-
-class Steep(Twice):
-    """A second parameter moves nothing at the start, and does at the optimum."""
-
-    parameters = (
-        *MODEL.parameters,
-        Parameter("base", 0.3, 1.0, 0.5),
-        Parameter("add", -2.0, 2.0, 0.0),
-    )
-
-    def decided(self, values, strength, grid):
-        more = values["add"] * np.maximum(values["base"] - 0.55, 0) * (strength > 0.1)
-        return MODEL.decided({**values, "bound": values["base"] + more}, strength, grid)
-
-
-def test_what_differs_at_the_optimum_is_fitted_without_a_warning(likelihood):
-    """The fit used to be refused: it was judged where the search begins."""
-    asked = likelihood_of(
-        Steep(), likelihood.design, free=["base", "add"], fixed={**TRUTH, "sensitivity": 12.0}
-    )
-    assert directions(asked, asked.freedom.start).cautions()
-    with unwarned():
-        fit = fit_likelihood(asked)
-    assert fit.optimum.values["base"] == pytest.approx(0.6, abs=0.05)
 
 
 def test_an_exact_model_has_no_simulation_error(fit):

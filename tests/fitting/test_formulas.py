@@ -11,11 +11,8 @@ from hypothesis import strategies as some
 import bgmodel as bg
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.formulas import Formula
-from bgmodel.fitting.hierarchy.fit import check_people
-from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.settings import settings_of
-from bgmodel.support.seeds import stream
 from circuits.errors import InputError
 from tests.drawn import drawn
 from tests.helpers import refused
@@ -128,13 +125,6 @@ def test_ranges_are_those_in_which_the_parameter_can_stay_within_its_own():
     assert space.values(np.array([2.5, 0.25]))["a"].max() == 3.0
 
 
-def test_slopes_and_differences_are_recovered():
-    peak = optimum(likelihood(table(), formula="bound ~ instruction + block"))
-    assert peak.values["bound[Intercept]"] == pytest.approx(0.4, abs=0.06)
-    assert peak.values["bound[instruction[T.safe]]"] == pytest.approx(0.4, abs=0.05)
-    assert peak.values["bound[block]"] == pytest.approx(0.1, abs=0.04)
-
-
 def test_functions_are_over_trials():
     data = table(60)
     data = data[(data["block"] == 1) | (data.index % 3 == 0)]
@@ -184,23 +174,6 @@ def test_a_parameter_has_one_rule():
         likelihood(formula="bound ~ block", vary={"bound": "instruction"})
     with refused("fix"):
         checked(table(60), formula="bound ~ block", fix={"bound": 0.7})
-
-
-@pytest.mark.parametrize("formula", ["bound ~ 0 + instruction", "bound ~ block"])
-def test_a_hierarchy_takes_values_and_differences(formula):
-    every = table(60)
-    people = {f"p{k}": every.assign(participant_id=f"p{k}") for k in range(3)}
-    check_people({who: likelihood(some, formula=formula) for who, some in people.items()})
-
-
-def test_noise_of_the_search_does_not_leave_the_range():
-    one = likelihood(formula="bound ~ instruction * block")
-    rng = stream(SEED, "points")
-    for _ in range(20):
-        vector = rng.uniform(one.freedom.low, one.freedom.high)
-        if not one.freedom.inside(vector):
-            assert one(vector) == -np.inf
-        assert np.isfinite(one.each(vector)).all()
 
 
 def test_a_covariate_of_any_number_of_values_has_the_slope_that_made_the_data():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.responses import Observed
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.likelihood import BinnedLikelihood, likelihood_of
 from bgmodel.fitting.parameters import Parameter, freedom
@@ -38,13 +37,6 @@ def test_information_is_the_covariance_of_the_score():
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert np.abs(seen - expected).max() > 0
     assert seen / scale == pytest.approx(expected / scale, abs=0.05)
-
-
-def test_errors_fall_with_the_root_of_the_number_of_trials():
-    few, many = (directions(likelihood_at(n), TRUE) for n in (50, 5000))
-    assert few.standard_errors / many.standard_errors == pytest.approx(10, rel=0.03)
-    assert few.cosines == pytest.approx(many.cosines, abs=0.02)
-    assert (few.alone <= few.standard_errors).all()
 
 
 def test_errors_are_those_of_the_inverse_of_the_information():
@@ -109,17 +101,6 @@ def test_opposite_directions_are_named_too_and_a_right_angle_is_not():
     assert [len(at(cosine).cautions()) for cosine in (0.96, -0.96, 0.94, -0.94)] == [1, 1, 0, 0]
 
 
-def test_trials_without_a_response_tell_something_too():
-    """With a deadline that cuts off most, the share that is missing fixes the bound."""
-    some = drawn(MODEL, [0.05, 0.3], 100, 22, deadline_s=0.6, **VALUES)
-    design = design_of(some)
-    assert (design.observed.response < 0).mean() > 0.2
-    with_missing = directions(likelihood_of(MODEL, design, free=FREE), TRUE)
-    answered = np.flatnonzero(design.observed.response >= 0)
-    without = directions(likelihood_of(MODEL, design.part(answered), free=FREE), TRUE)
-    assert (with_missing.standard_errors < without.standard_errors).all()
-
-
 def test_a_point_at_a_bound_is_looked_at_from_inside():
     likelihood = likelihood_at(100)
     tight = [
@@ -130,18 +111,6 @@ def test_a_point_at_a_bound_is_looked_at_from_inside():
     at_bound = directions(BinnedLikelihood(MODEL, likelihood.design, freed), TRUE)
     inside = directions(likelihood, TRUE)
     assert at_bound.standard_errors == pytest.approx(inside.standard_errors, rel=0.1)
-
-
-def test_data_do_not_enter_but_their_number():
-    likelihood = likelihood_at(100)
-    seen = likelihood.design.observed
-    other = Observed(seen.cell, 1 - seen.response, seen.rt_s[::-1], seen.grid)
-    from dataclasses import replace
-
-    changed = replace(likelihood, design=replace(likelihood.design, observed=other))
-    assert np.array_equal(
-        directions(likelihood, TRUE).information, directions(changed, TRUE).information
-    )
 
 
 @dataclass(frozen=True)
@@ -214,16 +183,3 @@ def test_errors_that_are_infinite_without_a_pair_alike_are_said():
     (caution,) = flat.cautions()
     assert caution.startswith("no standard error can be given for a, b, c:")
     assert not Directions(names, np.ones(3), np.eye(3)).cautions()
-
-
-@pytest.mark.parametrize("deadline_s", [None, 0.6])
-def test_outcomes_of_a_cell_are_all_there_are(deadline_s):
-    """Their probabilities sum to 1; without a response by the deadline is one of them."""
-    seconds = {} if deadline_s is None else {"deadline_s": deadline_s}
-    some = drawn(
-        GapModel(), [0.05, 0.4], 60, 71, seconds=3.0, sensitivity=8.0, bound=0.7, **seconds
-    )
-    likelihood = likelihood_of(GapModel(), design_of(some))
-    masses = likelihood._masses(likelihood.freedom.start)
-    assert masses.sum(axis=1) == pytest.approx(1.0, abs=1e-6)
-    assert (masses[:, -1] > 0.01).all() == (deadline_s is not None)

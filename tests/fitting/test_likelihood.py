@@ -113,21 +113,6 @@ def test_a_wrong_model_is_said_not_to_fit():
     assert min(fit.misfit.p.values()) < 1e-6
 
 
-def test_models_of_both_kinds_are_compared_on_the_same_trials():
-    table = people()
-    with np.errstate(all="ignore"):
-        fits = {
-            "own": bg.fit(table, MODEL, strength="strength"),
-            "gap": bg.fit(table, "constant_gap", strength="strength"),
-        }
-    comparison = bg.compare_fits(fits)
-    assert comparison.best == "own"
-    assert comparison.table.loc["gap", "difference"] < 0
-    # Left-out trials are predicted a little worse than fitted ones.
-    score = comparison.table.loc["own"]
-    assert score["log_likelihood"] - 15 < score["score"] < score["log_likelihood"]
-
-
 def test_conditions_change_a_parameter():
     table = people(trials=800)
     table["block"] = np.where(np.arange(800) % 2, "b", "a")

@@ -60,12 +60,6 @@ def test_held_out_trials_are_less_likely_than_fitted_ones_by_about_a_nat_per_par
     assert 0 < lost < 12
 
 
-def test_the_same_model_twice_cannot_be_told_apart(twice):
-    comparison = twice
-    assert comparison.table["difference"].tolist() == [0, 0]
-    assert comparison.table["verdict"].tolist()[1].startswith("cannot tell")
-
-
 def test_error_is_over_people_if_there_are_several():
     rng = np.random.default_rng(SEED)
     person = np.repeat(np.arange(10), 50)

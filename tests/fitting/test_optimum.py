@@ -68,31 +68,6 @@ def small():
     return drawn(CONSTANT, [0.0, 0.1, 0.4], 150, 11, sensitivity=10.0, bound=0.6)
 
 
-def fitted(choices, **options):
-    return optimum(likelihood_of(CONSTANT, design_of(choices), **options))
-
-
-def test_in_per_cent_sensitivity_is_a_hundredth_and_all_else_the_same(small):
-    share, percent = fitted(small), fitted(replace(small, strength=100 * small.strength))
-    assert percent.log_likelihood == pytest.approx(share.log_likelihood, abs=0.02)
-    assert percent.values["sensitivity"] == pytest.approx(
-        share.values["sensitivity"] / 100, rel=0.01
-    )
-    assert percent.values["bound"] == pytest.approx(share.values["bound"], rel=0.01)
-
-
-def test_more_that_is_free_makes_the_data_no_less_likely(small):
-    free = ["sensitivity", "bound", "t0_s"]
-    assert fitted(small).log_likelihood > fitted(small, free=free).log_likelihood - 0.02
-
-
-def test_the_same_seed_finds_the_same(small):
-    free = ["sensitivity", "bound", "t0_s"]
-    one, other = fitted(small, free=free), fitted(small, free=free)
-    assert np.array_equal(one.vector, other.vector)
-    assert list(one.values) == free
-
-
 def test_the_log_likelihood_is_the_sum_over_trials_and_nothing_beyond_the_bounds(small):
     likelihood = likelihood_of(CONSTANT, design_of(small))
     start = likelihood.freedom.start
@@ -186,15 +161,6 @@ def test_of_several_searches_the_best_one_counts(order):
     # Sixteen points per generation.
     assert set(np.diff([0, *(done for done, _ in told)])) == {16}
     assert np.all(np.diff([best for _, best in told]) >= 0)
-
-
-def test_a_search_draws_no_number_of_others(small):
-    """Cma seeds numpy's global generator, and takes its numbers from there."""
-    np.random.seed(5)  # noqa: NPY002
-    here = np.random.rand(2)  # noqa: NPY002
-    np.random.seed(5)  # noqa: NPY002
-    fitted(small, free=["sensitivity"])
-    assert np.array_equal(np.random.rand(2), here)  # noqa: NPY002
 
 
 def test_responses_after_the_end_of_simulated_trials_are_said():

@@ -3,14 +3,9 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.identify import Directions, directions
-from bgmodel.fitting.likelihood import likelihood_of
-from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.identify import Directions
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.posterior import ENOUGH, Posterior, _correlated, posterior
-from bgmodel.fitting.trials.design import design_of
-from tests.drawn import TRUTH, drawn
 
 
 class Known:
@@ -60,12 +55,6 @@ def test_without_information_draws_fill_the_bounds_evenly():
     assert chain.interval(0.9) == pytest.approx(np.array([[2.4, 2.4], [9.6, 9.6]]), abs=2 * error)
 
 
-def test_a_bound_cuts_the_posterior_and_nothing_else():
-    chain = Known(np.eye(2), low=0.0).draw()
-    assert chain.draws.min() >= 0
-    assert chain.mean == pytest.approx(np.sqrt(2 / np.pi), abs=4 * 0.6 / np.sqrt(chain.effective))
-
-
 def test_the_same_seed_draws_the_same_and_another_one_others():
     one, same, other = (GAUSSIAN.draw(most_steps=40, seed=seed) for seed in (1, 1, 2))
     assert np.array_equal(one.draws, same.draws)
@@ -80,31 +69,6 @@ def test_a_short_chain_says_so_and_what_it_is_worth(caplog, capfd):
     # Nothing of the sampler's own warnings.
     assert caplog.text == ""
     assert capfd.readouterr() == ("", "")
-
-
-def test_what_the_draws_are_worth_is_how_their_mean_scatters():
-    chains = [GAUSSIAN.draw(most_steps=300, steps=300, seed=seed) for seed in range(12)]
-    scatter = np.var([each.mean[1] / 2 for each in chains])
-    expected = np.mean([1 / each.effective for each in chains])
-    assert 0.25 < scatter / expected < 4
-
-
-def test_steps_are_told():
-    told = []
-    GAUSSIAN.draw(most_steps=20, tell=told.append)
-    assert told == list(range(1, 21))
-
-
-def test_with_many_trials_the_posterior_is_as_wide_as_the_errors_say():
-    model, values = GapModel(), {"sensitivity": 10.0, "bound": 0.6}
-    some = drawn(model, [0.05, 0.3], 1500, 31, seconds=2.0, **values)
-    held = {"t0_sd_s": TRUTH["t0_sd_s"], "lapse": TRUTH["lapse"]}
-    likelihood = likelihood_of(model, design_of(some), fixed=held)
-    best = optimum(likelihood).vector
-    there = directions(likelihood, best)
-    chain = posterior(likelihood, there, most_steps=200, steps=200)
-    assert chain.draws.std(axis=0) == pytest.approx(there.standard_errors, rel=0.15)
-    assert np.abs((chain.mean - best) / there.standard_errors).max() < 0.5
 
 
 def test_an_interval_holds_nine_tenths_unless_another_share_is_asked_for():

@@ -98,34 +98,6 @@ def test_residuals_are_sorted_by_their_size_in_standard_errors(cells):
     assert rows["z"].std() == pytest.approx(1, abs=0.35)
 
 
-def test_errors_that_are_slower_than_the_model_are_the_largest_residual():
-    """Wrong responses to the strongest evidence that has them come 200 ms later."""
-    some = drawn(MODEL, [0.0, 0.1], 2000, 66, **VALUES)
-    wrong = (some.response == 1) != (some.strength > 0)
-    late = wrong & (np.abs(some.strength) == 0.1)
-    some.rt_s[late] += 0.2
-    rows = residuals(cells_at(some))
-    worst = rows.iloc[0]
-    assert (worst["strength"], worst["response"]) == (0.1, "wrong")
-    shift = rows[(rows["strength"] == 0.1) & (rows["response"] == "wrong")]["residual_ms"]
-    assert shift.to_numpy() == pytest.approx(200, abs=50)
-    text = phrase(worst.to_dict())
-    assert all(part in text for part in ("wrong", "strength 0.1", f"{worst['residual_ms']:+.0f}"))
-
-
-def test_predictions_are_for_the_window_of_response_times():
-    some = drawn(MODEL, [0.0, 0.1], 4000, 67, **VALUES)
-    window = (0.5, 0.9)
-    with pytest.warns(UserWarning, match="excluded"):
-        table = cells_at(some, rt_window=window)
-    rows = residuals(table)
-    assert rows["model_ms"].between(500, 900).all()
-    assert (rows["z"].abs() < 4).all()
-    for name in ("accuracy", "mean_s"):
-        se = table[f"{name.removesuffix('_s')}_se"]
-        assert ((table[name] - table[f"model_{name}"]).abs() < 4 * se).all()
-
-
 def test_times_that_are_all_the_same_have_no_residual(cells):
     same = cells.assign(**{f"{name}_se": 0.0 for name in NAMES})
     assert residuals(same).empty

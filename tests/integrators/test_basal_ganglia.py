@@ -15,13 +15,12 @@ from bgmodel.integrators import basal_ganglia
 from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.deciding import decide_at_thresholds
-from bgmodel.simulated_evidence import expecting, gaussian_evidence, separated_evidence
+from bgmodel.simulated_evidence import expecting, separated_evidence
 from bgmodel.tables.named import NamedEvidence, trial_table
 from circuits import anatomy
-from circuits.anatomy import load_circuit, macaque, macaque_small
+from circuits.anatomy import load_circuit, macaque
 from circuits.engines import Algebra, Ensemble, Population, Rate, engine_of
 from circuits.errors import (
-    BgmodelWarning,
     CalibrationWarning,
     EditWarning,
     NoiseWarning,
@@ -155,19 +154,6 @@ def test_a_gain_is_the_tables_own_or_asked_for():
     assert anatomy.spiking_msprt(2).with_channels(2).default_gain == 0.7
 
 
-@pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
-@pytest.mark.parametrize("channels", [2, 4, 8])
-def test_a_model_has_the_gain_of_its_table_as_the_command_does(name, channels):
-    table = load_circuit(name, channels)
-    assert BasalGanglia(table, "algebra").gain == gain_of(table)
-    assert BasalGanglia(table, "algebra", gain=1.0).gain == 1
-    assert BasalGanglia(table.dopamine(0.9), "algebra").gain == gain_of(table)
-
-
-def test_a_table_without_a_gain_takes_a_nat_for_a_nat():
-    assert BasalGanglia(load_circuit("bogacz_gurney"), "algebra").gain == 1
-
-
 @pytest.mark.parametrize("forced", [True, False])
 def test_decisions_that_are_not_right_as_often_as_their_posteriors_say_are_warned_of(forced):
     """Python warns as the command does; evidence that is shuffled has no truth in it."""
@@ -179,21 +165,6 @@ def test_decisions_that_are_not_right_as_often_as_their_posteriors_say_are_warne
     with pytest.warns(CalibrationWarning, match="too sure"):
         model.decide(shuffled, posterior=0.8, forced=forced)
     model.decide(replace(evidence, truth=None), posterior=0.8)
-
-
-@pytest.mark.parametrize("engine", ["ensemble", "rate"])
-def test_the_memory_of_a_run_is_told_in_gigabytes(engine):
-    """As much as what it gives, and not many times that."""
-    model = BasalGanglia(load_circuit("spiking_msprt"), engine, 0.5, 1)
-    activity = model.run_drive(np.zeros((10, 4, 2)), 50.0)
-    held = activity.output_nats.nbytes + sum(rates.nbytes for rates in activity.rates_hz.values())
-    assert 0.5 * held < 1e9 * model.memory_gb(10, 4, 50.0) < 20 * held
-    # The documented memory for 200 samples, one per ms, in units of 1e9 bytes.
-    kept = engine_of(engine).memory_bytes(model.circuit, 10, 200)
-    assert 1e9 * model.memory_gb(10, 4, 50.0) == pytest.approx(kept)
-    coarse = replace(model, engine=engine_of(engine, sample_ms=5.0))
-    kept = coarse.engine.memory_bytes(model.circuit, 10, 40)
-    assert 1e9 * coarse.memory_gb(10, 4, 50.0) == pytest.approx(kept)
 
 
 def test_what_is_expected_reaches_all_channels_before_the_onset():
@@ -214,34 +185,6 @@ def test_what_is_expected_reaches_all_channels_before_the_onset():
     )
 
 
-def test_a_circuit_without_the_mean_over_channels_refuses_what_is_expected():
-    ahead = expecting(
-        separated_evidence(3, 4, 0.5, rng=stream(1, "x")), 3.0, 5.0, rng=stream(1, "r")
-    )
-    with refused("evidence ^the expectation is common to all channels"):
-        BasalGanglia(macaque(2), "algebra", gain=0.5, centred=True).run(ahead)
-
-
-def test_expectancy_makes_a_circuit_without_stn_respond_before_the_evidence_and_no_other():
-    """STN holds all channels back; without it they race independently."""
-    drawn = separated_evidence(300, 4, 0.5, rng=stream(2, "x"), step_ms=50.0)
-    intact = macaque(2)
-    gain = gain_of(intact)
-    ahead = expecting(drawn, 3 / gain, 800.0, rng=stream(2, "r"))
-    half, none = intact.lesion("STN", 0.5), intact.lesion("STN")
-    shares = []
-    for table in (intact, half.compensate(), none.compensate(rebound_nats={"SNr": 0.3})):
-        model = BasalGanglia(table, Population(rates=False), gain, seed=2)
-        shares.append((first_crossing(model.run(ahead), 0.33).time_ms < 0).mean())
-    assert max(shares[:2]) <= 0.01
-    assert shares[2] >= 0.2
-
-
-def test_rest_is_looked_at_for_half_a_second():
-    model = BasalGanglia(macaque(2), "population", GAIN, SEED)
-    assert model.out_at_rest(3).shape == (3, 500, 2)
-
-
 def test_evidence_drives_a_circuit_by_its_own_nats_unless_a_gain_is_given():
     total = EVIDENCE.totals
     wanted = total - total.mean(axis=2, keepdims=True)
@@ -258,33 +201,6 @@ def strong(d_prime, channels=2, trials=200, steps=40, step_ms=50.0):
         hypotheses=channels,
         step_ms=step_ms,
     )
-
-
-def mean_ms(d_prime, posterior):
-    """Mean decision time of the default circuit by populations, over 2000 trials."""
-    level = -np.log(posterior)
-    table = macaque_small(2)
-    model = BasalGanglia(table, "population", gain_of(table), SEED).until(level)
-    return first_crossing(model.run(strong(d_prime, trials=2000)), level).time_ms.mean()
-
-
-@pytest.mark.parametrize("posterior", [0.82, 0.9])
-def test_stronger_evidence_is_decided_sooner_up_to_the_stated_lead_and_later_beyond(posterior):
-    with unwarned():
-        times_ms = [mean_ms(d_prime, posterior) for d_prime in (0.7, 0.9, 1.15, 1.45)]
-    assert (np.diff(times_ms) < -20).all()
-    with pytest.warns(RangeWarning, match="too strong for macaque_small"):
-        late_ms = mean_ms(2.9, posterior)
-    assert late_ms > times_ms[-1]
-
-
-@pytest.mark.parametrize("channels", range(2, 13))
-def test_usual_evidence_is_not_too_strong_for_the_default_circuit(channels):
-    table = macaque(channels)
-    model = BasalGanglia(table, "population", gain_of(table), SEED)
-    with unwarned():
-        for d_prime in (0.5, 1.0) if channels < 10 else (0.5, 0.75):
-            model.check_strength(strong(d_prime, channels))
 
 
 @given(st.sampled_from([2, 4, 8]), st.sampled_from([10.0, 50.0, 200.0]), st.floats(0.05, 40))
@@ -350,16 +266,6 @@ def test_a_delay_acts_in_rates_and_not_at_the_fixed_point():
         BasalGanglia(macaque().set("STN.neurons", 9), Algebra(laws="finite"))
 
 
-def test_rare_samples_of_out_are_warned_of():
-    few = EVIDENCE[:4]
-    for sample_ms in (10.0, 50.0):
-        model = BasalGanglia(TABLE, Rate(sample_ms=sample_ms), GAIN)
-        with pytest.warns(BgmodelWarning):
-            model.run(few)
-    with unwarned():
-        BasalGanglia(TABLE, Rate(sample_ms=5.0), GAIN).run(few)
-
-
 def test_decisions_against_the_evidence_are_warned_of_with_and_without_a_truth():
     evidence = separated_evidence(100, 60, 0.7, rng=3, step_ms=50.0)
     for given_truth in (evidence, replace(evidence, truth=None)):
@@ -374,8 +280,24 @@ def test_decisions_against_the_evidence_are_warned_of_with_and_without_a_truth()
                 model.decide(given_truth, posterior=0.7)
 
 
-def test_a_threshold_that_looks_like_a_posterior_is_doubted():
-    evidence = gaussian_evidence(20, channels=4, d_prime=1.0, seed=1)
-    model = BasalGanglia(load_circuit("macaque", 4), "population", seed=1)
-    with pytest.warns(RangeWarning, match="did you mean a posterior"):
-        model.decide(evidence, 0.85)
+@pytest.mark.parametrize("engine", ["ensemble", "rate"])
+def test_the_memory_of_a_run_is_told_in_gigabytes(engine):
+    """As much as what it gives, and not many times that."""
+    model = BasalGanglia(load_circuit("spiking_msprt"), engine, 0.5, 1)
+    activity = model.run_drive(np.zeros((10, 4, 2)), 50.0)
+    held = activity.output_nats.nbytes + sum(rates.nbytes for rates in activity.rates_hz.values())
+    assert 0.5 * held < 1e9 * model.memory_gb(10, 4, 50.0) < 20 * held
+    # The documented memory for 200 samples, one per ms, in units of 1e9 bytes.
+    kept = engine_of(engine).memory_bytes(model.circuit, 10, 200)
+    assert 1e9 * model.memory_gb(10, 4, 50.0) == pytest.approx(kept)
+    coarse = replace(model, engine=engine_of(engine, sample_ms=5.0))
+    kept = coarse.engine.memory_bytes(model.circuit, 10, 40)
+    assert 1e9 * coarse.memory_gb(10, 4, 50.0) == pytest.approx(kept)
+
+
+def test_a_circuit_without_the_mean_over_channels_refuses_what_is_expected():
+    ahead = expecting(
+        separated_evidence(3, 4, 0.5, rng=stream(1, "x")), 3.0, 5.0, rng=stream(1, "r")
+    )
+    with refused("evidence ^the expectation is common to all channels"):
+        BasalGanglia(macaque(2), "algebra", gain=0.5, centred=True).run(ahead)

@@ -80,12 +80,6 @@ def test_a_baseline_is_a_class_and_a_line_of_registration(tmp_path, monkeypatch,
     assert "last" not in set(pd.read_csv(tmp_path / "b.csv", comment="#")["model"])
 
 
-def test_a_common_input_changes_a_race():
-    evidence = drawn()
-    shifted = Evidence(evidence.log_likelihood + 0.1, evidence.truth, step_ms=10.0)
-    assert np.abs(Race().run(shifted).out_nats - Race().run(evidence).out_nats).max() > 1
-
-
 def test_of_two_alternatives_baselines_that_compare_decide_as_the_sprt():
     """N = 2: every rule but the race is a function of the log odds."""
     evidence = drawn(hypotheses=2)
@@ -135,14 +129,6 @@ def test_a_linear_gpe_solves_its_equation(gain, slope):
     np.testing.assert_allclose(slope * sigma[:, :, 0] + np.log(sigma[:, :, 0]), s, atol=1e-9)
 
 
-def test_a_linear_gpe_favours_what_the_msprt_does_and_does_not_cancel_what_is_common():
-    evidence = drawn()
-    out = LinearGpe().run(evidence).out_nats
-    assert np.array_equal(out.argmin(axis=2), Msprt().run(evidence).out_nats.argmin(axis=2))
-    raised = Evidence(evidence.log_likelihood + 0.5, evidence.truth, step_ms=10.0)
-    assert np.abs(LinearGpe().run(raised).out_nats - out).max() > 0.5
-
-
 def test_bad_constants_are_refused():
     with refused("leak_hz"):
         Lca(leak_hz=-1)
@@ -169,20 +155,6 @@ def test_decision_times_are_those_that_bogacz_and_gurney_print():
     assert times["MSPRT"] == pytest.approx(515, abs=25)
     assert times["LCA"] == pytest.approx(628, abs=30)
     assert times["race"] == pytest.approx(676, abs=30)
-
-
-def test_first_crossing_takes_any_baseline():
-    evidence = drawn()
-    for kind in BASELINES.values():
-        decision = first_crossing(kind().run(evidence), -0.5)
-        assert np.mean(decision.choice == evidence.truth) > 0.3
-
-
-def test_default_constants_are_those_that_bogacz_and_gurney_print():
-    """Leak and inhibition of 100 per second each; the linear GPe of the exact test's gain."""
-    evidence = drawn(20)
-    for short, full in ((Lca(), Lca(100, 100)), (LinearGpe(), LinearGpe(1, 1))):
-        assert np.array_equal(short.run(evidence).out_nats, full.run(evidence).out_nats)
 
 
 def test_without_a_zero_only_baselines_that_compare_are_left():

@@ -21,12 +21,3 @@ def test_the_decoder_of_a_steady_input_is_the_test():
     out = decoded_input(activity, model.trace(activity, steady), tau_ms=100.0).out_nats[:, -200:, 0]
     wanted = Msprt(GAIN).run(steady).out_nats[0, -1, 0]
     assert out.mean() == pytest.approx(wanted, abs=0.03)
-
-
-def test_the_decoder_counts_for_20_ms_by_default():
-    flat = Evidence(np.zeros((2, 2, 2)), step_ms=50.0)
-    model = BasalGanglia(load_circuit("spiking_msprt", 2).with_neurons(40), "population", GAIN, 51)
-    activity = model.activity(flat)
-    trace = model.trace(activity, flat)
-    short, same = decoded_input(activity, trace), decoded_input(activity, trace, 20.0)
-    assert np.array_equal(short.out_nats, same.out_nats)

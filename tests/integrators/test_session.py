@@ -142,6 +142,15 @@ def test_bad_input_gets_one_clear_sentence(call, says):
         call()
 
 
+@pytest.mark.filterwarnings("ignore::circuits.errors.DeadlineWarning")
+@given(at_ms=st.floats(100.0, 2000.0))
+def test_a_late_reading_takes_the_nearest_step(at_ms):
+    assume(abs(at_ms / 100.0 % 1 - 0.5) > 1e-6)
+    session = bg.Msprt().session(2, posterior=0.95, step_ms=100.0)
+    session.add([0.1, 0.0], at_ms=at_ms)
+    assert len(session.readings) == round(at_ms / 100.0)
+
+
 def test_a_session_says_once_that_readings_leave_the_range_of_the_circuit():
     """As `decide` says it of the same readings."""
     model = bg.BasalGanglia(CIRCUIT, "rate")
@@ -153,22 +162,3 @@ def test_a_session_says_once_that_readings_leave_the_range_of_the_circuit():
         session.add([-9.0, -9.0])
         session.next()
         session.add([-9.0, -9.0])
-
-
-@pytest.mark.parametrize(
-    ("test", "stop"), [(bg.Msprt(), {"posterior": 0.8}), (bg.Sprt(), {"threshold": -1.0})]
-)
-def test_a_session_without_a_step_counts_time_as_evidence_does(test, stop):
-    """By default a reading takes as long as in ``Evidence``: both decide at the same time."""
-    drawn = evidence_of(5, step_ms=bg.Evidence.step_ms)
-    columns, _ = decided(test.session(**stop), drawn)
-    np.testing.assert_array_equal(columns[1], test.decide(drawn, **stop).time_ms)
-
-
-@pytest.mark.filterwarnings("ignore::circuits.errors.DeadlineWarning")
-@given(at_ms=st.floats(100.0, 2000.0))
-def test_a_late_reading_takes_the_nearest_step(at_ms):
-    assume(abs(at_ms / 100.0 % 1 - 0.5) > 1e-6)
-    session = bg.Msprt().session(2, posterior=0.95, step_ms=100.0)
-    session.add([0.1, 0.0], at_ms=at_ms)
-    assert len(session.readings) == round(at_ms / 100.0)

@@ -12,14 +12,6 @@ from bgmodel.simulated_evidence import separated_evidence
 from tests.helpers import refused, some_evidence
 
 
-def test_zero_gap_takes_exactly_one_reading_and_a_flat_prior_never_decides():
-    evidence = some_evidence(hypotheses=2)
-    decision = first_crossing(Sprt().run(evidence), Sprt.threshold(0.0))
-    assert (decision.steps == 1).all()
-    ratio = evidence.log_likelihood[:, 0, 1] - evidence.log_likelihood[:, 0, 0]
-    assert (decision.choice == (ratio > 0)).all()
-
-
 def test_a_posterior_and_a_gap_give_one_criterion_each():
     """-ln P, and ln(1 + exp(-gap / 2)): the gap 2 logit P stops where the posterior P does."""
     posterior = np.array([0.6, 0.9, 0.99])
@@ -77,14 +69,6 @@ def test_mean_posterior_at_stopping_is_the_accuracy(hypotheses):
     stated = np.exp(-out[np.arange(evidence.trials), wrong.steps.astype(int), wrong.choice])
     gap = (wrong.choice == evidence.truth) - stated
     assert abs(gap.mean()) > 10 * gap.std() / np.sqrt(evidence.trials)
-
-
-def test_a_batch_does_not_change_a_trial():
-    evidence = some_evidence()
-    in_one = first_crossing(Msprt().run(evidence), 0.3)
-    part = first_crossing(Msprt().run(evidence[100:150]), 0.3)
-    assert (in_one.choice[100:150] == part.choice).all()
-    assert (in_one.time_ms[100:150] == part.time_ms).all()
 
 
 def test_sums_equal_up_to_rounding_are_equal():

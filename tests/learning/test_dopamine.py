@@ -105,16 +105,6 @@ def test_a_learner_plays_what_evidence_decides_and_less_of_it_with_noise():
         usable_range(replace(few, circuit=few.circuit.with_neurons(5)), THRESHOLD_NATS)
 
 
-def test_out_may_fall_and_rise_again_with_the_evidence():
-    """In the exact circuit (1 - k) y grows with the odds: the lowest OUT lies between."""
-    table = load_circuit("bogacz_gurney")
-    low, _ = working_range(table, 0.3)
-    out = decided_out(table, 0.96, np.linspace(0, 5, 50))
-    assert out.min() < 0.3 < out[-1] + 0.2
-    assert low < 0.96
-    assert 0.5 < stopping_posterior(table, 0.96, 0.3, 1.0) < 1
-
-
 CIRCUIT = MODEL.circuit
 
 

@@ -50,17 +50,6 @@ def test_an_exact_circuit_at_the_gap_of_the_test_decides_as_the_test():
     assert set(above.index) == {POPULATIONS, SPIKES}
 
 
-def test_a_circuit_that_costs_more_than_the_test_is_above_it():
-    """A hasty criterion has more errors than the gap of the test."""
-    table = decide_as_learned(
-        learned(0.5), EVIDENCE, gaps=(GAP, GAP), engine="algebra", resamples=200
-    )
-    wide = table.set_index(["who", "measure"])["value"]
-    assert wide[SPIKES, "cost"] > wide[TEST, "cost"]
-    more = 100 * (wide[SPIKES, "cost"] - wide[TEST, "cost"]) / wide[TEST, "cost"]
-    assert wide[SPIKES, "above_test"] == pytest.approx(more)
-
-
 def test_regret_is_what_the_best_threshold_of_the_trials_for_learning_would_have_saved():
     rewards = criterion_outcomes(EXACT, EVIDENCE, LEVELS).rewards(XI).mean(axis=1)
     for k, regret in enumerate(100 * (rewards / rewards.max() - 1)):
@@ -72,26 +61,6 @@ def test_regret_is_what_the_best_threshold_of_the_trials_for_learning_would_have
         value, low, high = rows.loc[(SPIKES, "regret"), ["value", "low", "high"]]
         assert value == pytest.approx(regret)
         assert low <= value <= high
-
-
-def test_the_regret_of_a_criterion_that_is_not_the_best_is_seen():
-    best = LEVELS[criterion_outcomes(EXACT, EVIDENCE, LEVELS).rewards(XI).mean(axis=1).argmax()]
-    good, hasty = (
-        decide_as_learned(learned(value), EVIDENCE, engine="algebra").set_index(["who", "measure"])
-        for value in (best, 0.5)
-    )
-    assert good.loc[(SPIKES, "regret"), "value"] == pytest.approx(0)
-    assert hasty.loc[(SPIKES, "regret"), "value"] > 5
-
-
-def test_the_regret_of_the_test_is_its_cost_beyond_that_at_the_best_gap():
-    def cost(gap):
-        test = Msprt().decide(EVIDENCE, float(Msprt.threshold(gap)))
-        return XI * (1 - test.accuracy) + test.time_ms.mean() / EVIDENCE.step_ms
-
-    table = decide_as_learned(learned(2.0), EVIDENCE, gaps=(1.0, GAP), engine="algebra")
-    regret = table.set_index(["who", "measure"]).loc[(TEST, "regret"), "value"]
-    assert regret == pytest.approx(100 * (cost(1.0) / cost(GAP) - 1))
 
 
 def test_a_level_of_dopamine_is_no_threshold():

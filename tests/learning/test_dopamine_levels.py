@@ -7,26 +7,9 @@ import pytest
 from bgmodel import Msprt, stream
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.learning import dopamine_levels as levels
-from bgmodel.learning.dopamine import THRESHOLD_NATS, working_range
 from bgmodel.learning.dopamine_levels import level_table
-from circuits.anatomy import DEFAULT, load_circuit
-from circuits.engines import Population
 from tests.helpers import ROOT
 from tests.levels import GAIN, MODEL, SEED
-
-
-def test_more_dopamine_is_faster_and_less_accurate(swept, level_evidence):
-    """150 trials: monotone, near the fixed point, and near the MSPRT in equal time."""
-    test = tradeoff(Msprt(GAIN).run(level_evidence), level_evidence)
-    options = {"circuit": MODEL.circuit, "gain": GAIN, "rng": stream(SEED, "boot")}
-    table = level_table(swept, {"MSPRT": test}, latency_ms=56.0, **options)
-    wide = table.pivot(index="level", columns="measure", values="value")
-    assert np.all(np.diff(wide["mean_ms"]) < 0)
-    assert np.all(np.diff(wide["mean_posterior"]) < 0.01)
-    both = wide.dropna()
-    # Readings of d' = 1 carry the posterior past the bound, never below it but by latency.
-    assert np.all(both["mean_posterior"] > both["fixed_point"] - 0.03)
-    assert wide["accuracy_gap"].abs().max() < 0.03
 
 
 def test_the_gap_in_equal_time_sees_a_slower_decider(level_evidence):
@@ -49,25 +32,6 @@ def test_the_gap_in_equal_time_sees_a_slower_decider(level_evidence):
     assert gaps[1.0, 100.0].max() < -0.005
 
 
-def test_dopamine_moves_the_default_circuit_along_the_curve_of_the_msprt(monkeypatch):
-    """200 trials of populations, each channel with its own evidence: 0.75 to 0.98 and further."""
-    monkeypatch.setattr(levels, "ENGINES", (Population(),))
-    table = levels.levels_against_msprt(SEED, 200)
-    for channels, part in table[table["engine"] == "population"].groupby("channels"):
-        known = part[part["measure"] == "mean_posterior"].set_index("level")["value"].sort_index()
-        assert np.all(np.diff(known) < 0.005)
-        assert known.iloc[0] > 0.98
-        assert known.iloc[-1] < 0.76
-        exact = part[part["measure"] == "fixed_point"].set_index("level")["value"].sort_index()
-        # Levels below the fixed point's are played too, and decided by swings and noise.
-        assert exact.isna().tolist() == sorted(exact.isna(), reverse=True)
-        assert 1 <= exact.isna().sum() <= 3
-        gaps = part[part["measure"] == "accuracy_gap"]
-        at_gain = gaps.loc[gaps["reference"] == "MSPRT at its gain", "value"]
-        assert at_gain.abs().max() < 0.03, channels
-    assert set(table["channels"]) == {2, 4}
-
-
 @pytest.mark.parametrize("channels", levels.LATENCY_MS)
 def test_the_latency_is_what_was_measured_on_raw_evidence(channels):
     """The time that the default circuit takes more than its test, in a table of the results."""
@@ -77,32 +41,3 @@ def test_the_latency_is_what_was_measured_on_raw_evidence(channels):
     extra_ms = table[table["accuracy"].isin([0.9, 0.95])]["extra_ms"]
     assert len(extra_ms) == 2
     assert levels.LATENCY_MS[channels] == pytest.approx(extra_ms.mean(), abs=1)
-
-
-def test_readings_have_a_d_prime_of_a_half_per_50_ms_and_spiking_runs_half_of_the_trials(
-    monkeypatch,
-):
-    heard = []
-
-    def decided(model, evidence, played, threshold_nats):
-        heard.append((model.engine, evidence, played))
-
-    monkeypatch.setattr(levels, "decide_at_levels", decided)
-    monkeypatch.setattr(levels, "msprt_tradeoffs", lambda *a: {})
-    monkeypatch.setattr(levels, "level_table", lambda *a, **k: pd.DataFrame({"level": [1.0]}))
-    levels.levels_against_msprt(SEED, 300, 2)
-    assert len(heard) == 6
-    for engine, evidence, played in heard:
-        spikes = engine.spiking
-        assert (evidence.trials, len(played)) == ((150, 7) if spikes else (300, 14))
-        assert evidence.step_ms == 50
-        # From below the lowest level at which the fixed point decides to just below the highest.
-        low, high = working_range(load_circuit(DEFAULT, evidence.hypotheses), THRESHOLD_NATS)
-        ends = (0.85 * low, 0.98 * high) if not spikes else (0.85 * low, played.max())
-        assert (played.min(), played.max()) == pytest.approx(ends)
-        # The log odds of the truth over another one grow by d'^2 / 2 per reading.
-        trial, truth = np.arange(evidence.trials), evidence.truth
-        other = (truth + 1) % evidence.hypotheses
-        values = evidence.log_likelihood
-        grown = (values[trial, :, truth] - values[trial, :, other]).mean()
-        assert grown == pytest.approx(0.5**2 / 2, abs=0.016)

@@ -69,12 +69,6 @@ def test_all_that_reward_moves_has_one_kind_of_result(task, model, what):
     assert f"{learned.learned.mean():.2f}" in repr(learned)
 
 
-def test_by_default_the_test_learns_its_threshold_and_a_circuit_its_dopamine():
-    assert learn(SameDifferent(), learner=SHORT, **FEW).what == THRESHOLD
-    learned = learn(Gaussian(d_prime=1.0), RATE, learner=SHORT, trials=200, **FEW)
-    assert learned.what == DOPAMINE
-
-
 def test_taps_of_another_sensor_teach_another_threshold():
     rng = np.random.default_rng(4)
     yaw = rng.uniform(-180, 180, 1200)
@@ -96,13 +90,6 @@ def test_both_halves_of_a_table_have_the_same_truths(order, tmp_path):
     assert [np.bincount(each.truth).tolist() for each in halves] == [[15, 15]] * 2
     trials = np.concatenate([each.log_likelihood for each in halves])
     assert len({each.tobytes() for each in trials}) == 60
-
-
-def test_dopamine_without_a_circuit_is_that_of_the_default_one():
-    options = {"what": DOPAMINE, "runs": 1, "trials": 120, "seed": 3}
-    learned = learn(Gaussian(), learner=SHORT, **options)
-    named = learn(Gaussian(), bg.BasalGanglia("macaque", "rate", seed=3), learner=SHORT, **options)
-    assert np.array_equal(learned.learned, named.learned)
 
 
 @pytest.mark.filterwarnings("ignore::circuits.errors.BgmodelWarning")
@@ -136,3 +123,10 @@ def test_that_nothing_was_learned_is_said():
 def test_what_cannot_be_learned_is_one_sentence(changes, says):
     with refused(says):
         learn(**({"task": SameDifferent()} | changes))
+
+
+def test_dopamine_without_a_circuit_is_that_of_the_default_one():
+    options = {"what": DOPAMINE, "runs": 1, "trials": 120, "seed": 3}
+    learned = learn(Gaussian(), learner=SHORT, **options)
+    named = learn(Gaussian(), bg.BasalGanglia("macaque", "rate", seed=3), learner=SHORT, **options)
+    assert np.array_equal(learned.learned, named.learned)

@@ -1,16 +1,12 @@
 """Learning: the exhaustive search, and what reward converges to."""
 
-from dataclasses import fields
-
 import numpy as np
 import pytest
 
 from bgmodel import stream
 from bgmodel.deciding.reward import reward_of
-from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.learning.reinforce import (
     GaussianPolicy,
-    Learned,
     Learner,
     LearningStopped,
     exhaustive_search,
@@ -20,16 +16,8 @@ from bgmodel.learning.reinforce import (
 from bgmodel.learning.worlds import trials_of
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.theory.sprt import gaussian_pair, optimal_separation, reward_curve
-from tests.helpers import ROOT, refused
 from tests.learning.helpers import SEPARATION, T_MAX, XI, D, draw
 from tests.levels import SEED
-
-
-def test_records_of_what_is_played_name_neither_gap_nor_threshold():
-    """A gap and a level of dopamine are two uses of one learner and of one sweep."""
-    names = {field.name for record in (Learned, Tradeoff) for field in fields(record)}
-    assert {"played", "mean_played", "learned", "settings"} <= names
-    assert not [name for name in names if "gap" in name or "separation" in name or "thresh" in name]
 
 
 def test_exhaustive_search_finds_the_exact_curve():
@@ -98,18 +86,6 @@ def test_what_is_carried_over_gets_no_credit():
     np.testing.assert_array_equal(none.mean_played, some.mean_played)
 
 
-def test_prediction_error_is_reward_minus_a_running_baseline():
-    learned = run_from(7.5)
-    assert np.abs(learned.prediction_error[:, -1000:].mean()) < 0.5
-    assert np.corrcoef(learned.reward.ravel(), learned.prediction_error.ravel())[0, 1] > 0.9
-
-
-def test_smoothed_is_a_running_mean():
-    curve = np.arange(10.0)
-    assert smoothed(curve, 1).tolist() == curve.tolist()
-    assert smoothed(curve, 4)[[0, 1, 5]].tolist() == [0.0, 0.5, 3.5]
-
-
 @pytest.mark.parametrize(
     ("call", "says"),
     [
@@ -168,21 +144,3 @@ def test_a_step_is_a_falling_share_of_the_error_along_the_score(unit):
         # The range is twice that of gaps, 8 nats: the step is four times as long.
         rate = 4 * 0.04 / (1 + k / 1000)
         assert mean[:, k + 1] - mean[:, k] == pytest.approx(rate * share * score, rel=1e-6)
-
-
-def test_learning_of_one_trial_ends_where_it_began():
-    learned = learn(lambda k, x: -x, 2.0, rngs=[stream(1)], learner=Learner(episodes=1, last=1))
-    assert learned.learned.tolist() == learned.mean_played[:, 0].tolist() == [2.0]
-    assert learned.prediction_error.tolist() == [[0.0]]
-    with refused("episodes"):
-        Learner(last=0)
-
-
-def test_a_learner_has_as_many_trials_as_the_page_says_and_ends_at_the_mean_of_the_last_500():
-    page = (ROOT / "docs/assumptions.md").read_text()
-    assert f"Learning takes {Learner().episodes:_} trials".replace("_", " ") in page
-    learned = learn(
-        lambda k, x: -20.0 - x, 4.0, rngs=[stream(SEED, "last")], learner=Learner(episodes=700)
-    )
-    assert learned.learned == pytest.approx(learned.mean_played[:, 200:].mean(axis=1), rel=1e-12)
-    assert learned.learned != pytest.approx(learned.mean_played[:, 199:].mean(axis=1), rel=1e-12)

@@ -9,7 +9,6 @@ from bgmodel.deciding.decision import crossing_of_each
 from bgmodel.deciding.reward import reward
 from bgmodel.learning.reinforce import GaussianPolicy
 from bgmodel.theory.sprt import gaussian_pair, reward_curve
-from tests.helpers import refused
 from tests.learning.helpers import T_MAX, XI, D, draw
 
 
@@ -37,18 +36,6 @@ def test_policy_gradient_agrees_with_the_finite_difference(mean):
     exact = (exact_smoothed_reward(mean + h, 0.7) - exact_smoothed_reward(mean - h, 0.7)) / (2 * h)
     assert abs(exact) > 0.3
     assert abs(estimate.mean() - exact) < 4 * estimate.std() / np.sqrt(runs)
-
-
-@pytest.mark.parametrize(
-    ("call", "says"),
-    [
-        (lambda: GaussianPolicy(bounds=(2.0, 1.0)), "bounds"),
-        (lambda: GaussianPolicy(first_share=-1.0), "first_share"),
-    ],
-)
-def test_policies_without_sense_are_refused(call, says):
-    with refused(says):
-        call()
 
 
 @pytest.mark.parametrize("bounds", [(0.0, 8.0), (0.75, 2.0)])

@@ -18,7 +18,7 @@ from bgmodel.stopping.inputs import StopSignal, with_stop
 from bgmodel.stopping.observer import StopMsprt, gaussian_stop_evidence
 from bgmodel.stopping.trials import drawn_delays, stop_trials
 from circuits import engines
-from circuits.errors import EditWarning, NoiseWarning, RangeWarning
+from circuits.errors import NoiseWarning, RangeWarning
 from tests.helpers import refused
 
 TRIALS, POSTERIOR = 300, 0.82
@@ -70,28 +70,6 @@ def test_the_closed_form_is_the_full_run_trial_by_trial(evidence, amount, ssd):
     assert 0.05 < full.p_respond < 0.5
 
 
-def test_a_delay_of_the_pathway_is_a_later_signal(evidence):
-    late = decide_with_stop(MODEL, evidence, delays(200), StopSignal(delay_ms=100), threshold=LEVEL)
-    direct = decide_with_stop(MODEL, evidence, delays(300), StopSignal(), threshold=LEVEL)
-    np.testing.assert_array_equal(late.rt_ms, direct.rt_ms)
-
-
-def test_a_pulse_postpones_and_a_held_signal_cancels(evidence):
-    with pytest.warns(EditWarning, match="does not cancel"):
-        pulse = StopSignal(duration_ms=100)
-    kept = decide_with_stop(MODEL, evidence, delays(200), pulse, threshold=LEVEL)
-    held = decide_with_stop(MODEL, evidence, delays(200), StopSignal(), threshold=LEVEL)
-    assert kept.p_respond > 0.8 > 0.4 > held.p_respond
-
-
-def test_go_trials_are_those_without_a_signal(evidence):
-    mixed = drawn_delays(TRIALS, [200.0], 0.5, 3)
-    trials = decide_with_stop(MODEL, evidence, mixed, StopSignal(), threshold=LEVEL)
-    go = MODEL.decided(evidence, LEVEL, forced=False)
-    without = np.isnan(mixed)
-    np.testing.assert_array_equal(trials.rt_ms[without], np.maximum(go.time_ms, 0)[without])
-
-
 def test_an_onset_between_two_steps_counts_in_proportion():
     evidence = bg.gaussian_evidence(2, d_prime=0.5, t_max=3, step_ms=10, seed=1)
     coarse = with_stop(evidence, [np.nan, 15.0], StopSignal()).inputs_nats
@@ -104,11 +82,6 @@ def test_a_signal_where_common_input_is_cancelled_is_refused(evidence):
     for nucleus in ("ctx", "ctx_inh", "ctx_inh[0]", "GPe_ctx", "GPe_ctx[1]"):
         with refused(f"nucleus behind cortex, got {re.escape(repr(nucleus))}"):
             decide_with_stop(MODEL, evidence, delays(200), StopSignal(nucleus), threshold=LEVEL)
-
-
-def test_a_signal_that_rings_is_warned_of():
-    with pytest.warns(RangeWarning, match="20 Hz"):
-        StopSignal(amount_nats=3.0)
 
 
 @pytest.mark.parametrize(
@@ -154,3 +127,8 @@ def test_it_warns_as_a_decision_without_a_stop_does(evidence):
         ):
             with pytest.warns(kind, match=says):
                 decide(model, drawn)
+
+
+def test_a_signal_that_rings_is_warned_of():
+    with pytest.warns(RangeWarning, match="20 Hz"):
+        StopSignal(amount_nats=3.0)

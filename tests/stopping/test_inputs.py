@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import bgmodel as bg
 from bgmodel import readings
-from bgmodel.stopping.inputs import StopSignal, with_input, with_stop
+from bgmodel.stopping.inputs import with_input
 from circuits.errors import ConfoundWarning, EditWarning
 from tests.helpers import refused, told, unwarned
 
@@ -43,16 +43,6 @@ def test_every_mth_trial_is_confounded_if_its_truths_are_not_all_of_them(channel
     assert one.filename == __file__
     assert one.message.input == 0
     assert missed <= set(one.message.truths)
-
-
-@pytest.mark.parametrize("channels", [2, 3, 8])
-def test_trials_drawn_at_random_are_not_warned_of(channels):
-    go = evidence(80, channels)
-    rng = np.random.default_rng(3)
-    with unwarned():
-        for share in np.repeat([0.1, 0.25, 0.5, 0.9], 50):
-            with_input(go, on_some(rng.random(80) < share, rng.uniform(0, 40, 80)))
-        with_input(go, rng.permutation(np.arange(80) % 2) * 20.0)
 
 
 @pytest.mark.parametrize("chance", [0.02, 0.2, 0.5])
@@ -97,20 +87,6 @@ def test_the_input_that_is_confounded_is_named():
         replace(go, inputs_nats=values)
 
 
-def test_without_a_truth_or_with_one_alone_nothing_is_confounded():
-    go = evidence(60)
-    with unwarned():
-        with_input(replace(go, truth=None), on_some(go.truth == 1))
-        with_input(go[go.truth == 1], on_some(np.arange(30) < 15))
-
-
-def test_stop_signals_in_every_second_trial_are_warned_of_once():
-    go = evidence(60)
-    with pytest.warns(ConfoundWarning) as caught:
-        with_stop(go, on_some(go.truth == 1), StopSignal(cancel_ms=10.0))
-    assert len(caught) == 1
-
-
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
@@ -123,6 +99,8 @@ def test_stop_signals_in_every_second_trial_are_warned_of_once():
         ({"duration_ms": 0.0}, "duration_ms must be > 0, got 0"),
         ({"duration_ms": [1.0, 2.0, math.nan, 4.0]}, "duration_ms must be > 0, got nan"),
         ({"onset_ms": [1.0, 2.0]}, "onset_ms must be one number, or"),
+        ({"onset_ms": np.arange(4) % 3 == 0}, "onset_ms"),
+        ({"amount_nats": np.arange(4) % 3 == 0}, "amount_nats"),
     ],
 )
 def test_a_window_without_sense_is_refused(wrong, says):
@@ -149,19 +127,3 @@ def test_an_input_after_the_trials_changes_nothing_and_is_warned_of():
     with unwarned():
         with_input(go, NEVER, -2.0)
         with_input(go, 50.0, 0.0)
-
-
-def test_a_mask_of_trials_is_no_list_of_onsets():
-    """True would be 1 ms: every trial would have light, and both truths alike."""
-    go = evidence(8)
-    lit = np.arange(8) % 3 == 0
-    for name, given_as in (
-        ("onset_ms", {"onset_ms": lit}),
-        ("amount_nats", {"onset_ms": 20.0, "amount_nats": lit}),
-    ):
-        with refused(name):
-            with_input(go, **given_as)
-    with pytest.warns(EditWarning, match="mask"):
-        with_input(go, lit.astype(int))
-    with unwarned():
-        with_input(go, np.zeros(8))

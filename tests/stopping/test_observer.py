@@ -48,13 +48,6 @@ def test_the_recursion_is_the_sum_over_all_times_of_the_signal():
             assert 1 / (1 + np.exp(-z[trial, t])) == pytest.approx(brute_force(evidence, trial, t))
 
 
-@pytest.mark.parametrize("channels", [2, 4])
-def test_probabilities_of_responses_and_of_the_stop_sum_to_one(channels):
-    out = StopMsprt().run(task(20, 4, channels=channels)).out_nats
-    assert out.shape == (20, STEPS + 1, channels + 1)
-    assert np.exp(-out).sum(axis=2) == pytest.approx(1.0)
-
-
 @pytest.mark.parametrize("late", [15, 30, 60])
 def test_it_is_calibrated(late):
     """Among trials with P(stop) = p, a proportion p has a stop signal; likewise for responses."""
@@ -85,15 +78,6 @@ def test_an_abrupt_signal_is_the_horse_race():
     for delay, end in zip(DELAYS, finish, strict=True):
         here = evidence.ssd_ms == delay
         assert trials.responded[here].mean() == pytest.approx((go_ms[here] < end).mean(), abs=0.01)
-
-
-def test_withholding_is_a_response_that_ends_the_trial():
-    evidence = task(2000, 7)
-    decision = StopMsprt().decide(evidence, 0.9, 0.9)
-    withheld = decision.choice == 2
-    stop = ~np.isnan(evidence.ssd_ms)
-    assert stop[withheld].mean() == pytest.approx(0.95, abs=0.05)
-    assert (decision.accuracy > 0.5) & (withheld.mean() > 0.05)
 
 
 def test_an_extra_channel_stops_less_the_more_evidence_there_is_in_all():

@@ -90,31 +90,6 @@ def stops(**changes):
     return table.assign(**changes)
 
 
-def both(table, folder, ending=".csv"):
-    """Return a table as a frame and as a file."""
-    path = folder / f"stops{ending}"
-    table.to_csv(path, index=False, sep="\t" if ending == ".tsv" else ",")
-    return table, path
-
-
-def times_of(people):
-    return {who: (trials.rt_ms.tolist(), trials.ssd_ms.tolist()) for who, trials in people.items()}
-
-
-def test_ids_are_text_as_written(tmp_path):
-    names = [*["NA"] * 12, *["01"] * 12]
-    for table in both(stops(participant_id=names), tmp_path):
-        assert [*read_people(table)] == ["01", "NA"]
-    mixed = stops(participant_id=[*["01"] * 12, *["1"] * 12])
-    with pytest.warns(DataWarning, match="capitals or in how a number is written"):
-        assert len(read_people(both(mixed, tmp_path)[1])) == 2
-
-
-def test_an_infinite_delay_is_that_of_a_go_trial(tmp_path):
-    for table in both(stops(ssd=stops()["ssd"].fillna(np.inf)), tmp_path):
-        assert str(times_of(read_people(table))) == str(times_of(read_people(stops())))
-
-
 def test_words_of_stimulus_and_response_are_compared_whatever_their_type(tmp_path):
     words = np.where(np.arange(24) % 2, "left", "right")
     table = stops(stimulus=words, response=words)
@@ -125,17 +100,6 @@ def test_words_of_stimulus_and_response_are_compared_whatever_their_type(tmp_pat
             np.testing.assert_array_equal(trials.correct, trials.responded)
     with pytest.warns(DataWarning, match="0% of responses are correct"):
         read_people(table.assign(stimulus=table["stimulus"].str.upper()))
-
-
-def test_trials_of_a_circuit_are_read_back_as_those_of_a_person(tmp_path):
-    evidence = bg.gaussian_evidence(120, d_prime=0.5, t_max=60, step_ms=10, seed=1)
-    model = bg.BasalGanglia("macaque", "rate")
-    trials = bg.StopTask(share=0.3).decide(model, evidence, posterior=0.7, seed=2)
-    for table in both(trials.to_dataframe(), tmp_path):
-        person = read_people(table)["all"]
-        np.testing.assert_allclose(person.rt_ms, trials.rt_ms)
-        np.testing.assert_allclose(person.ssd_ms, trials.ssd_ms)
-        np.testing.assert_array_equal(person.correct, trials.correct)
 
 
 def test_restoring_delays_hides_no_other_doubt_about_a_table():

@@ -6,7 +6,6 @@ import pytest
 from bgmodel.stopping.people import (
     slowing,
     slowing_of,
-    truncated_means,
     violations,
     violations_of,
 )
@@ -55,12 +54,6 @@ def test_failed_stops_that_no_race_explains_are_counted():
         violations(trials, 200.0, width_ms=0)
 
 
-def test_means_up_to_a_limit():
-    means = truncated_means(np.array([3.0, 1.0, 2.0]), np.array([0.5, 1.0, 2.5, 9.0]))
-    assert means.tolist()[1:] == [1.0, 1.5, 2.0]
-    assert np.isnan(means[0])
-
-
 def test_slowing_compares_go_responses_by_the_trial_before():
     #        go   stop   go  stop   go    go   missed  go
     rt = [400.0, 350.0, 470, np.nan, 460, 410, np.nan, 600]
@@ -74,22 +67,15 @@ def test_slowing_compares_go_responses_by_the_trial_before():
     }
 
 
-def test_slowing_over_people_leaves_out_those_without_such_trials():
-    one = StopTrials([400.0, 350.0, 470.0, 410.0], [np.nan, 200.0, np.nan, np.nan])
-    table = slowing_of({"a": one, "b": one}).set_index("measure")
-    assert table.loc["after_failed_stop_ms", ["value", "se", "people"]].tolist() == [60, 0, 2]
-    assert table.loc["after_successful_stop_ms", "people"] == 0
-
-
-def test_a_race_slows_after_nothing():
-    people = {str(seed): raced(seed) for seed in range(40)}
-    table = slowing_of(people).set_index("measure")
-    for name in ("after_failed_stop_ms", "after_successful_stop_ms"):
-        assert abs(table.loc[name, "value"]) < 3.5 * table.loc[name, "se"]
-
-
 def test_a_delay_belongs_to_the_nearest_centre_and_half_way_to_the_later():
     ssd = np.array([np.nan, 126.0, 174.0, 175.0, 224.0, 226.0])
     table = violations(StopTrials([300.0, *[np.nan] * 5], ssd), SSRT_MS)
     assert table["ssd_ms"].tolist() == [150.0, 200.0, 250.0]
     assert table["trials"].tolist() == [2, 2, 1]
+
+
+def test_slowing_over_people_leaves_out_those_without_such_trials():
+    one = StopTrials([400.0, 350.0, 470.0, 410.0], [np.nan, 200.0, np.nan, np.nan])
+    table = slowing_of({"a": one, "b": one}).set_index("measure")
+    assert table.loc["after_failed_stop_ms", ["value", "se", "people"]].tolist() == [60, 0, 2]
+    assert table.loc["after_successful_stop_ms", "people"] == 0

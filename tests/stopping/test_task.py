@@ -11,17 +11,15 @@ import pytest
 import bgmodel as bg
 from bgmodel.cli import main
 from bgmodel.commands.circuit import STOPPED
-from bgmodel.conditions import STREAM, Observed
+from bgmodel.conditions import STREAM
 from bgmodel.deciding.decision import UNDECIDED, Decision
 from bgmodel.deciding.measures import OF_STOP, Behaviour
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.stopping.circuit import decide_with_stop, receiving
-from bgmodel.stopping.drawing import draw
 from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, ssrt_by_delay
 from bgmodel.stopping.inputs import StopSignal, with_input, with_stop
 from bgmodel.stopping.task import StopTask, decided
 from bgmodel.stopping.trials import StopTrials
-from bgmodel.support.files import read_provenance
 from bgmodel.sweeps.plan import Plan
 from bgmodel.sweeps.sweep import Sweep
 from bgmodel.task import Gaussian
@@ -63,22 +61,6 @@ def test_drawn_delays_are_a_stop_signal_of_that_delay(evidence):
     )
     np.testing.assert_array_equal(~decision.forced, same.responded)
     assert set(ssd[~np.isnan(ssd)]) <= set(task.delays_ms)
-
-
-@pytest.mark.parametrize("share", [0.0, 1.0])
-def test_trigger_failures_are_go_trials(evidence, share):
-    decision, ssd = decided(StopTask(failures=share), MODEL, evidence, LEVEL, rng())
-    go = MODEL.decided(evidence, LEVEL)
-    same = decision.time_ms == go.time_ms
-    assert same.all() == (share == 1.0)
-    assert not np.isnan(ssd).all()
-
-
-def test_the_spread_of_the_delay_leaves_its_mean(evidence):
-    spread, _ = decided(StopTask(delay_ms=80, delay_sd_ms=30), MODEL, evidence, LEVEL, rng())
-    fixed, _ = decided(StopTask(delay_ms=80), MODEL, evidence, LEVEL, rng())
-    assert (spread.time_ms != fixed.time_ms).any()
-    assert spread.forced.sum() == pytest.approx(fixed.forced.sum(), abs=12)
 
 
 def test_staircases_settle_where_half_of_the_signals_fail(evidence):
@@ -136,18 +118,6 @@ def of_lengths(drawn, lengths, **changes):
     read = np.arange(drawn.steps) < np.asarray(lengths)[:, None]
     values = np.where(read[:, :, None], drawn.log_likelihood, 0.0)
     return replace(drawn, log_likelihood=values, lengths=lengths, **changes)
-
-
-def test_a_cancelled_trial_is_back_at_its_prior_in_each_channel():
-    """Channels that get their own evidence, with a baseline, and trials of several lengths."""
-    drawn = bg.gaussian_evidence(4, d_prime=1.0, t_max=20, step_ms=10, seed=1)
-    shifted = replace(drawn, log_likelihood=drawn.log_likelihood - 0.4)
-    ragged = of_lengths(shifted, [20, 12, 7, 20], baseline=-0.4)
-    cancel = with_stop(ragged, [50, 50, 50, np.nan], StopSignal(cancel_ms=40))
-    before, after = ragged.own_totals, cancel.own_totals
-    np.testing.assert_allclose(after[:2, 9:], 0.0, atol=1e-12)
-    np.testing.assert_array_equal(after[2:], before[2:])  # ended before, and a go trial
-    np.testing.assert_array_equal(after[:, :9], before[:, :9])
 
 
 def test_a_signal_after_the_end_of_its_own_trial_is_refused(evidence):
@@ -232,41 +202,6 @@ def test_pooling_wide_delays_is_biased_where_each_delay_is_not():
     assert measured == pytest.approx(ssrt_by_delay(inhibition_function(trials)))
 
 
-def test_an_experiment_measures_stopping():
-    """After a loss of STN too large for the signal to block, more stops fail."""
-    weak = Experiment(
-        name="x", note="", manipulation=Experiment.from_toml("stn_lesion_partial").manipulation,
-        task=TASK, stop=StopTask(amount_nats=0.4, share=0.4), seed=4,
-    )  # fmt: skip
-    done = weak.run()
-    change = done.measures[done.measures["condition"] == "change"].set_index("measure")
-    assert change.loc["p_respond", "low"] > 0
-    counts = done.measures.groupby("measure")["trials"].max()
-    assert counts["p_respond"] + counts["missed"] == 600
-    assert {"ssd_ms", "anticipatory"} <= set(done.trials)
-    assert list(done.summary().index[-3:]) == list(OF_STOP)
-    assert "p_respond" in done.text()
-
-
-def test_a_sweep_goes_over_the_stop_signal():
-    plan = Plan(
-        task=replace(TASK, trials=200), stop=StopTask(share=0.5, delays_ms=(300.0,)),
-        grid={"stop.amount_nats": (0.05, 1.0)}, show=("p_respond", "ssrt_ms"),
-    )  # fmt: skip
-    table = Sweep(plan).run().summary()
-    assert table["p_respond"].iloc[0] > 0.8 > 0.5 > table["p_respond"].iloc[1]
-    assert np.isfinite(table["ssrt_ms"].iloc[1])
-    with refused("show must name"):
-        Plan(grid={"seed": (1, 2)}, show=("p_respond",))
-
-
-def test_a_sweep_shows_measures_of_stopping_if_only_its_grid_has_signals():
-    plan = Plan(task=TASK, show=("p_respond",), grid={"stop.amount_nats": (0.5, 1.0)})
-    assert [point.stop.amount_nats for point in plan.all_points()] == [0.5, 1.0]
-    with refused("show must name .*missed"):
-        Plan(task=TASK, show=("p_respond",), grid={"task.d_prime": (0.5, 1.0)})
-
-
 def test_workers_and_blocks_draw_their_own_signals(monkeypatch):
     monkeypatch.setattr("bgmodel.sweeps.plan.BLOCK", 100)
     plan = Plan(
@@ -327,14 +262,6 @@ def test_measures_of_stopping_need_stop_signals(tmp_path):
         Experiment.from_toml(path)
 
 
-def test_a_condition_without_signals_is_as_before(evidence):
-    assert Observed().stop is None
-    behaviour = Observed(task=TASK).behaviour(MODEL, evidence)
-    assert behaviour.ssd_ms is None
-    assert behaviour.go.all()
-    assert "p_respond" not in behaviour.measures(np.ones((1, 400)))
-
-
 def test_the_command_and_python_decide_alike(tmp_path, capsys):
     """One seed, one table, at the terminal and in Python."""
     out, drawing = tmp_path / "out.csv", tmp_path / "out.png"
@@ -353,33 +280,6 @@ def test_the_command_and_python_decide_alike(tmp_path, capsys):
     printed = json.loads(capsys.readouterr().out)
     assert printed["p_respond"] == mine.p_respond
     assert len(printed["records"]) == len(stop.delays_ms)
-
-
-def test_the_command_records_the_gain_that_fits_strong_evidence(tmp_path):
-    out = tmp_path / "out.csv"
-    task = Gaussian(d_prime=2, step_ms=10, trials=60, t_max=60)
-    asked = ["--task", "d_prime=2", "step_ms=10", "trials=60", "t_max=60", "--seed", "5"]
-    assert main([*RUN, "--save", str(out), *asked, "--stop", "delay_ms=40"]) == 0
-    condition = bg.Condition(task=task, seed=5)
-    evidence = condition.drawn(STREAM).evidence
-    model = condition.model(2)
-    mine = bg.StopTask(share=0.5, delay_ms=40.0).decide(model, evidence, posterior=0.82, seed=5)
-    pd.testing.assert_frame_equal(pd.read_csv(out), mine.to_dataframe())
-    gain = read_provenance(out)["parameters"]["command"]["gain"]
-    assert gain == model.adapted_to(evidence).gain < model.gain
-
-
-def test_the_command_says_why_there_is_no_estimate(capsys):
-    options = ["--task", "d_prime=0.35", "step_ms=10", "trials=120", "t_max=40", "--stop"]
-    options += ["share=0.5", "delays_ms=20"]
-    assert main([*RUN, *options]) == 0
-    text = capsys.readouterr().out
-    assert "no stop-signal reaction time: at no delay do 25% to 75% of the stop trials" in text
-    assert "% of go trials missed, no failed stops, responses in 0.0% of stop trials" in text
-    assert "nan" not in text.partition("mean go time")[2]
-    assert main([*RUN, "--json", *options]) == 0
-    printed = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
-    assert printed["ssrt_by_delay_ms"] is None
 
 
 @pytest.mark.parametrize(
@@ -401,15 +301,21 @@ def test_the_command_refuses_in_one_sentence(options, says, capsys, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_figure_says_when_no_estimate_is_accepted(evidence):
-    trials = StopTask(delays_ms=(50.0,)).decide(MODEL, evidence, threshold=LEVEL)
-    text = draw(trials).get_suptitle()
-    assert f"{int(trials.stop.sum())} stop trials" in text
-    assert "accepts no SSRT" in text
-
-
 def test_a_signal_of_nothing_is_warned_of():
     with pytest.warns(EditWarning, match="no effect"):
         StopTask(amount_nats=0.0)
     with unwarned():
         StopTask(amount_nats=0.0, cancel_ms=50.0)
+
+
+def test_the_command_says_why_there_is_no_estimate(capsys):
+    options = ["--task", "d_prime=0.35", "step_ms=10", "trials=120", "t_max=40", "--stop"]
+    options += ["share=0.5", "delays_ms=20"]
+    assert main([*RUN, *options]) == 0
+    text = capsys.readouterr().out
+    assert "no stop-signal reaction time: at no delay do 25% to 75% of the stop trials" in text
+    assert "% of go trials missed, no failed stops, responses in 0.0% of stop trials" in text
+    assert "nan" not in text.partition("mean go time")[2]
+    assert main([*RUN, "--json", *options]) == 0
+    printed = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert printed["ssrt_by_delay_ms"] is None

@@ -27,18 +27,6 @@ def test_interleaved_staircases_each_see_only_their_own_trials():
         assert (both[which::2] == walk(table[:, which::2], DELAYS, start)).all()
 
 
-def test_a_staircase_settles_where_half_of_the_stops_fail():
-    rng = np.random.default_rng(2)
-    trials = 4000
-    go = 380 + rng.gamma(2.0, 50.0, trials)
-    table = go <= DELAYS[:, None] + 220.0
-    index = walk(table, DELAYS, [200.0, 300.0])
-    failed = table[index, np.arange(trials)]
-    # A bounded walk has as many moves up as down, but for the distance from its start to its end.
-    assert abs(failed.mean() - 0.5) < len(DELAYS) / trials
-    assert DELAYS[index].mean() == pytest.approx(np.median(go) - 220, abs=15)
-
-
 @pytest.mark.parametrize(("outcome", "kind"), [(True, "failed"), (False, "successful")])
 def test_a_staircase_that_never_reverses_is_warned_of(outcome, kind):
     table = np.full((len(DELAYS), 30), outcome)

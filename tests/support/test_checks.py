@@ -25,7 +25,6 @@ from tests.helpers import refused, some_evidence
 READINGS = some_evidence(trials=4, steps=3, hypotheses=2).log_likelihood
 EVIDENCE = Evidence(READINGS, np.array([0, 1, 0, 1]), step_ms=50.0, baseline=0.0)
 TABLE = load_circuit("macaque")
-ODD = ["0.5", "abc", None, 1j, [], {}, object()]
 
 
 @given(st.one_of(st.integers(), st.floats(), st.booleans(), st.text(), st.none()))
@@ -67,28 +66,6 @@ def test_whole_numbers_per_trial_come_in_the_machines_order(kind):
     assert numbers.tolist() == [0, 1, 2]
 
 
-CALLS = {
-    "leak_hz": Lca,
-    "slope": lambda odd: LinearGpe(slope=odd),
-    "separation": lambda odd: separated_evidence(2, 3, odd, rng=1),
-    "conflict": lambda odd: separated_evidence(2, 3, 0.5, rng=1, conflict=odd),
-    "trials": lambda odd: separated_evidence(odd, 3, 0.5, rng=1),
-    "rng": lambda odd: separated_evidence(2, 3, 0.5, rng=odd),
-    "foreperiod_ms": lambda odd: expecting(EVIDENCE, 1.0, odd, rng=1),
-    "thresholds": lambda odd: tally_sprt(EVIDENCE, odd),
-    "test": lambda odd: Stream(odd, 0.2),
-    "threshold": lambda odd: Stream(Msprt(), odd),
-}
-
-
-@pytest.mark.parametrize("field", CALLS)
-def test_what_is_of_the_wrong_kind_is_refused_by_name(field):
-    for odd in ODD:
-        with pytest.raises(InputError) as caught:
-            CALLS[field](odd)
-        assert caught.value.field.startswith(field)
-
-
 @pytest.mark.parametrize(
     "integrator",
     [Sprt(), Msprt(), BasalGanglia(TABLE, "algebra"), *(kind() for kind in BASELINES.values())],
@@ -108,24 +85,11 @@ def test_a_whole_number_of_channels_may_be_written_as_a_float(name):
     assert load_circuit(name, 3).with_channels(2.0).channels == 2
 
 
-def test_a_circuit_may_be_named():
-    assert BasalGanglia("macaque", "algebra").circuit == TABLE
-    with pytest.raises(ValueError, match=r"load_circuit\(\.\.\., 3\)"):
-        BasalGanglia("macaque", "algebra").run(some_evidence(hypotheses=3, baseline=0.0))
-
-
 def test_a_seed_in_place_of_a_generator_is_that_of_its_stream():
     one, other = (separated_evidence(3, 4, 0.5, rng=rng) for rng in (7, stream(7)))
     assert np.array_equal(one.log_likelihood, other.log_likelihood)
     with refused("seed"):
         separated_evidence(3, 4, 0.5, rng=-1)
-
-
-def test_one_accuracy_is_a_list_of_one():
-    evidence = separated_evidence(120, 30, 0.5, rng=3, step_ms=50.0)
-    model = BasalGanglia("macaque", "algebra")
-    one, listed = (compare(model, evidence, accuracies=a, resamples=20) for a in (0.8, [0.8]))
-    assert one.table.equals(listed.table)
 
 
 def test_parts_that_belong_to_other_trials_are_refused():
@@ -182,3 +146,28 @@ def test_one_trial_by_its_number_is_evidence_of_that_trial():
     assert [one.trial_numbers[0] for one in EVIDENCE] == [0, 1, 2, 3]
     with refused("trials got 0 of 4"):
         EVIDENCE[2:2]
+
+
+ODD = ["0.5", "abc", None, 1j, [], {}, object()]
+
+
+CALLS = {
+    "leak_hz": Lca,
+    "slope": lambda odd: LinearGpe(slope=odd),
+    "separation": lambda odd: separated_evidence(2, 3, odd, rng=1),
+    "conflict": lambda odd: separated_evidence(2, 3, 0.5, rng=1, conflict=odd),
+    "trials": lambda odd: separated_evidence(odd, 3, 0.5, rng=1),
+    "rng": lambda odd: separated_evidence(2, 3, 0.5, rng=odd),
+    "foreperiod_ms": lambda odd: expecting(EVIDENCE, 1.0, odd, rng=1),
+    "thresholds": lambda odd: tally_sprt(EVIDENCE, odd),
+    "test": lambda odd: Stream(odd, 0.2),
+    "threshold": lambda odd: Stream(Msprt(), odd),
+}
+
+
+@pytest.mark.parametrize("field", CALLS)
+def test_what_is_of_the_wrong_kind_is_refused_by_name(field):
+    for odd in ODD:
+        with pytest.raises(InputError) as caught:
+            CALLS[field](odd)
+        assert caught.value.field.startswith(field)

@@ -31,12 +31,6 @@ def test_a_table_reads_back_with_its_provenance(tmp_path, decided_trials, ending
     assert not list(tmp_path.glob(".*"))
 
 
-def test_types_that_only_pandas_knows_come_back(tmp_path):
-    table = pd.DataFrame({"count": pd.array([1, None], dtype="Int64"), "half": [0.5, 1.5]})
-    back = read_table(write_table(table, tmp_path / "t.parquet"))
-    pd.testing.assert_frame_equal(back, table)
-
-
 @dataclass(frozen=True)
 class Asked:
     level: np.float64
@@ -118,3 +112,9 @@ def test_provenance_never_goes_over_a_file_that_is_none(tmp_path, decided_trials
     write_table(decided_trials, tmp_path / "t.csv", other=1)
     assert (tmp_path / "t.json").read_text() == "mine too"
     assert read_provenance(tmp_path / "t.csv")["parameters"] == {"other": 1}
+
+
+def test_types_that_only_pandas_knows_come_back(tmp_path):
+    table = pd.DataFrame({"count": pd.array([1, None], dtype="Int64"), "half": [0.5, 1.5]})
+    back = read_table(write_table(table, tmp_path / "t.parquet"))
+    pd.testing.assert_frame_equal(back, table)

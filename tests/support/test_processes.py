@@ -41,19 +41,6 @@ RUNS = {
 held: list[object] = []
 
 
-def hold(*values):
-    held.extend(values)
-
-
-def what_is_held(_):
-    return list(held)
-
-
-def test_each_process_receives_what_is_held_once():
-    with processes(1, hold, (1, "two")) as pool:
-        assert list(pool.map(what_is_held, range(3))) == [[1, "two"]] * 3
-
-
 def plus(held, first, second):
     return held, first + second
 

@@ -51,16 +51,6 @@ def test_memory_that_is_just_enough_is_allowed(free, check, shape, needed):
         check(*shape)
 
 
-@pytest.mark.parametrize(
-    ("count", "size"),
-    [(999, "999 bytes"), (1000, "1 kB"), (2.5e9, "2.5 GB"), (1e12, "1 TB"), (3e16, "30 PB")],
-)
-def test_sizes_are_said_in_the_largest_unit_that_they_reach(free, count, size):
-    free(count)
-    with pytest.raises(NoMemoryError, match=f", {size} are free$"):
-        check_memory(1e18, "trials")
-
-
 @pytest.mark.parametrize("read", [read_table, read_evidence_table, read_trials])
 @pytest.mark.parametrize("ending", [".parquet", ".csv"])
 def test_a_table_that_does_not_fit_is_refused_before_it_is_read(
@@ -88,3 +78,13 @@ def test_a_table_that_does_not_fit_is_refused_before_it_is_read(
         free(needed)
         with pytest.raises(KeyboardInterrupt):
             read(path)
+
+
+@pytest.mark.parametrize(
+    ("count", "size"),
+    [(999, "999 bytes"), (1000, "1 kB"), (2.5e9, "2.5 GB"), (1e12, "1 TB"), (3e16, "30 PB")],
+)
+def test_sizes_are_said_in_the_largest_unit_that_they_reach(free, count, size):
+    free(count)
+    with pytest.raises(NoMemoryError, match=f", {size} are free$"):
+        check_memory(1e18, "trials")

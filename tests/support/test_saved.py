@@ -24,7 +24,6 @@ from bgmodel.plots import LABELS
 from bgmodel.support.saved import TREE, Facts, save, span
 from circuits.anatomy import load_circuit
 from circuits.engines import Ensemble
-from circuits.errors import BgmodelWarning
 from tests.helpers import refused, some_evidence
 
 QUICK = Learner(500)
@@ -78,12 +77,6 @@ def test_a_loaded_result_is_the_result(kind, tmp_path):
             assert str(getattr(again, name)()) == str(getattr(result, name)())
     if hasattr(result, "plot") and kind not in ("evidence", "trace"):
         again.plot()
-
-
-def test_a_loaded_model_decides_as_before(tmp_path):
-    again = bg.load(MODEL.save(tmp_path / "model.npz"))
-    decision = again.decide(EVIDENCE, posterior=0.8)
-    assert np.array_equal(decision.time_ms, MODEL.decide(EVIDENCE, posterior=0.8).time_ms)
 
 
 def test_a_file_is_replaced_only_if_asked_and_never_lost(tmp_path):
@@ -154,13 +147,6 @@ def test_what_is_no_saved_result_is_refused(tmp_path):
         bg.load(path)
 
 
-def test_warnings_of_a_record_are_not_given_again(tmp_path, recwarn):
-    path = bg.BasalGanglia("macaque", engine="algebra").save(tmp_path / "a.npz")
-    recwarn.clear()
-    bg.load(path)
-    assert not [one for one in recwarn if issubclass(one.category, BgmodelWarning)]
-
-
 SHOWN = some_evidence(trials=120, prior=[0.5, 0.3, 0.2], onset_ms=100.0, step_ms=50.0)
 TRACE = Msprt().run(SHOWN)
 THRESHOLDS = np.linspace(0.1, 0.6, 5)
@@ -198,38 +184,6 @@ def test_a_record_is_one_short_line_and_a_table_of_the_same_facts(records):
             assert f"{name} {value}" in line
 
 
-def test_of_many_thresholds_trials_are_counted_at_each():
-    decision = first_crossing(TRACE, THRESHOLDS, forced=False)
-    facts = decision.facts()
-    assert facts["thresholds"] == str(len(THRESHOLDS))
-    assert facts["trials"] == str(SHOWN.trials)
-    counts = {
-        "undecided": (decision.choice == -1).sum(axis=1),
-        "premature": decision.premature.sum(axis=1),
-        "forced": first_crossing(TRACE, THRESHOLDS).forced.sum(axis=1),
-    }
-    facts["forced"] = first_crossing(TRACE, THRESHOLDS).facts()["forced"]
-    assert counts["forced"].any()
-    for name, count in counts.items():
-        assert facts[name] == span(count, ".0f")
-
-
-def test_what_is_not_known_is_said_and_nothing_is_warned_of(recwarn):
-    blank = first_crossing(TRACE, 1e-9, forced=False, checked=False)
-    assert "mean_time_ms unknown" in repr(blank)
-    assert f"undecided {SHOWN.trials}" in repr(blank)
-    assert "truth unknown" in repr(Evidence(np.zeros((2, 3, 2))))
-    assert not recwarn.list
-
-
-def test_evidence_says_by_how_much_the_truth_is_favoured():
-    values = np.zeros((2, 4, 3))
-    values[:, :2, 1] = 0.6
-    drawn = Evidence(values, np.array([1, 1]), lengths=np.array([2, 2]))
-    assert "truth known, favoured by 0.6 nats per reading" in repr(drawn)
-    assert "readings up to 4" in repr(drawn)
-
-
 def test_a_table_of_facts_is_escaped():
     class Odd(Facts):
         def facts(self):
@@ -261,18 +215,6 @@ def test_times_are_drawn_by_choice_and_every_decided_trial_counts():
     assert ax.get_title("left") == f"n = {SHOWN.trials}, {left} undecided"
     blank = first_crossing(TRACE, 1e-9, forced=False, checked=False).plot()
     assert blank.axes[0].get_title("left") == "n = 120, 120 undecided"
-
-
-def test_several_thresholds_are_drawn_as_speed_and_accuracy():
-    decision = first_crossing(TRACE, THRESHOLDS)
-    (ax,) = decision.plot(Figure().subplots(), SHOWN.truth).axes
-    counts = tally(TRACE, SHOWN.truth, THRESHOLDS)
-    order = np.argsort(counts.mean_steps)
-    assert ax.lines[0].get_ydata() == pytest.approx(np.asarray(counts.accuracy)[order])
-    times = np.nanmean(decision.time_ms, axis=1)
-    assert ax.lines[0].get_xdata() == pytest.approx(np.sort(times))
-    with refused("truth several thresholds need the truth"):
-        replace(decision, truth=None).plot()
 
 
 def test_speed_and_accuracy_are_those_of_decided_trials():
@@ -308,7 +250,21 @@ def test_an_outcome_is_a_forest_of_changes_with_their_verdicts(outcome):
     plt.close(figure)
 
 
-def test_a_plot_makes_a_figure_of_its_own_where_no_axes_are_given():
-    figure = TRACE.plot()
-    assert figure in map(plt.figure, plt.get_fignums())
-    plt.close(figure)
+def test_what_is_not_known_is_said_and_nothing_is_warned_of(recwarn):
+    blank = first_crossing(TRACE, 1e-9, forced=False, checked=False)
+    assert "mean_time_ms unknown" in repr(blank)
+    assert f"undecided {SHOWN.trials}" in repr(blank)
+    assert "truth unknown" in repr(Evidence(np.zeros((2, 3, 2))))
+    assert not recwarn.list
+
+
+def test_several_thresholds_are_drawn_as_speed_and_accuracy():
+    decision = first_crossing(TRACE, THRESHOLDS)
+    (ax,) = decision.plot(Figure().subplots(), SHOWN.truth).axes
+    counts = tally(TRACE, SHOWN.truth, THRESHOLDS)
+    order = np.argsort(counts.mean_steps)
+    assert ax.lines[0].get_ydata() == pytest.approx(np.asarray(counts.accuracy)[order])
+    times = np.nanmean(decision.time_ms, axis=1)
+    assert ax.lines[0].get_xdata() == pytest.approx(np.sort(times))
+    with refused("truth several thresholds need the truth"):
+        replace(decision, truth=None).plot()

@@ -40,13 +40,6 @@ def test_a_row_is_a_point_and_a_measure_with_its_interval(tmp_path):
     assert tuple(row[["value", "low", "high"]].to_numpy()[0]) == want
 
 
-def test_a_bootstrap_in_parts_weighs_every_trial_as_often(tmp_path, monkeypatch):
-    weights = np.concatenate(list(outcome._weights(3, 40)))
-    monkeypatch.setattr(outcome, "AT_ONCE", 40 * 300)
-    parts = np.concatenate(list(outcome._weights(3, 40)))
-    assert np.array_equal(parts, weights)
-
-
 def test_a_circuit_that_decides_without_evidence_is_said_to(tmp_path):
     long = Gaussian(trials=80, t_max=120)
     _, table = swept(tmp_path, grid={"lesion STN": (0.0, 1.0)}, engine="rate", task=long)
@@ -73,11 +66,6 @@ def test_posteriors_that_are_not_accuracies_are_said(tmp_path):
     assert "posteriors" not in remarks[0.0]
 
 
-def test_too_few_decisions_are_said(tmp_path):
-    _, table = swept(tmp_path, grid={"posterior": (0.94,)}, task=Gaussian(trials=80, t_max=1))
-    assert set(table["remark"]) == {"fewer than 20 trials are decided in time"}
-
-
 def test_a_point_that_could_not_run_is_there_without_numbers(tmp_path, monkeypatch):
     def refused(*_):
         raise ValueError("rates run away")
@@ -87,18 +75,6 @@ def test_a_point_that_could_not_run_is_there_without_numbers(tmp_path, monkeypat
     assert table["value"].isna().all()
     assert set(table["remark"]) == {"rates run away"}
     outcome.draw(plan, table)
-
-
-def test_lines_stand_at_their_values_and_names_beside_each_other(tmp_path):
-    plan, table = swept(tmp_path, grid={"posterior": (0.9, 0.7)})
-    figure = outcome.draw(plan, table)
-    line = figure.axes[0].lines[0]
-    rows = table[table["measure"] == "accuracy"].sort_values("posterior")
-    assert np.allclose(line.get_xdata(), [0.7, 0.9])
-    assert np.allclose(line.get_ydata(), rows["value"])
-    plan, table = swept(tmp_path, grid={"engine": ("algebra", "rate")})
-    panel = outcome.draw(plan, table).axes[0]
-    assert [text.get_text() for text in panel.get_xticklabels()] == ["algebra", "rate"]
 
 
 def test_a_map_has_the_first_key_up_and_the_second_across(tmp_path, monkeypatch):
@@ -116,52 +92,11 @@ def test_a_map_has_the_first_key_up_and_the_second_across(tmp_path, monkeypatch)
     assert (panel.get_ylabel(), panel.get_xlabel()) == ("lesion STN (fraction)", "posterior")
 
 
-@pytest.mark.parametrize(
-    ("key", "label"),
-    [
-        ("lesion STN", "lesion STN (fraction)"),
-        ("cut STN->GPe", "cut STN->GPe (fraction)"),
-        ("scale STN->GPe", "scale STN->GPe"),
-        ("set STN.bias_nats", "set STN.bias_nats"),
-        ("add D1->GPe delay_ms=4 weight", "add D1->GPe delay_ms=4 weight"),
-        ("dopamine", "dopamine"),
-        ("task.d_prime", "task.d_prime"),
-    ],
-)
-def test_an_axis_says_what_its_numbers_are_of(key, label):
-    plan = Plan(grid={key: (0.1, 0.2)}, show=("mean_ms",))
-    panel = outcome.draw(plan, points_of(plan, [300.0, 200.0])).axes[0]
-    assert (panel.get_xlabel(), panel.get_ylabel()) == (label, "Mean decision time (ms)")
-
-
 def points_of(plan, values, remarks=None):
     """Return a table of one measure at each point of a plan."""
     table = pd.DataFrame(list(plan.each))
     table = table.assign(measure=plan.show[0], value=values, low=values, high=values, trials=80)
     return table.assign(remark=remarks or "")
-
-
-def test_a_star_stands_at_every_number_that_has_a_remark():
-    plan = Plan(grid={"posterior": (0.7, 0.8, 0.9)}, show=("accuracy",))
-    points = points_of(plan, [0.6, 0.7, np.nan], ["", "few decide", "rates run away"])
-    (panel,) = (figure := outcome.draw(plan, points)).axes
-    assert [(star.get_text(), star.xy) for star in panel.texts] == [("*", (0.8, 0.7))]
-    assert "*: see remark" in figure.get_suptitle()
-    (panel,) = (figure := outcome.draw(plan, points_of(plan, [0.6, 0.7, 0.8]))).axes
-    assert not panel.texts
-    assert "*" not in figure.get_suptitle()
-
-
-def test_a_grid_with_a_short_key_is_a_line_per_value_of_it():
-    plan = Plan(
-        grid={"engine": ("rate", "algebra"), "posterior": (0.7, 0.8, 0.9)}, show=("accuracy",)
-    )
-    figure = outcome.draw(plan, points_of(plan, [0.6, 0.7, 0.8, 0.5, 0.6, 0.7]))
-    lines = [bars.lines[0] for bars in figure.axes[0].containers]
-    assert [list(line.get_ydata()) for line in lines] == [[0.6, 0.7, 0.8], [0.5, 0.6, 0.7]]
-    (legend,) = figure.legends
-    labels = [text.get_text() for text in legend.get_texts()]
-    assert labels == ["engine = rate", "engine = algebra"]
 
 
 def test_a_line_has_bars_from_the_lower_to_the_upper_end():
@@ -202,11 +137,59 @@ def test_a_map_of_few_points_says_each_number_in_white_on_dark(across, written, 
     assert set(colours[across:]) == {"k"}
 
 
-def test_a_map_without_any_number_is_a_map_of_dashes(monkeypatch):
-    monkeypatch.setattr(outcome, "LINES", 0)
-    plan = Plan(grid={"lesion STN": (0.0, 0.2), "posterior": (0.7, 0.9)}, show=("accuracy",))
-    figure = outcome.draw(plan, points_of(plan, [np.nan] * 4, ["rates run away"] * 4))
-    assert [text.get_text() for text in figure.axes[0].texts] == ["-*"] * 4
+@pytest.mark.parametrize(
+    ("grid", "idle"),
+    [
+        ({"compensate": (False, True), "posterior": (0.7, 0.8)}, ["compensate"]),
+        ({"set STN.cite": ("a", "b")}, ["STN.cite"]),
+        ({"lesion STN": (0.0, 0.1), "posterior": (0.7, 0.8)}, []),
+        ({"posterior": (0.8,)}, []),
+    ],
+)
+def test_a_key_on_which_no_measure_depends_is_warned_of(tmp_path, grid, idle):
+    texts = [text for text in told(swept, tmp_path, grid=grid) if "no measure depends" in text]
+    assert [text.split(":")[0].split()[-1] for text in texts] == idle
+
+
+def test_three_keys_have_a_table_and_no_figure():
+    plan = Plan(grid={"lesion STN": (0.1,), "lesion GPe": (0.1,), "dopamine": (1.0,)})
+    with refused("axes"):
+        outcome.draw(plan, pd.DataFrame())
+
+
+def test_a_bootstrap_in_parts_weighs_every_trial_as_often(tmp_path, monkeypatch):
+    weights = np.concatenate(list(outcome._weights(3, 40)))
+    monkeypatch.setattr(outcome, "AT_ONCE", 40 * 300)
+    parts = np.concatenate(list(outcome._weights(3, 40)))
+    assert np.array_equal(parts, weights)
+
+
+def test_too_few_decisions_are_said(tmp_path):
+    _, table = swept(tmp_path, grid={"posterior": (0.94,)}, task=Gaussian(trials=80, t_max=1))
+    assert set(table["remark"]) == {"fewer than 20 trials are decided in time"}
+
+
+def test_a_star_stands_at_every_number_that_has_a_remark():
+    plan = Plan(grid={"posterior": (0.7, 0.8, 0.9)}, show=("accuracy",))
+    points = points_of(plan, [0.6, 0.7, np.nan], ["", "few decide", "rates run away"])
+    (panel,) = (figure := outcome.draw(plan, points)).axes
+    assert [(star.get_text(), star.xy) for star in panel.texts] == [("*", (0.8, 0.7))]
+    assert "*: see remark" in figure.get_suptitle()
+    (panel,) = (figure := outcome.draw(plan, points_of(plan, [0.6, 0.7, 0.8]))).axes
+    assert not panel.texts
+    assert "*" not in figure.get_suptitle()
+
+
+def test_a_grid_with_a_short_key_is_a_line_per_value_of_it():
+    plan = Plan(
+        grid={"engine": ("rate", "algebra"), "posterior": (0.7, 0.8, 0.9)}, show=("accuracy",)
+    )
+    figure = outcome.draw(plan, points_of(plan, [0.6, 0.7, 0.8, 0.5, 0.6, 0.7]))
+    lines = [bars.lines[0] for bars in figure.axes[0].containers]
+    assert [list(line.get_ydata()) for line in lines] == [[0.6, 0.7, 0.8], [0.5, 0.6, 0.7]]
+    (legend,) = figure.legends
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert labels == ["engine = rate", "engine = algebra"]
 
 
 def test_only_where_there_are_two_alternatives_a_diffusion_is_said_to_be_withheld(
@@ -225,30 +208,3 @@ def test_only_where_there_are_two_alternatives_a_diffusion_is_said_to_be_withhel
         (remark,) = set(outcome.measured(setting, tmp_path)["remark"])
         assert remark.startswith(says)
         assert bool(remark) == bool(says)
-
-
-def test_three_keys_have_a_table_and_no_figure():
-    plan = Plan(grid={"lesion STN": (0.1,), "lesion GPe": (0.1,), "dopamine": (1.0,)})
-    with refused("axes"):
-        outcome.draw(plan, pd.DataFrame())
-
-
-@pytest.mark.parametrize(
-    ("grid", "idle"),
-    [
-        ({"compensate": (False, True), "posterior": (0.7, 0.8)}, ["compensate"]),
-        ({"set STN.cite": ("a", "b")}, ["STN.cite"]),
-        ({"lesion STN": (0.0, 0.1), "posterior": (0.7, 0.8)}, []),
-        ({"posterior": (0.8,)}, []),
-    ],
-)
-def test_a_key_on_which_no_measure_depends_is_warned_of(tmp_path, grid, idle):
-    texts = [text for text in told(swept, tmp_path, grid=grid) if "no measure depends" in text]
-    assert [text.split(":")[0].split()[-1] for text in texts] == idle
-
-
-def test_a_circuit_that_decides_against_the_evidence_is_said_to(tmp_path):
-    long = Gaussian(trials=100, t_max=60)
-    _, table = swept(tmp_path, grid={"dopamine": (0.0, 1.0)}, engine="rate", gain=None, task=long)
-    remarks = list(table.drop_duplicates("dopamine")["remark"])
-    assert ["against the evidence" in remark for remark in remarks] == [True, False]

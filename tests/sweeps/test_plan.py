@@ -16,7 +16,6 @@ from bgmodel.task import Gaussian, settings_of_tasks
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_writer import write
-from circuits.engines import Algebra, Brian2, Ensemble, Population, Rate
 from tests.helpers import long_table, refused, some_evidence
 
 
@@ -38,35 +37,12 @@ def test_a_grid_is_every_combination_and_its_last_key_changes_fastest():
     assert read.axes == {"lesion STN": [0.0, 0.1], "dopamine": [0.9, 1.0, 1.1]}
 
 
-def test_points_one_by_one_make_the_settings_of_their_grid():
-    grid = Plan(grid={"lesion STN": (0.0, 0.1), "dopamine": (0.9,)})
-    points = Plan(
-        points=({"lesion STN": 0.0, "dopamine": 0.9}, {"lesion STN": 0.1, "dopamine": 0.9})
-    )
-    assert points.each == grid.each
-    assert points.axes == grid.axes
-    assert points.all_points() == grid.all_points()
-
-
 def test_a_sweep_and_an_experiment_have_the_same_defaults():
     """A reader who turns one into the other keeps the numbers."""
     sweep, experiment = ({f.name: f.default for f in fields(kind)} for kind in (Point, Experiment))
     names = sweep.keys() & experiment.keys() - {"task"}
     assert {"circuit", "engine", "gain", "posterior", "foreperiod_ms", "seed"} <= names
     assert {name: sweep[name] for name in names} == {name: experiment[name] for name in names}
-
-
-def test_a_setting_takes_a_foreperiod_of_whole_ms_and_a_seed_from_0_on():
-    assert Point(foreperiod_ms=1.0, seed=0).foreperiod_ms == 1.0
-    for wrong in (
-        {"foreperiod_ms": 0.0},
-        {"foreperiod_ms": 0.5},
-        {"foreperiod_ms": np.inf},
-        {"seed": -1},
-    ):
-        (name,) = wrong
-        with pytest.raises(ValueError, match=f"^{name} must be "):
-            Point(**wrong)
 
 
 @pytest.mark.parametrize(
@@ -154,16 +130,6 @@ def test_a_sweep_refuses_the_posteriors_that_an_experiment_refuses(
     assert other.endswith(one)
 
 
-@pytest.mark.parametrize("posterior", [0.96, 0.98])
-def test_a_posterior_that_out_does_not_read_is_refused_before_anything_runs(posterior):
-    for grid in (
-        {"posterior": (0.8, posterior)},
-        {"lesion STN": (0.1,), "posterior": (posterior,)},
-    ):
-        with refused("thresholds resolves no OUT below"):
-            Plan(grid=grid).all_points()
-
-
 def test_a_shard_is_named_by_what_it_computes():
     def names(**changed):
         made = Plan(**({"grid": {"lesion STN": (0.1, 0.2)}} | changed)).all_points()
@@ -187,14 +153,6 @@ def test_more_trials_keep_the_blocks_that_are_there():
     few, many = blocks(2 * BLOCK), blocks(2 * BLOCK + 5)
     assert [shard.trials for shard in many] == [BLOCK, BLOCK, 5]
     assert [shard.name for shard in many[:2]] == [shard.name for shard in few]
-
-
-def test_blocks_of_a_setting_differ_in_evidence_and_noise_and_points_share_both():
-    one, other = Plan(grid={"lesion STN": (0.1, 0.2)}).all_points()
-    first, again, later = one.block(0, 20), other.block(0, 20), one.block(BLOCK, 20)
-    assert np.array_equal(first.evidence.log_likelihood, again.evidence.log_likelihood)
-    assert not np.array_equal(first.evidence.log_likelihood, later.evidence.log_likelihood)
-    assert one.block_seed(0) == other.block_seed(0) != one.block_seed(BLOCK)
 
 
 def test_evidence_of_a_table_is_read_beside_the_file_and_every_trial_once(tmp_path):
@@ -242,21 +200,6 @@ def test_readings_and_alternatives_of_what_is_drawn_are_those_of_the_task():
     assert Point(task=SameDifferent()).hypotheses == 2
 
 
-@pytest.mark.parametrize(
-    ("engine", "seed"),
-    [
-        (Algebra(), None),
-        (Rate(rates=False), None),
-        (Population(rates=False), 7),
-        (Ensemble(rates=False), 7),
-        (Brian2(), 7),
-    ],
-)
-def test_engines_with_noise_get_its_seed_and_those_that_can_leave_rates_out(engine, seed):
-    model = Point(engine=engine.id).model(seed=7, rates=False)
-    assert (model.engine, model.seed) == (engine, seed)
-
-
 def test_an_edit_is_of_the_circuit_of_its_own_point_whatever_comes_first():
     """ctx_inh is a nucleus of macaque alone, and common one of spiking_msprt."""
     other = load_circuit("spiking_msprt")
@@ -268,12 +211,6 @@ def test_an_edit_is_of_the_circuit_of_its_own_point_whatever_comes_first():
         assert point.edited == other.lesion("common", 0.2)
     with refused("nucleus spiking_msprt has no nucleus 'ctx_inh'"):
         Plan(points=({"lesion ctx_inh": 0.2, "circuit": other.name},)).all_points()
-
-
-def test_a_tactile_task_depends_on_its_taps():
-    (point,) = Plan(grid={"task.name": ("same-different",)}).all_points()
-    (shard,) = point.shards()
-    assert len(shard.key["task"]["taps"]) == 64
 
 
 SETTINGS = {
@@ -313,10 +250,3 @@ def test_the_name_of_a_shard_follows_every_setting_of_its_point():
     assert STOP.keys() == {f.name for f in fields(StopTask)}
     every += [names_of(Point(stop=StopTask(**{k: v}))) for k, v in STOP.items()]
     assert len(set().union(*every)) == sum(map(len, every))
-
-
-def test_a_grid_lesions_a_nucleus_that_a_motif_adds():
-    plan = Plan("macaque_small", edits=Edits(["add striatal_FSI"]), grid={"lesion FSI": (0.0, 0.5)})
-    intact, half = (setting.edited for setting in plan.all_points())
-    assert intact == load_circuit("macaque_small").add("striatal_FSI")
-    assert half == intact.lesion("FSI", 0.5)

@@ -90,11 +90,6 @@ def test_one_sweep_at_a_time_is_at_work_in_a_folder(tmp_path, held, asked):
         pass
 
 
-def test_several_parts_of_a_sweep_are_at_work_at_once(tmp_path):
-    with stored.at_work(tmp_path, alone=False), stored.at_work(tmp_path, alone=False):
-        pass
-
-
 def test_what_a_killed_run_left_half_written_goes_when_a_folder_is_held_alone(tmp_path):
     left = tmp_path / "shards" / ".123.partial.x.parquet"
     left.parent.mkdir()
@@ -137,12 +132,6 @@ def test_a_machine_without_slurm_or_its_accounts_is_refused(install, tmp_path, s
     install("sacct", sacct)
     with refused(f"on {says}"):
         stored.check_slurm(tmp_path)
-
-
-def test_a_slurm_that_answers_is_accepted(install, tmp_path):
-    install("sinfo", 0)
-    install("sacct", 0)
-    stored.check_slurm(tmp_path)
 
 
 @pytest.mark.parametrize("name", ["a'b", 'a"b', "$(touch x)", "`touch x`", "a\\b"])

@@ -45,13 +45,6 @@ def test_it_has_the_numbers_of_the_command(file, outcome, tmp_path):
         assert np.allclose(mine[name], expected[name], equal_nan=True)
 
 
-def test_what_lies_in_a_folder_is_not_computed_again(file, outcome, tmp_path, monkeypatch):
-    Sweep.from_toml(file).run(tmp_path)
-    monkeypatch.setattr("bgmodel.sweeps.shards.compute", None)
-    again = Sweep.from_toml(file).run(tmp_path)
-    assert again.table.equals(outcome.table)
-
-
 def test_labels_are_keys_and_measures(outcome):
     labelled = outcome.to_xarray()
     assert dict(labelled.sizes) == {"lesion_STN": 2, "task_channels": 2, "of": 3}
@@ -59,13 +52,6 @@ def test_labels_are_keys_and_measures(outcome):
     one = labelled.accuracy.sel(lesion_STN=0.05, task_channels=3, of="value")
     rows = outcome.table.query("`lesion STN` == 0.05 and measure == 'accuracy'")
     assert float(one) == rows.loc[rows["task.channels"] == 3, "value"].item()
-
-
-def test_a_reader_sees_the_measures_that_the_plan_shows(outcome):
-    assert list(outcome.summary()) == ["accuracy", "mean_ms", "missed"]
-    assert len(outcome.summary()) == 4
-    assert "points 4" in repr(outcome)
-    assert len(outcome.plot().axes) >= 3
 
 
 def test_remarks_on_points_are_warned_of_in_python_as_at_the_terminal(file, tmp_path, capsys):
@@ -79,3 +65,17 @@ def test_remarks_on_points_are_warned_of_in_python_as_at_the_terminal(file, tmp_
     assert main(["sweep", str(short), str(tmp_path / "out"), "--workers", "1"]) == 0
     printed = capsys.readouterr().err
     assert all(sentence in printed for sentence in remarks)
+
+
+def test_what_lies_in_a_folder_is_not_computed_again(file, outcome, tmp_path, monkeypatch):
+    Sweep.from_toml(file).run(tmp_path)
+    monkeypatch.setattr("bgmodel.sweeps.shards.compute", None)
+    again = Sweep.from_toml(file).run(tmp_path)
+    assert again.table.equals(outcome.table)
+
+
+def test_a_reader_sees_the_measures_that_the_plan_shows(outcome):
+    assert list(outcome.summary()) == ["accuracy", "mean_ms", "missed"]
+    assert len(outcome.summary()) == 4
+    assert "points 4" in repr(outcome)
+    assert len(outcome.plot().axes) >= 3

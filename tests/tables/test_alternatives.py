@@ -45,12 +45,6 @@ def test_the_number_is_given_held_by_a_column_or_two():
     assert read_trials(plain).alternatives == 2
 
 
-def test_the_number_is_part_of_the_checksum():
-    plain = coded().drop(columns="shown")
-    three, four = (read_trials(plain, columns=Columns(alternatives=n)).checksum for n in (3, 4))
-    assert three != four
-
-
 def test_missing_responses_are_neither_correct_nor_a_name():
     some = table()
     some.loc[:2, ["rt", "response"]] = np.nan

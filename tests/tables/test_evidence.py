@@ -100,17 +100,6 @@ def test_a_users_columns_come_back_and_the_result_joins_by_id_and_by_row():
     assert "eye_x" not in decided
 
 
-def test_some_of_the_trials_keep_their_own_columns():
-    table, _ = ragged(np.random.default_rng(5))
-    trials = trials_from_table(table)
-    chosen = np.arange(40) % 3 == 1
-    some = trials.where(chosen)
-    assert some.columns["rt"].tolist() == trials.columns["rt"][chosen].tolist()
-    assert some.evidence.trial_numbers.tolist() == np.flatnonzero(chosen).tolist()
-    decided = trial_table(first_crossing(Msprt().run(some.evidence), 0.3), some, model="m")
-    assert decided["row"].tolist() == trials.columns["row"][chosen].tolist()
-
-
 def test_a_forced_trial_of_a_table_is_decided_by_its_own_readings():
     """The plain oracle: sums of a trial's rows, up to its own last one."""
     table, _ = ragged(np.random.default_rng(6))
@@ -298,11 +287,6 @@ def test_a_table_too_large_says_what_it_needs():
         trials_from_table(pd.concat([table, long]))
 
 
-def test_the_baseline_is_the_mean_of_all_numbers():
-    evidence = trials_from_table(ragged(stream(3, "baseline"))[0]).evidence
-    assert evidence.baseline == evidence.mean_reading
-
-
 def test_trials_that_are_there_twice_are_warned_of_and_those_alike_by_chance_are_not(recwarn):
     table = long_table(separated_evidence(30, 12, 0.5, rng=4))
     again = table[table["trial"] < 7].assign(trial=lambda rows: rows["trial"] + 1000)
@@ -313,15 +297,6 @@ def test_trials_that_are_there_twice_are_warned_of_and_those_alike_by_chance_are
     binary = stream(4, "binary").choice([-0.4, 0.4], (200, 3, 2))
     trials_from_table(long_table(Evidence(binary), truth=False))
     assert not recwarn
-
-
-def test_a_table_of_running_sums_is_doubted_once():
-    table = long_table(separated_evidence(30, 12, 0.5, rng=4))
-    told = ["ll_a", "ll_b"]
-    table[told] = table.groupby("trial")[told].cumsum()
-    with pytest.warns(DataWarning, match="correlate") as caught:
-        trials_from_table(table)
-    assert len(caught) == 1
 
 
 def in_units(evidence, nats):
@@ -352,20 +327,21 @@ def test_natural_logarithms_are_never_taken_for_others():
                 warn_of_units(drawn)
 
 
+def test_the_baseline_is_the_mean_of_all_numbers():
+    evidence = trials_from_table(ragged(stream(3, "baseline"))[0]).evidence
+    assert evidence.baseline == evidence.mean_reading
+
+
+def test_a_table_of_running_sums_is_doubted_once():
+    table = long_table(separated_evidence(30, 12, 0.5, rng=4))
+    told = ["ll_a", "ll_b"]
+    table[told] = table.groupby("trial")[told].cumsum()
+    with pytest.warns(DataWarning, match="correlate") as caught:
+        trials_from_table(table)
+    assert len(caught) == 1
+
+
 def test_taps_that_ship_are_natural_logarithms():
     with unwarned():
         for task in (SameDifferent(), Orientation(2)):
             warn_of_units(task.evidence(1000, seed=stream(0, "taps")))
-
-
-def test_evidence_without_any_relation_to_its_truth_is_not_taken_for_another_unit():
-    drawn = separated_evidence(600, 30, 0.4, rng=5)
-    other = replace(drawn, truth=stream(5, "truth").permutation(drawn.truth))
-    with pytest.warns(CalibrationWarning, match=r"posteriors would be right .* about 0.0\d+: look"):
-        trials_from_table(long_table(other))
-
-
-def test_readings_of_one_truth_alone_tell_no_unit():
-    evidence = separated_evidence(600, 30, 0.4, rng=5)
-    with unwarned():
-        warn_of_units(in_units(evidence[evidence.truth == 0], np.log(10)))

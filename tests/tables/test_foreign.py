@@ -1,14 +1,11 @@
 """Users' tables: their files, columns of other names or units, and those of PyDDM and HSSM."""
 
 import numpy as np
-import pandas as pd
 import pytest
 
-import bgmodel as bg
-from bgmodel.tables.foreign import read_rows
 from bgmodel.trials.reading import Columns, read_trials
 from bgmodel.trials.record import Trials
-from tests.helpers import refused, run, unwarned
+from tests.helpers import refused, unwarned
 from tests.read import read
 from tests.trials.test_reading import READ, people, silent
 
@@ -43,13 +40,6 @@ def test_milliseconds_are_the_same_times():
     with refused("rt must be above 0 ms, got '-5.0' in row 3"):
         wrong = (1000 * table["rt"]).where(table.index != 3, -5.0)
         read_trials(table.assign(rt=wrong), **READ, columns=Columns(rt_unit="ms"))
-
-
-def test_a_missing_response_of_hssm_stays_missing_in_milliseconds():
-    table = silent(people(), [4, 9])
-    coded = table.assign(rt=(1000 * table["rt"]).fillna(-999.0), response=table["response"])
-    trials = read_trials(coded, **READ, columns=Columns(rt_unit="ms", deadline_s=4.0))
-    assert np.flatnonzero(trials.response == -1).tolist() == [4, 9]
 
 
 @pytest.mark.parametrize("to", [Trials.to_pyddm, Trials.to_hssm])
@@ -105,32 +95,6 @@ def test_a_column_that_has_our_name_already_is_not_overwritten():
     table = people().assign(latency=1.0)
     with refused("rt is 'latency', but there is also a column rt"):
         read_trials(table, **READ, columns=Columns(rt="latency"))
-
-
-def test_fits_read_them_at_the_terminal_and_in_python(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    table = people(seed=6, trials=80)
-    odd = table.assign(rt=1000 * table["rt"]).rename(columns=OTHER)
-    odd.to_csv("odd.csv", index=False)
-    quick = {"free": ["sensitivity", "t0_s"], "participant": "8", "strength": "coherence"}
-    fit = bg.fit(odd, "constant_gap", columns=bg.Columns(**NAMED, rt_unit="ms"), **quick)
-    expected = bg.fit(table, "constant_gap", **quick)
-    assert fit.optimum.values == expected.optimum.values
-    options = ["--columns", "rt=latency", "response=key", "participant=who", "rt_unit=ms"]
-    asked = ["odd.csv", *options, "--strength", "coherence"]
-    asked += ["--models", "constant_gap", "--free", "sensitivity", "t0_s", "--participant", "8"]
-    assert run("fit", *asked) == 0
-    fitted = pd.read_csv("fits/odd/parameters.csv").set_index("parameter")["value"]
-    assert fitted["sensitivity"] == pytest.approx(expected.optimum.values["sensitivity"])
-    assert "odd.csv: 40 trials" in capsys.readouterr().out
-
-
-def test_cells_stay_as_they_are_written(tmp_path):
-    path = tmp_path / "mine.csv"
-    path.write_text("\ufeffparticipant_id,rt,tag\n007,0.50,NA\n7, 1e0,\n")
-    table = read_rows(path)
-    assert table.columns.tolist() == ["participant_id", "rt", "tag"]
-    assert table.to_numpy().tolist() == [["007", "0.50", "NA"], ["7", " 1e0", ""]]
 
 
 @pytest.mark.parametrize(

@@ -10,15 +10,6 @@ from bgmodel.tables.named import NamedEvidence, trial_table
 from tests.helpers import refused, some_evidence
 
 
-def test_trial_table_names_undecided_trials(decided_trials):
-    undecided = decided_trials["undecided"]
-    assert 0 < undecided.sum() < len(decided_trials)
-    assert decided_trials.loc[undecided, "rt"].isna().all()
-    assert (decided_trials.loc[undecided, "response"] == "").all()
-    assert decided_trials.loc[undecided, "correct"].isna().all()
-    assert decided_trials.loc[~undecided, "correct"].notna().all()
-
-
 @pytest.mark.parametrize("condition", ["", "lesion"])
 def test_a_users_columns_stay_and_those_that_a_result_replaces_are_called_given(condition):
     columns = pd.DataFrame(
@@ -62,18 +53,6 @@ def test_a_choice_is_correct_if_it_is_the_truth_and_unknown_without_a_truth(know
     else:
         assert set(table["stimulus"]) == {""}
         assert table["correct"].isna().all()
-
-
-def test_a_summary_says_from_how_few_readings_to_how_many():
-    drawn = some_evidence(trials=3, steps=4)
-    lengths = np.array([4, 2, 3])
-    values = drawn.log_likelihood * (np.arange(4) < lengths[:, None])[..., None]
-    ragged = Evidence(values, drawn.truth, lengths=lengths)
-    one, several = (NamedEvidence(e, list("abc")).summary() for e in (drawn, ragged))
-    assert one == "read 3 trials of 4 readings, hypotheses a, b, c"
-    assert several == "read 3 trials of 2 to 4 readings, hypotheses a, b, c"
-    left = NamedEvidence(drawn, list("abc"), varying=["eye_x", "eye_y"]).summary()
-    assert left == f"{one}; columns that change within a trial are left out: eye_x, eye_y"
 
 
 def test_a_table_of_trials_holds_one_threshold():

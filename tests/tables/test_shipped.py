@@ -65,16 +65,6 @@ def test_accuracy_rises_with_the_strength_of_motion_and_times_fall(name):
     assert np.array_equal(np.isnan(choices.correct), table["correct"].isna())
 
 
-def test_without_coherence_the_monkeys_times_scatter_as_published():
-    spreads = statistics(read_trials("roitman_shadlen_2002", strength="coherence"))
-    spreads = spreads.set_index(["participant_id", "strength"])
-    assert spreads.loc["b", 0.0]["sd_s"] == pytest.approx(0.197, abs=5e-4)
-    assert spreads.loc["n", 0.0]["sd_s"] == pytest.approx(0.242, abs=5e-4)
-    quantiles = spreads.loc["b", 0.0][["q10_s", "q50_s", "q90_s"]]
-    assert quantiles.tolist() == pytest.approx([0.559, 0.763, 1.037], abs=5e-4)
-    assert np.isnan(spreads.loc["b", 0.0]["accuracy"])
-
-
 PUBLISHED = {
     ("off", "high"): (1.518, 0.592),
     ("on", "high"): (1.391, 0.580),
@@ -91,26 +81,6 @@ def test_patients_are_as_fast_and_as_right_as_published_in_each_condition():
         assert means.loc[cell, "mean_s"] == pytest.approx(seconds, abs=6e-4)
         assert means.loc[cell, "accuracy"] == pytest.approx(share, abs=6e-4)
     assert len(statistics(choices)) == 14 * 4
-
-
-def test_conflict_is_between_two_good_items_or_two_bad_ones():
-    table = SHIPPED["cavanagh_2011"].table
-    pairs = table.groupby("conflict")["pair"].unique()
-    assert set(pairs["high"]) == {"LL", "WW"}
-    assert set(pairs["low"]) == {"WL"}
-    assert set(table["stimulation"]) == {"on", "off"}
-
-
-def test_theta_slows_under_conflict_and_no_more_with_stimulation():
-    """The reversal that was published, as a mean over participants of their correlations."""
-    table = SHIPPED["cavanagh_2011"].table
-    high = table[table["conflict"] == "high"]
-    r = {
-        state: np.mean([one["theta"].corr(one["rt"]) for _, one in part.groupby("participant_id")])
-        for state, part in high.groupby("stimulation")
-    }
-    assert r["off"] == pytest.approx(0.056, abs=6e-4)
-    assert r["on"] == pytest.approx(-0.065, abs=6e-4)
 
 
 SIMON = every_set()[SIMON_SET].table
@@ -153,16 +123,6 @@ def test_people_and_patients_have_the_known_times_and_shares_in_the_simon_task()
             assert some[name].mean() == pytest.approx(mean, abs=0.5)
             assert some[name].sem() == pytest.approx(error, abs=0.5)
         assert share.loc[medication].tolist() == pytest.approx(shares, abs=6e-4)
-
-
-def test_rewards_of_the_simon_task_follow_item_and_congruency():
-    rewards = TRAINED.dropna(subset=["reward"]).astype({"reward": float})
-    shares = rewards.groupby(["item", "congruency"])["reward"].mean().unstack()
-    assert shares["congruent"].tolist() == [1, 1, 0, 0]
-    assert shares["incongruent"].tolist() == [1, 0, 1, 0]
-    test = SIMON[SIMON["phase"] == "test"]
-    assert (test["pair"].value_counts() == len(test) / 12).all()
-    assert (test[["congruency", "item"]] == "none").all(axis=None)
 
 
 def test_learned_pairs_are_as_accurate_and_fast_as_published_and_rewarded_as_designed():

@@ -47,21 +47,6 @@ def test_a_marker_at_the_rim_is_cut_off_where_the_picture_ends():
     assert min(small[0].max(), small[-1].max(), small[:, 0].max(), small[:, -1].max()) > 0.5
 
 
-def test_the_smallest_picture_and_the_largest_markers_are_drawn():
-    assert render(0, shape=(16, 16)).any()
-    assert render(0, marker_mm=Tip().pitch_mm).any()
-
-
-def test_a_picture_is_480_by_640_by_default():
-    tip, image = Tip(), render(0)
-    assert np.array_equal(image, render(0, tip, shape=(480, 640)))
-    assert pixels_per_mm(tip) == pixels_per_mm(tip, (480, 480))
-    # The aperture's middle is the picture's: whatever is drawn is symmetric about it.
-    assert marker_pixels(0, tip).mean(axis=0) == pytest.approx([319.5, 239.5])
-    assert np.array_equal(image, image[::-1])
-    assert np.array_equal(image, image[:, ::-1])
-
-
 def test_a_marker_is_bright_and_as_wide_as_its_diameter_on_a_dark_ground():
     """Of 225 on 18 in its middle, and half-way between the two at its edge."""
     tip, side = Tip(), 481

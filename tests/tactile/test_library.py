@@ -3,7 +3,6 @@
 import dataclasses
 
 import numpy as np
-import pytest
 
 from bgmodel.tactile.library import contact_library, entry, with_mirror_images
 from bgmodel.tactile.pressing import press
@@ -47,11 +46,3 @@ def test_fields_between_phases_and_forces_are_those_of_the_solver(library):
         sampled = library.sample(period, np.array([phase]), np.array([force]), points, 1.5)
         # In the root mean square well below the 9.5 um of a marker.
         assert np.sqrt(np.mean((sampled - wanted) ** 2)) < 1.5e-3
-
-
-def test_field_passes_through_the_stored_values(library):
-    cells = np.stack(np.meshgrid([5, 30, 31, 40], [20, 32, 63], indexing="ij"), axis=-1)
-    points = (cells.reshape(1, -1, 2) + 0.5) * 0.5 - 18
-    sampled = library.sample(2.0, np.array([2 / 8]), np.array([1.5]), points, 0.0)
-    stored = library.fields[2.0][2, 1][cells[..., 0], cells[..., 1], :3].reshape(1, -1, 3)
-    assert sampled == pytest.approx(stored, abs=1e-6)

@@ -36,14 +36,6 @@ def test_the_density_of_taps_that_say_the_same_is_the_kernel(period, step):
     np.testing.assert_allclose(np.exp(logs) / step, norm.pdf(grid, 10, 4), atol=1e-7)
 
 
-def test_taps_that_say_the_same_are_known_to_a_degree_and_no_better():
-    """However many: their bandwidth has a least value, where no other is asked for."""
-    grid = np.arange(-90, 90.25, 0.25)
-    for taps in (50, 50_000):
-        logs = _log_density(np.full(taps, 10.0), grid, None, taps, Density())
-        np.testing.assert_allclose(np.exp(logs) / 0.25, norm.pdf(grid, 10, 1), atol=1e-6)
-
-
 def test_a_bandwidth_is_silvermans_of_a_spread_that_a_few_wild_readings_leave():
     """Silverman (1986, eq. 3.31), 0.9 A n^(-1/5): of sd 12 and 32 taps it is 5.4."""
     normal = 12 * norm.ppf((np.arange(4000) + 0.5) / 4000)
@@ -86,21 +78,6 @@ def test_no_difference_gives_no_evidence():
     assert np.abs(np.diff(raw(np.linspace(-40, 40, 50)))).max() > 0.1
 
 
-def test_two_inner_folds_are_enough_to_see_a_clear_difference():
-    """Their standard error has one degree of freedom, and the fewest folds that are allowed."""
-    folds = Density(inner_folds=2)
-    assert fit_likelihood(normal_pool(30), as_they_are, (-180, 180), density=folds).shrink > 0.5
-
-
-def test_the_cap_is_the_largest_ratio():
-    for cap in (1.0, 3.0):
-        likelihood = fit_likelihood(
-            normal_pool(200), as_they_are, (-180, 180), density=Density(cap_nats=cap)
-        )
-        ratio = np.diff(likelihood(np.linspace(-170, 170, 99)))
-        assert np.abs(ratio).max() == pytest.approx(cap)
-
-
 @pytest.mark.parametrize("taps", [(400, 400), (2000, 90)])
 def test_left_out_the_cap_is_the_odds_that_so_many_taps_could_contradict(taps):
     """Odds of n to 1 need n taps; of two kinds of stimulus, the one with fewer taps counts."""
@@ -130,14 +107,6 @@ def test_a_part_of_many_pairs_has_about_as_many_of_each_tap(rows):
     assert np.abs(in_row - 400).max() < 40
     for few in (pairs[:3999], pairs[:4000]):
         assert np.array_equal(_thinned(few), few)
-
-
-def test_circular_readings_wrap():
-    rng = stream(1, "wrap")
-    pool = [rng.normal(88, 10, 2000), rng.normal(0, 10, 2000)]
-    likelihood = fit_likelihood(pool, as_they_are, (-90, 90), circular=True)
-    assert likelihood(-89) == pytest.approx(likelihood(91))
-    assert likelihood(-85)[0] > likelihood(-85)[1] + 2
 
 
 @pytest.mark.parametrize("kind", ["kde", "t"])
@@ -201,9 +170,3 @@ def test_a_students_t_is_fitted_as_scipy_fits_it(taps, df, scale, decimals, seed
     x = np.round(3 + scale * stream(seed, "t").standard_t(df, taps), decimals)
     start = {"loc": np.median(x), "scale": x.std() / 2}
     np.testing.assert_array_equal(_fit_t(x), t.fit(x, 4.0, **start))
-
-
-def test_a_bandwidth_does_not_depend_on_where_the_circle_begins():
-    x = np.random.default_rng(3).normal(0, 12, 400)
-    widths = [_silverman(np.mod(x + turn, 180), 180.0, 400) for turn in (0, 40, 90, 175)]
-    np.testing.assert_allclose(widths, _silverman(x, None, 400), rtol=1e-9)

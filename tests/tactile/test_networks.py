@@ -5,8 +5,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from bgmodel.tactile.decoder import EDGE
-from bgmodel.tactile.networks import EdgeNetwork, GratingNetwork, wrapped
+from bgmodel.tactile.networks import EdgeNetwork, GratingNetwork
 
 # PyTorch is imported where it is used: every process of a run of tests reads all files.
 pytestmark = pytest.mark.skipif(find_spec("torch") is None, reason="networks need PyTorch")
@@ -34,11 +33,6 @@ def test_the_network_for_edges_has_two_hidden_layers_and_drops_a_tenth_after_eac
     assert widths == [256, 256, 2]
     assert dropped == pytest.approx([0.1, 0.1])
     assert layers(EdgeNetwork.build((662,), 0.5, 2.0)) == ([128, 128, 2], pytest.approx([0.2, 0.2]))
-
-
-def test_edges_are_read_by_the_perceptron_of_full_width_and_dropout():
-    built = EdgeNetwork.build((662,), EDGE.width, EDGE.dropout)
-    assert layers(built) == layers(EdgeNetwork.build((662,), 1.0, 1.0))
 
 
 def test_normalisation_brings_a_variance_of_a_thousandth_to_a_half():
@@ -73,14 +67,6 @@ def test_targets_of_a_network_for_gratings_read_back_as_the_yaw():
     assert beyond["orientation_deg"] == pytest.approx([np.degrees(np.arctan2(4, 3)) / 2, -45])
 
 
-def test_errors_of_orientations_and_directions_go_the_shorter_way_round():
-    read = {"psi_deg": np.array([85.0, 1.0]), "orientation_deg": np.array([85.0, 1.0])}
-    errors = GratingNetwork.errors(read, np.array([-85.0, -1.0]))
-    assert errors == {"mae_deg": (170 + 2) / 2, "orientation_mae_deg": (10 + 2) / 2}
-    edge = EdgeNetwork.errors({"edge_deg": np.array([179.0, -1.0])}, np.array([-179.0, 3.0]))
-    assert edge == {"mae_deg": 3, "sd_deg": 1}
-
-
 def test_targets_of_a_network_for_edges_read_back_as_the_direction():
     assert EdgeNetwork.targets(np.array([0.0, 90.0, 180.0])) == pytest.approx(
         np.array([[1, 0], [0, 1], [-1, 0]])
@@ -89,8 +75,3 @@ def test_targets_of_a_network_for_edges_read_back_as_the_direction():
     read = EdgeNetwork.read(3 * EdgeNetwork.targets(yaw))
     np.testing.assert_allclose(read["edge_deg"], yaw)
     np.testing.assert_allclose(read["strength"], 3)
-
-
-def test_angles_are_wrapped_to_half_a_period_about_zero():
-    turned = wrapped(np.array([-100.0, -90.0, 0.0, 89.0, 90.0, 190.0]), 180.0)
-    np.testing.assert_allclose(turned, [80.0, -90.0, 0.0, 89.0, -90.0, 10.0])

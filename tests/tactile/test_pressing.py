@@ -35,12 +35,6 @@ def test_mirror_images_are_not_solved():
         assert plan.solved_phases(0.0) == 1
 
 
-def test_equal_plans_share_a_key():
-    same = dataclasses.replace(PLAN, radius_mm=20, periods_mm=[0, 2, 5], skin=Skin(gel_mm=15))
-    assert same == PLAN
-    assert repr(same.key) == repr(PLAN.key)
-
-
 def test_the_interface_under_a_small_contact_moves_as_boussinesq_says():
     # A point load on an incompressible half-space (Boussinesq): outwards, and down.
     shear, load = 0.1, 0.001

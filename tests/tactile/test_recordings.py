@@ -91,13 +91,6 @@ def test_missed_pins_take_the_motion_of_their_neighbours(recording, tmp_path, tr
     assert np.delete(error, [20, 45, 46]).max() < 0.3
 
 
-def test_a_speck_between_pins_is_no_pin(tmp_path, truth):
-    gap = hexagon()[45:47].mean(axis=0).astype(int) - 1
-    images = [draw(hexagon() + moved / 6, specks=[tuple(gap)], radius=2) for moved in truth]
-    taps = read_taps(write(tmp_path / "speck", images), mm_per_px=MM_PER_PX)
-    assert taps.rest_mm.shape == (91, 2)
-
-
 def shaken(points, taps=12):
     """Return the blobs of several taps; in each tap all have moved alike, a little."""
     angle = 2 * np.pi * np.arange(taps) / taps
@@ -175,11 +168,6 @@ def test_workers_do_not_change_the_result(recording):
     pd.testing.assert_frame_equal(one.labels, two.labels)
 
 
-def test_limit_spreads_over_the_table(recording):
-    taps = read_taps(recording, mm_per_px=MM_PER_PX, limit=3)
-    assert taps.labels["yaw_deg"].round().tolist() == [-150, -14, 150]
-
-
 @pytest.mark.parametrize(
     ("form", "pins", "shown", "rings", "size", "pitch"),
     [
@@ -225,11 +213,11 @@ def edit_table(change):
     return spoil
 
 
-def edit_image(change):
+def edit_image(change, name="image_2.png"):
     def spoil(folder):
         import cv2
 
-        path = str(folder / "images" / "image_2.png")
+        path = str(folder / "images" / name)
         cv2.imwrite(path, change(cv2.imread(path, cv2.IMREAD_UNCHANGED)))
 
     return spoil
@@ -265,6 +253,7 @@ BAD = {
     "colour": (edit_image(lambda i: np.dstack([i] * 3)), r"image_2.png: got uint8 of shape .* 3\)"),
     "16 bits": (edit_image(lambda i: i.astype(np.uint16)), "image_2.png: got uint16"),
     "other size": (edit_image(lambda i: i[:-1]), r"image_2.png: .*\(160, 160\) px like the first"),
+    "small": (edit_image(lambda i: i[:63, :63], "image_1.png"), "64 px a side or more"),
     "blank": (edit_image(np.zeros_like), "image_2.png: 0 markers found"),
     "half seen": (
         edit_image(lambda i: i * (np.arange(SIZE) < 60).astype(np.uint8)),
@@ -281,20 +270,6 @@ def test_bad_recordings_are_named(tmp_path, spoil, message):
     with pytest.raises((ValueError, FileNotFoundError), match=message) as caught:
         read_taps(folder, mm_per_px=MM_PER_PX)
     assert "\n" not in str(caught.value)
-
-
-def test_missing_images_are_named_before_any_is_read(tmp_path, monkeypatch):
-    folder = write(tmp_path / "taps", [draw(hexagon())] * 3)
-    (folder / "images" / "image_3.png").unlink()
-    monkeypatch.setattr("bgmodel.tactile.recordings._read_image", None)
-    with pytest.raises(FileNotFoundError, match=r"image_3\.png"):
-        read_taps(folder, mm_per_px=MM_PER_PX)
-
-
-def test_images_that_are_too_small_are_refused(tmp_path):
-    folder = write(tmp_path / "taps", [draw(hexagon())[:63, :63]])
-    with pytest.raises(ValueError, match="64 px a side or more"):
-        read_taps(folder, mm_per_px=MM_PER_PX)
 
 
 @pytest.mark.parametrize(
@@ -327,44 +302,3 @@ def test_recordings_are_found_by_option_then_environment(tmp_path, monkeypatch):
     monkeypatch.setenv("BGMODEL_RECORDINGS", str(tmp_path / "gone"))
     with refused("recordings"):
         find_recordings(None)
-
-
-@pytest.fixture(scope="module")
-def edge_taps():
-    """Taps of a 331-pin sensor on an edge: 1500 of one recording."""
-    folder = find_recordings(None)
-    if folder is None:
-        pytest.skip("BGMODEL_RECORDINGS is not set: no recordings to read")
-    pytest.importorskip("cv2")
-    if not (folder / "csv_train").is_dir():
-        pytest.skip(f"{folder} holds no csv_train")
-    return read_taps(folder / "csv_train", mm_per_px=0.33, limit=1500)
-
-
-def test_real_markers_are_found(edge_taps):
-    assert edge_taps.rest_mm.shape == (331, 2)
-    assert edge_taps.labels["markers_found"].min() > 0.95 * 331
-    assert edge_taps.labels["markers_found"].mean() > 0.99 * 331
-
-
-def test_real_displacement_is_smooth(edge_taps):
-    """What a quarter of the taps explain of the rest: tracking slips would leave a pitch."""
-    flat = edge_taps.displacement_mm.reshape(len(edge_taps.labels), -1).astype(float)
-    flat = flat - flat.mean(axis=0)
-    main = np.linalg.svd(flat[::4], full_matrices=False)[2][:20]
-    rest = np.delete(flat, np.s_[::4], axis=0)
-    residual = rest - rest @ main.T @ main
-    assert 0.005 < residual.std() < 0.07
-    assert residual.std() < 0.5 * rest.std()
-
-
-def test_real_displacement_tells_the_yaw(edge_taps):
-    yaw = np.deg2rad(edge_taps.labels["yaw_deg"].to_numpy())
-    x = edge_taps.displacement_mm.reshape(len(yaw), -1).astype(float)
-    x = np.column_stack([x - x.mean(axis=0), np.ones(len(yaw))])
-    y = np.column_stack([np.cos(yaw), np.sin(yaw)])
-    test = np.arange(len(yaw)) % 3 == 0
-    fit = np.linalg.solve(x[~test].T @ x[~test] + 10 * np.eye(x.shape[1]), x[~test].T @ y[~test])
-    cos, sin = (x[test] @ fit).T
-    error = np.angle(np.exp(1j * (np.arctan2(sin, cos) - yaw[test])), deg=True)
-    assert np.abs(error).mean() < 30  # chance is 90

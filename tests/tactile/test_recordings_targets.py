@@ -34,12 +34,6 @@ def test_parts_of_a_recording_share_the_images_beside_them(tmp_path):
     assert image.samefile(folder / "frames_bw" / "image_2.png")
 
 
-def test_of_two_tables_the_one_with_images_is_read(tmp_path):
-    folder = write(tmp_path / "taps", IMAGES, "current tools")
-    (folder / "targets.csv").write_text("sensor_image\n")
-    assert len(read_targets(folder)) == 2
-
-
 def test_a_form_without_its_folder_of_images_names_it(tmp_path):
     folder = write(tmp_path / "taps", IMAGES, "dev-data")
     (folder / "frames_bw").rename(folder / "images")

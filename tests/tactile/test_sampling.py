@@ -24,21 +24,11 @@ def test_phases_blend_exactly_up_to_the_harmonic_that_so_many_can_hold(count, ev
     assert weights @ curve(np.arange(count) / count) == pytest.approx(curve([phase]), abs=1e-9)
 
 
-@pytest.mark.parametrize("count", range(1, 9))
-def test_a_phase_that_was_solved_is_that_phase_alone(count):
-    weights = phase_weights(np.arange(count) / count, count)
-    np.testing.assert_allclose(weights, np.eye(count), atol=1e-12)
-
-
 @given(st.floats(0.5, 4), st.lists(st.floats(-2, 2), min_size=4, max_size=4))
 def test_nodes_blend_exactly_up_to_the_degree_that_so_many_can_hold(value, powers):
     curve = np.polynomial.Polynomial(powers)
     blend = node_weights(np.array([value]), NODES) @ curve(np.array(NODES))
     assert blend == pytest.approx([curve(value)], abs=1e-9)
-
-
-def test_a_node_is_that_node_alone():
-    np.testing.assert_allclose(node_weights(np.array(NODES), NODES), np.eye(4), atol=1e-12)
 
 
 def test_splines_are_those_of_scipy_blended_by_the_weights():

@@ -23,12 +23,3 @@ def test_neighbours_of_a_lattice_are_a_pitch_apart(layout, pairs):
     rest = Tip(layout, pitch_mm=1.0).rest_mm()
     apart = np.linalg.norm(rest[:, None] - rest, axis=2)
     assert np.isclose(apart, 1.0, rtol=0, atol=1e-12).sum() == 2 * pairs
-
-
-def test_circles_of_pins_are_a_pitch_apart():
-    radius = np.linalg.norm(Tip("circular", pitch_mm=1.0).rest_mm(), axis=1)
-    assert radius == pytest.approx(np.repeat(np.arange(11), [1, *range(6, 61, 6)]))
-
-
-def test_pins_of_no_length_are_allowed_and_stand_where_others_do():
-    assert np.array_equal(Tip(pin_mm=0.0).rest_mm(), Tip().rest_mm())

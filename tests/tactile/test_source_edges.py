@@ -11,7 +11,6 @@ from bgmodel.tactile.skin import Tip
 from bgmodel.tactile.source import decoded_edges, folds, source
 from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.task import EdgeDirection, EdgeTurn, Orientation, SameDifferent
-from tests.helpers import refused
 
 SD_DEG = 2.0
 """Error of the decoder."""
@@ -72,28 +71,6 @@ def test_each_fold_is_scored_by_what_the_others_tell():
             a, b = (source(each, task, fold=fold) for each in (taps, changed))
             same = np.array_equal(a.likelihood.log_density, b.likelihood.log_density)
             assert same == (fold == 3)
-
-
-def test_a_decoder_of_nothing_says_nothing():
-    taps = taps_of()
-    taps["edge_deg"] = np.random.default_rng(64).permutation(taps["edge_deg"])
-    for task in (EdgeTurn(2, 5.0), EdgeDirection(4, 10.0)):
-        readings = source(taps, task)
-        assert np.ptp(np.concatenate(readings.log_likelihood), axis=1).max() < 0.1
-
-
-@pytest.mark.parametrize("task", [EdgeTurn(2, 5.0), EdgeDirection(2, 5.0)])
-def test_readings_span_a_whole_turn(task):
-    likelihood = source(taps_of(), task).likelihood
-    assert np.isfinite(likelihood([-180.0, 180.0])).all()
-    if not task.circular:
-        with refused(r"reading_deg covers -180..180 degrees"):
-            likelihood(180.1)
-
-
-def test_too_few_taps_are_refused():
-    with refused("pool too few"):
-        source(taps_of(60), EdgeTurn())
 
 
 def test_one_part_of_a_recording_trains_the_decoder_and_another_is_read(monkeypatch, tmp_path):

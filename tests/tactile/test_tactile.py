@@ -65,6 +65,11 @@ def test_what_makes_no_sense_is_refused_by_the_name_of_its_field(call):
                 call(**{field: value})
 
 
+FEW_EDGES = pd.DataFrame({"yaw_deg": np.arange(-180.0, 180.0, 6.0)}).assign(
+    edge_deg=lambda taps: taps["yaw_deg"]
+)
+
+
 @pytest.mark.parametrize(
     ("says", "call"),
     [
@@ -73,6 +78,7 @@ def test_what_makes_no_sense_is_refused_by_the_name_of_its_field(call):
         ("period_mm", lambda: Grating(1.0).on_grid(64, 0.2)),
         ("taps an edge, with yaw_deg, edge_deg",
          lambda: source(pd.DataFrame({"psi_deg": [1.0]}), EdgeTurn())),
+        ("pool too few", lambda: source(FEW_EDGES, EdgeTurn())),
     ],
 )  # fmt: skip
 def test_fields_that_do_not_fit_together_are_refused(says, call):

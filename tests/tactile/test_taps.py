@@ -59,13 +59,6 @@ def test_the_order_in_which_pins_are_listed_changes_no_map():
     np.testing.assert_allclose(listed, known, atol=1e-4)
 
 
-def test_pins_that_all_move_alike_show_an_even_picture():
-    labels = pd.DataFrame({"yaw_deg": [0.0, 1.0]})
-    moved = np.zeros((2, 361, 2), np.float32)
-    moved[1] = 0.25, 0.0
-    assert not Taps(moved, Tip().rest_mm(), labels).maps().any()
-
-
 def test_a_file_gives_back_its_taps_and_an_older_one_without_a_stimulus_holds_gratings(tmp_path):
     labels = pd.DataFrame({"yaw_deg": [0.0, 1.0], "frame": [3, 4]})
     moved = np.random.default_rng(7).normal(size=(2, 361, 2)).astype(np.float32)

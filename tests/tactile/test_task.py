@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from bgmodel import Msprt, Sprt, stream
 from bgmodel.bootstrap import interval, resampled
 from bgmodel.deciding.reward import tally
-from bgmodel.learning.gap import fold_sources, increments
+from bgmodel.learning.gap import fold_sources
 from bgmodel.support.files import read_provenance
 from bgmodel.tactile.decoder import Training
 from bgmodel.tactile.likelihood import Density
@@ -24,7 +24,6 @@ from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin, Tip
 from bgmodel.tactile.source import Folds, Source, folds, held_out_taps, source
 from bgmodel.tactile.task import Orientation, SameDifferent
-from bgmodel.theory.sprt import sprt
 from circuits.errors import CalibrationWarning
 from tests.helpers import refused
 
@@ -67,27 +66,6 @@ def test_the_shipped_taps_are_of_every_grating_that_the_default_library_holds():
     assert (plan.skin, plan.radius_mm) == (Skin(), Tip().radius_mm)
     assert plan.forces_n == pytest.approx((force_n[0], np.mean(force_n), force_n[1]))
     assert plan.depth_mm == Grating(2.0).depth_mm
-
-
-@pytest.mark.parametrize("period", [3.0, 4.0, 5.0])
-def test_coarse_gratings_are_decided_by_one_reading(period):
-    for readings in pairs(period):
-        test = sprt(*increments(readings), 0.0, t_max=30)
-        assert test.error_rate < 0.01
-        assert test.mean_steps == pytest.approx(1)
-
-
-def test_fine_gratings_need_more_readings():
-    for period, at_least in ((1.5, 0.2), (2.0, 0.1)):
-        test = sprt(*increments(pairs(period)[0]), [0.0, 4.0], t_max=30)
-        assert test.error_rate[0] - test.error_rate[1] > at_least
-        assert test.mean_steps[1] > 1.5
-
-
-def test_a_smooth_plate_gives_no_evidence():
-    for readings in pairs(0.0):
-        error = sprt(*increments(readings), [0.0, 4.0, 8.0], t_max=30).error_rate
-        assert np.abs(error - 0.5).max() < 0.1
 
 
 def test_a_smooth_plate_tells_no_orientation():
@@ -173,13 +151,6 @@ def test_every_reading_is_as_likely_to_be_drawn():
         assert np.abs(counts - 5000).max() < 5 * np.sqrt(4500)
 
 
-def test_a_tap_takes_half_a_second_by_default():
-    table = Source([np.zeros((3, 2))] * 2, ("a", "b"), None)
-    for drawn in (table, Folds([table])):
-        assert drawn.draw(4, 2, rng=stream(1, "step")).step_ms == 500
-        assert drawn.draw(4, 2, rng=stream(1, "step"), step_ms=50.0).step_ms == 50
-
-
 def test_a_difference_of_two_orientations_spans_a_whole_turn_and_no_more():
     """Two angles within -90..90 differ by -180..180; an orientation itself repeats after 180."""
     likelihood = source(TAPS, SameDifferent(3.0), fold=0, density=Density(shrink=1.0)).likelihood
@@ -187,12 +158,6 @@ def test_a_difference_of_two_orientations_spans_a_whole_turn_and_no_more():
     for beyond in (-180.1, 180.1):
         with refused(r"reading_deg covers -180..180 degrees"):
             likelihood(beyond)
-
-
-def test_taps_belong_to_a_yaw_within_a_hundredth_of_a_degree():
-    yaws = [-45.0, 45.0095, 44.9905, 45.0115, 44.9885]
-    taps = pd.DataFrame({"period_mm": 2.0, "yaw_deg": yaws, "psi_deg": np.arange(5.0)})
-    assert [part.tolist() for part in SameDifferent(2.0).pool(taps)] == [[0], [1, 2]]
 
 
 @pytest.mark.parametrize(
@@ -211,21 +176,6 @@ def test_taps_belong_to_a_yaw_within_a_hundredth_of_a_degree():
 def test_bad_input_gets_one_clear_sentence(call, says):
     with refused(says):
         call()
-
-
-def test_same_different_never_pairs_a_tap_with_itself():
-    same, different = SameDifferent().readings([np.array([1.0, 2.0, 4.0]), np.array([9.0, 5.0])])
-    assert sorted(same) == [-3, -2, -1, 1, 2, 3]
-    assert sorted(different) == [1, 3, 4, 5, 7, 8]
-
-
-def test_orientations_are_evenly_spaced():
-    for count in range(2, 9):
-        yaws = np.sort(Orientation(count).yaws_deg)
-        assert np.allclose(np.diff(yaws), 180 / count)
-        assert yaws.min() >= -90
-        assert yaws.max() < 90
-        assert -45 in np.round(yaws, 9)
 
 
 def test_folds_are_drawn_in_turn_and_their_interval_is_wider_than_that_of_trials():
@@ -249,14 +199,6 @@ def test_folds_are_drawn_in_turn_and_their_interval_is_wider_than_that_of_trials
     assert widths[1] > 1.5 * widths[0]
     with refused("trials must be 6 or more, one per fold"):
         Folds(drawn.sources).draw(5, 2, rng=stream(1, "few"))
-
-
-def test_orientations_repeat_after_half_a_turn():
-    """A grating turned by 180 degrees is itself; an angle between them counts the shorter way."""
-    likelihood = shipped(Orientation(4, period_mm=3.0), 1).likelihood
-    assert likelihood.period_deg == 180
-    readings = np.array([-89.0, 0.0, 45.0, 89.9])
-    np.testing.assert_allclose(likelihood(readings + 180), likelihood(readings), atol=1e-9)
 
 
 def test_evidence_of_folds_has_one_baseline_known_before_the_trials():

@@ -49,12 +49,6 @@ def test_there_are_as_many_cells_as_asked_an_even_number_and_four_to_a_standard_
     assert onward.shape == (1 + states, 1 + states)
 
 
-def test_few_atoms_need_no_cells():
-    """Steps of 1 from 0 between -3 and 3: five places, and no other states."""
-    x = Empirical(np.array([-1.0, 1.0]), np.array([0.4, 0.6]))
-    assert empirical_chain(x, -3.0, 3.0, 0.0, None, cells=64)[0].shape == (5, 5)
-
-
 def test_atoms_of_two_in_a_thousand_keep_their_place_and_lighter_ones_do_not():
     weights = np.array([0.0021, 0.0019, 0.996])
     assert Empirical(np.array([-1.0, 0.5, 1.0]), weights).heavy.tolist() == [True, False, True]

@@ -6,12 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.people import read_people
 from bgmodel.stopping.task import walk
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.trials.events import restored_delays
-from bgmodel.trials.reading import Columns
 from circuits.errors import DataWarning
 from tests.helpers import refused, unwarned
 
@@ -56,20 +54,6 @@ def test_delays_that_are_known_are_found_again():
     assert np.mean(errors) < 0.15
 
 
-def test_an_estimate_is_biased_by_missing_delays_and_restored_with_them():
-    pairs = [(walked(seed), unrecorded(walked(seed))) for seed in range(20)]
-    true, zeroed, mended = (
-        np.mean([estimate_ssrt(each, checked=False).ssrt_ms for each in some])
-        for some in (
-            [full for full, _ in pairs],
-            [some for _, some in pairs],
-            [restored(some) for _, some in pairs],
-        )
-    )
-    assert zeroed > true + 10
-    assert mended == pytest.approx(true, abs=2)
-
-
 def test_the_shipped_delays_of_zero_contradict_no_staircase():
     with pytest.warns(DataWarning, match="268 of 274 stop trials with a delay of 0"):
         people = read_people()
@@ -84,34 +68,12 @@ def test_the_shipped_delays_of_zero_contradict_no_staircase():
         assert (new + 10 >= times).all()
 
 
-def test_the_restored_delays_follow_the_responses_even_if_times_are_not_used():
-    """A test of the inference: nothing but the staircases puts these delays after the response."""
-    with pytest.warns(DataWarning, match="268 of 274"):
-        people = read_people()
-    late = []
-    for trials in people.values():
-        missing = (trials.ssd_ms == 0) & trials.responded
-        rebuilt = restored(trials, use_times=False)
-        late += list(rebuilt.ssd_ms[missing] + 10 >= trials.rt_ms[missing])
-    assert len(late) == 268
-    assert np.mean(late) > 0.9
-
-
 def test_trials_without_missing_delays_are_returned_as_they_are():
     trials = StopTrials([400.0, np.nan, 300.0], [np.nan, 0.0, 3.0]).to_trials()
     with unwarned():
         assert restored_delays(trials).checksum == trials.checksum
     with refused("ssd must have stop-signal delays"):
         restored_delays(replace(trials, ssd_s=None))
-
-
-def test_the_reader_restores_the_delays_of_each_person():
-    with unwarned():
-        people = read_people(columns=Columns(restore_delays=True))
-    with pytest.warns(DataWarning, match="268 of 274"):
-        recorded = read_people()
-    for who, trials in people.items():
-        np.testing.assert_array_equal(trials.ssd_ms, restored(recorded[who]).ssd_ms)
 
 
 def test_delays_that_are_no_staircase_are_warned_of():

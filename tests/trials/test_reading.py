@@ -95,12 +95,6 @@ def test_trials_without_a_response_are_values():
     assert "none by 9 s in 2" in trials.summary()
 
 
-def test_a_response_at_the_deadline_is_one():
-    table = people()
-    latest = float(table["rt"].max())
-    assert read_trials(table, columns=Columns(deadline_s=latest)).trials == TRIALS
-
-
 @pytest.mark.parametrize(("median", "seconds"), [(50.0, True), (50.5, False)])
 def test_times_are_taken_for_seconds_up_to_a_median_of_50(median, seconds):
     table = people().assign(rt=median + np.arange(TRIALS) - (TRIALS - 1) / 2)
@@ -235,11 +229,6 @@ def test_bad_tables_get_one_sentence(says):
     assert "\n" not in str(raised.value)
 
 
-def test_a_participant_may_be_a_number():
-    numbered = people().assign(participant_id=np.repeat([1, 2], TRIALS // 2))
-    assert read_trials(numbered, **READ, participant=1).people() == ["1"]
-
-
 @pytest.mark.parametrize("code", ["NA", "n/a", "nan"])
 def test_a_missing_code_is_no_level_of_a_condition(code):
     cues = [code, *people()["cue"][1:]]
@@ -278,13 +267,6 @@ def test_a_third_name_of_a_response_is_found():
             table.assign(response=np.where(table["response"], "left", "right")),
             columns=Columns(upper="L"),
         )
-
-
-def test_the_row_of_an_error_is_that_of_the_users_table():
-    table = at("rt", 40, -1.0)(people())
-    with refused("rt"):
-        read_trials(table.set_index(np.arange(TRIALS) + 1000), participant="8")
-    assert read_trials(table, participant="007").trials == 30
 
 
 names = st.text("aäb 0.,;\"'", min_size=1, max_size=4).filter(
@@ -451,8 +433,3 @@ def test_codes_that_are_exchanged_are_doubted():
     with unwarned():
         read_trials(stops(correct=right.astype(int)))
         read_trials(rewards())
-
-
-def test_participants_in_the_index_are_people():
-    table = people()
-    assert read_trials(table.set_index("participant_id")).people() == read_trials(table).people()

@@ -122,12 +122,6 @@ def test_a_trial_without_a_response_is_kept():
     assert again.seen[2] == 3
 
 
-def test_evidence_without_trials_warns():
-    data, evidence = tables(few(40, alternatives=2))
-    with pytest.warns(DataWarning):
-        assert read_known(data[:30], evidence).trials == 30
-
-
 @pytest.mark.parametrize(
     ("change", "field"),
     [
@@ -191,6 +185,7 @@ def test_ids_are_text_as_written_and_blanks_are_refused(tmp_path):
         read_trials(files[0], evidence=files[1])
 
 
-def test_whole_numbers_of_a_column_with_empty_cells_match_those_without():
-    data, clicks = clicked(0)
-    assert read_known(data.assign(trial=data["trial"].astype(float)), clicks).ids[1] == "1"
+def test_evidence_without_trials_warns():
+    data, evidence = tables(few(40, alternatives=2))
+    with pytest.warns(DataWarning):
+        assert read_known(data[:30], evidence).trials == 30

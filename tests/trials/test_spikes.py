@@ -106,14 +106,6 @@ def test_reversed_choices_are_refused():
         )
 
 
-def test_a_trial_without_a_choice_is_kept():
-    table, spikes = tables()
-    table = table.assign(chose_right=table["chose_right"].astype(float))
-    table.loc[3, ["chose_right", "stimulus_s"]] = np.nan
-    read = read_trials(table, columns=NAMED, spikes=spikes)
-    assert read.response[3] == -1
-
-
 def nwb(path, *, overlap=False, late=False, trials=True):
     """Write a file with two trials and one unit."""
     h5py = pytest.importorskip("h5py")

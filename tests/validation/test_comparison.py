@@ -68,6 +68,12 @@ def test_the_rate_circuit_agrees_where_it_settles():
     assert min(settled[3:]) >= 0.999
 
 
+@pytest.mark.parametrize("seed", range(100))
+def test_a_later_deadline_changes_no_comparison(seed):
+    """Random tasks, engines and deadlines: what is reported stays within its interval."""
+    assert changed(compared(Task.drawn(seed))).empty
+
+
 def test_a_circuit_without_what_computes_agrees_less():
     """Controls at N = 4, 1 000 trials: each must lose by its margin, with its interval.
 
@@ -106,9 +112,3 @@ def test_a_circuit_without_what_computes_agrees_less():
     assert change.loc[("linear", "extra_ms"), "low"] < baseline.loc["extra_ms", "high"]
     assert change.loc[("linear", "extra_ms"), "high"] > baseline.loc["extra_ms", "low"]
     assert np.isnan(change.loc[("shuffled", "agreement"), "value"])
-
-
-@pytest.mark.parametrize("seed", range(100))
-def test_a_later_deadline_changes_no_comparison(seed):
-    """Random tasks, engines and deadlines: what is reported stays within its interval."""
-    assert changed(compared(Task.drawn(seed))).empty

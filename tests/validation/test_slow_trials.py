@@ -10,10 +10,8 @@ import pytest
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
-from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.support.seeds import stream
-from bgmodel.trials.reading import read_trials
 from tests.drawn import drawn, slowed
 
 pytestmark = pytest.mark.validate
@@ -84,13 +82,3 @@ def test_slow_trials_bias_no_fit_without_a_warning_and_clean_sets_are_not_warned
     assert sum(each.warned for each in clean) <= 0.05 * SETS
     assert beyond <= 0.1 * SETS
     assert beyond <= alike + 2 * np.sqrt(alike)
-
-
-@pytest.mark.parametrize("who", ["b", "n"])
-def test_the_falling_gap_makes_no_monkey_less_likely_than_the_constant_gap(who):
-    choices = read_trials("roitman_shadlen_2002", strength="coherence", participant=who)
-    design = design_of(choices)
-    constant, falling = (
-        optimum(likelihood_of(GapModel(each), design)).log_likelihood for each in (False, True)
-    )
-    assert falling >= constant

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from bgmodel.deciding.decision import first_crossing
-from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
+from bgmodel.integrators.basal_ganglia import drive_of
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.seeds import stream
 from circuits import anatomy
-from circuits.engines import Ensemble
 from tests.circuits.helpers import run_ensemble
 from tests.integrators.helpers import shifts
 
@@ -37,19 +35,6 @@ def test_half_the_tick_changes_mean_out_by_less_than_its_standard_error(channels
     error = means[0].std(axis=0, ddof=1) / np.sqrt(trials)
     print(f"change {change.round(5)} nats, standard error {error.round(5)}")
     assert (np.abs(change) < error).all()
-
-
-def test_accuracy_comes_from_the_evidence():
-    shown = evidence(400, name="shuffled")
-    order = stream(31, "shuffle").permutation(shown.trials)
-    model = BasalGanglia(anatomy.spiking_msprt(2), Ensemble(workers=2), GAIN, 5)
-    trace = model.run(shown)
-    choice = first_crossing(trace, 0.2).choice
-    right = (choice == shown.truth).mean()
-    wrong = (choice == shown.truth[order]).mean()
-    print(f"accuracy {right:.3f}, with truth shuffled {wrong:.3f}")
-    assert right > 0.85
-    assert abs(wrong - 0.5) < 4 * np.sqrt(0.25 / shown.trials)
 
 
 def test_lesions_are_met_by_the_laws_of_a_finite_number_of_cells():

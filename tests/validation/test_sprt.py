@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from bgmodel import Msprt, Sprt, first_crossing, stream
-from bgmodel.integrators.sprt import Stream
 from bgmodel.learning.gap import fold_sources
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.tactile.source import held_out_taps
@@ -26,19 +25,6 @@ def test_two_hypothesis_msprt_is_the_sprt_in_a_million_trials():
         a = first_crossing(Sprt().run(evidence), Sprt.threshold(separations))
         b = first_crossing(Msprt().run(evidence), Msprt.threshold(separations))
         assert (a.choice != b.choice).sum() + (a.time_ms != b.time_ms).sum() == 0
-
-
-def test_streaming_equals_batch_on_tactile_evidence():
-    readings = fold_sources(held_out_taps(), 2.0)[0]
-    evidence = readings.draw(2000, T_MAX, rng=stream(101, "streaming"))
-    for test, threshold in ((Sprt(), -2.0), (Msprt(), float(-np.log(0.95)))):
-        batch = first_crossing(test.run(evidence), threshold)
-        for n in range(evidence.trials):
-            trial = Stream(test, threshold, t_max=T_MAX)
-            for reading in evidence.log_likelihood[n]:
-                if trial.update(reading) is not None:
-                    break
-            assert (trial.choice, trial.readings) == (batch.choice[n], batch.steps[n])
 
 
 def test_discrete_simulation_ends_as_the_exact_solution():

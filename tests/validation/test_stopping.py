@@ -7,8 +7,6 @@ import bgmodel as bg
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.stopping.circuit import closed_form, decide_with_stop, step_response
 from bgmodel.stopping.inputs import StopSignal
-from bgmodel.stopping.observer import StopMsprt, gaussian_stop_evidence
-from bgmodel.stopping.trials import drawn_delays, stop_trials
 
 pytestmark = pytest.mark.validate
 POSTERIOR = 0.82
@@ -75,16 +73,6 @@ def test_the_stop_signal_reaction_time_does_not_depend_on_the_delay(amount):
     assert np.ptp(ssrt_ms) <= 5, ssrt_ms
 
 
-def test_the_stop_signal_reaction_time_follows_the_delay_of_the_pathway():
-    evidence = bg.gaussian_evidence(10_000, seed=83_001, **TASK)
-    model = bg.BasalGanglia("macaque", seed=83_002)
-    go = model.decided(evidence, model.threshold(None, POSTERIOR), forced=False)
-    go_ms = np.where(go.choice >= 0, go.time_ms, np.inf)
-    delays = np.array([0.0, 50.0, 100.0, 150.0])
-    ssrt_ms = [ssrt_of(model, evidence, StopSignal(delay_ms=d), 250, go_ms) for d in delays]
-    assert np.polyfit(delays, ssrt_ms, 1)[0] == pytest.approx(1.0, abs=0.03)
-
-
 @pytest.mark.parametrize("amount", [0.3, 0.4, 0.5, 0.6])
 def test_the_loss_of_stn_at_which_stopping_fails_is_that_of_the_closed_form(amount):
     """With the signal at the onset, p(respond) passes 0.5 at a loss of 1 - exp(threshold - A).
@@ -105,32 +93,3 @@ def test_the_loss_of_stn_at_which_stopping_fails_is_that_of_the_closed_form(amou
         p_respond.append(decide_with_stop(model, evidence, stop, signal, threshold=level).p_respond)
     passed = float(np.interp(0.5, p_respond, losses))
     assert passed == pytest.approx(1 - np.exp(level - amount), abs=0.05), p_respond
-
-
-def test_the_ideal_observer_is_calibrated():
-    """Mean |accuracy - posterior| over ten bins below 0.01, 100 000 trials."""
-    trials, delays = 100_000, [100.0, 200.0, 300.0]
-    go = bg.gaussian_evidence(trials, d_prime=0.35, t_max=60, step_ms=10, seed=85_001)
-    ssd = drawn_delays(trials, delays, 0.3, 85_002)
-    evidence = gaussian_stop_evidence(go, ssd, d_prime=0.6, share=0.3, delays_ms=delays, rng=85_003)
-    p = np.exp(-StopMsprt().run(evidence).out_nats[:, 30])
-    truth = np.where(np.isnan(ssd), go.truth, 2)
-    for k in range(3):
-        bins = np.minimum((10 * p[:, k]).astype(int), 9)
-        off = [
-            abs((truth[bins == b] == k).mean() - p[bins == b, k].mean()) for b in np.unique(bins)
-        ]
-        assert np.mean(off) < 0.01, off
-
-
-def test_an_abrupt_signal_stops_as_the_horse_race_within_a_reading():
-    """A signal of 12 sd per reading: the last response comes with the reading before it.
-
-    The observer expects few signals; otherwise it would wait for them and not respond before.
-    """
-    go = bg.gaussian_evidence(20_000, seed=86_001, **TASK)
-    ssd = drawn_delays(20_000, [300.0], 0.5, 86_002)
-    stops = gaussian_stop_evidence(go, ssd, d_prime=12.0, share=0.05, delays_ms=[300.0], rng=86_003)
-    trials = stop_trials(StopMsprt().decide(stops, 0.9, 0.999), ssd, 2)
-    assert np.nanmax(trials.rt_ms[trials.stop]) <= 300.0
-    assert trials.p_respond > 0.1

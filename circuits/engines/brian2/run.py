@@ -27,7 +27,7 @@ from circuits.activity import Activity, checked_drive, warn_beyond_range
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
-from circuits.dynamics.ticks import Clock, Scheme, timed
+from circuits.dynamics.ticks import Scheme, timed
 from circuits.engines.brian2.layout import Layout
 from circuits.engines.brian2.network import Network, assembled
 from circuits.engines.brian2.noise import load_brian
@@ -48,7 +48,7 @@ def run(
     with in_numpy() as brian:
         objects = assembled(brian, network.parts)
         # One tick more than the clock's, because blocks count their spikes a tick later.
-        objects.run((network.clock.ticks + 1) * engine.dt_ms * brian.ms, namespace={})
+        objects.run((network.clock.ticks + 1) * network.clock.dt_ms * brian.ms, namespace={})
         return network.activity(objects, seed, first_trial)
 
 
@@ -70,9 +70,10 @@ def network_of(
     drive = checked_drive(circuit, drive)
     noise.stream_key(seed, first_trial, "")  # says at once if they are out of range
     trials, steps, _ = drive.shape
-    clock = Clock(steps, step_ms, engine.dt_ms, engine.sample_ms, engine.settle_ms)
+    wiring = wired(circuit)
+    clock = engine.clock(wiring, steps, step_ms)
     warn_beyond_range(circuit, drive)
-    scheme = Scheme(wired(circuit), engine.dt_ms)
+    scheme = Scheme(wiring, clock.dt_ms)
     courses = timed(scheme.wiring, clock)
     layout = Layout(scheme, trials, engine.explicit, None if courses.still else courses)
     return Network(layout, clock, drive, layout.start(seed, first_trial), engine.spikes)

@@ -20,7 +20,6 @@ from circuits.arrays import Array
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
-from circuits.dynamics.ticks import Clock
 from circuits.engines.ensemble import kernel
 from circuits.engines.ensemble.plan import plan, workspace
 from circuits.engines.ensemble.records import Plan
@@ -48,8 +47,8 @@ def run(
     drive = checked_drive(circuit, drive)
     warn_beyond_range(circuit, drive)
     trials, steps, _ = drive.shape
-    clock = Clock(steps, step_ms, engine.dt_ms, engine.sample_ms, engine.settle_ms)
     wiring = wired(circuit)
+    clock = engine.clock(wiring, steps, step_ms)
     names = circuit.spiking(engine.spikes)
     written = np.array([row.name in names for row in wiring.rows])
     streams = noise.stream_keys(seed, first_trial + np.arange(trials), wiring.names)
@@ -62,7 +61,7 @@ def run(
         clock.time_ms,
         engine=engine.id,
         output_nats=out,
-        spikes=spike_tables(wiring, names, spikes, engine.dt_ms),
+        spikes=spike_tables(wiring, names, spikes, clock.dt_ms),
         about=clock.about(seed, first_trial),
     )
 
@@ -74,13 +73,13 @@ def stream(
 
     A step must be a multiple of the ticks that share a noise word.
     """
-    clock = Clock(steps, step_ms, engine.dt_ms, engine.sample_ms, engine.settle_ms)
+    wiring = wired(circuit)
+    clock = engine.clock(wiring, steps, step_ms)
     for name in ("step", "settle"):
         if getattr(clock, f"{name}_ticks") % noise.TICKS_A_WORD:
-            word_ms = noise.TICKS_A_WORD * engine.dt_ms
+            word_ms = noise.TICKS_A_WORD * clock.dt_ms
             time_ms = getattr(clock, f"{name}_ms")
             raise InputError.of(f"{name}_ms", f"must be a multiple of {word_ms:g} ms", time_ms)
-    wiring = wired(circuit)
     keys = noise.stream_keys(seed, np.array([trial]), wiring.names)[0]
     p = plan(wiring, clock, kept=np.zeros(wiring.blocks, dtype=bool))
     work, none = workspace(p), np.empty((0, 3), np.int32)

@@ -43,8 +43,6 @@ FEW_CELLS = (
 )
 NO_ANSWERS = {"table": -1.0} | dict.fromkeys(("lags", "state_lowest", "state_per", "noise"), 0.0)
 """Fields of the record of a block whose cells have no filters."""
-TICKS_MS = (0.5, 0.25, 0.2, 0.1)
-"""Candidate ticks, ms, the longest first."""
 
 
 def plan(scheme: Scheme, clock: Clock, engine: PopulationsEngine) -> records.Plan:
@@ -80,16 +78,6 @@ def _behind_rest(rows: Array, rest: float) -> npt.NDArray[np.float32]:
 
 def _together(tables: dict[Any, Array], least: int) -> npt.NDArray[np.float32]:
     return np.array(list(tables.values()) or [np.zeros(least)], np.float32)
-
-
-def tick_ms(wiring: Wiring, *times_ms: float) -> float:
-    """Return the longest tick that divides all delays and these times, or else the shortest."""
-    delays = [p.delay_ms for p in wiring.projections]
-    for dt in TICKS_MS:
-        ticks = np.array([*delays, *times_ms]) / dt
-        if np.abs(ticks - np.round(ticks)).max() < 1e-6:
-            return dt
-    return TICKS_MS[-1]
 
 
 def _check(wiring: Wiring) -> None:

@@ -31,9 +31,9 @@ from circuits.declaration.table import CircuitTable
 from circuits.dynamics import loops
 from circuits.dynamics import noise as noises
 from circuits.dynamics.fixed_point import wired
-from circuits.dynamics.ticks import Clock, Scheme
+from circuits.dynamics.ticks import Scheme
 from circuits.engines.population import kernel
-from circuits.engines.population.plan import plan, tick_ms, window, workspace
+from circuits.engines.population.plan import plan, window, workspace
 from circuits.engines.population.records import State
 from circuits.engines.population.settled import FIRST, settled
 from circuits.engines.stream import Onward, Stream
@@ -137,11 +137,9 @@ class _Prepared:
     def __init__(
         self, circuit: CircuitTable, engine: PopulationsEngine, steps: int, step_ms: float
     ) -> None:
-        times = (step_ms, engine.sample_ms, engine.settle_ms)
         wiring = wired(circuit)
-        dt = tick_ms(wiring, *times) if engine.dt_ms is None else engine.dt_ms
-        self.engine, self.clock = engine, Clock(steps, step_ms, dt, *times[1:])
-        self.scheme = Scheme(wiring, dt)
+        self.engine, self.clock = engine, engine.clock(wiring, steps, step_ms)
+        self.scheme = Scheme(wiring, self.clock.dt_ms)
         self.plan = plan(self.scheme, self.clock, engine)
         self.ticks = window(self.plan)
 

@@ -97,13 +97,6 @@ def test_no_number_changes_by_accident(name):
     assert tuple(digests) == HASHES[name]
 
 
-@pytest.mark.parametrize("make", [anatomy.gpr, anatomy.humphries, anatomy.stewart])
-def test_dopamine_outside_its_range_is_refused(make):
-    for level in (-0.1, 1.1):
-        with refused(rf"dopamine must be within 0..1, got {level}"):
-            make(dopamine=level)
-
-
 def test_a_copy_keeps_its_name_and_an_edited_copy_has_that_of_its_file(tmp_path):
     table = anatomy.macaque(2)
     path = table_writer.write(table, tmp_path / "mine.toml")

@@ -49,12 +49,6 @@ def test_outputs_are_those_of_the_piecewise_linear_fixed_point(first, second, le
         np.testing.assert_allclose(out_nats, expected, rtol=0, atol=atol)
 
 
-def test_every_unit_has_the_rate_constant_of_the_paper():
-    """25 a second, 40 ms (Gurney, Prescott & Redgrave 2001b); saliences are not filtered."""
-    taus = {p.name: p.tau_ms for p in anatomy.gpr().populations}
-    assert taus == {"ctx": 0} | dict.fromkeys(("D1", "D2", "STN", "GPe", "SNr"), 1000 / 25)
-
-
 def test_the_level_of_dopamine_multiplies_the_two_gains():
     drive = np.array([[[0.6, 0.2]]])
     for level in (0.5, 1.0, 1.25):
@@ -66,20 +60,6 @@ def test_the_level_of_dopamine_multiplies_the_two_gains():
 def output(saliences, **options):
     circuit = anatomy.gpr(len(saliences), **options)
     return run(circuit, [[saliences]], engine="algebra", step_ms=1.0).output_nats[0, 0]
-
-
-def test_the_larger_salience_is_selected_and_the_other_is_not():
-    """Of six channels, as in the paper: selected below 0.05, the others above rest."""
-    rest = output([0.0] * 6)
-    np.testing.assert_allclose(rest, 0.9 * 0.3 / 6.4 - 0.3 * (0.9 * 0.3 / 6.4 + 0.2) + 0.2)
-    out = output([0.3, 0.7, 0, 0, 0, 0])
-    assert out[1] < 0.05
-    assert (np.delete(out, 1) > rest[0]).all()
-
-
-def test_more_dopamine_makes_selection_easier_and_less_makes_it_harder():
-    selected = [output([0.6, 0.2, 0, 0], dopamine=level)[0] for level in (0, 0.2, 0.4)]
-    assert selected[0] > 0.05 > selected[1] >= selected[2]
 
 
 def test_a_salience_above_one_counts_as_one():

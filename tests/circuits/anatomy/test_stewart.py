@@ -45,25 +45,3 @@ def test_spikes_scatter_about_the_closed_form():
     spiking = settled("ensemble", OF_NENGO)
     np.testing.assert_allclose(spiking.mean(axis=0), expected, atol=0.01)
     assert (spiking.std(axis=0) < 0.02).all()
-
-
-def latency_ms(before, after, level):
-    """Return when the rate of the first channel's SNr falls below a level, from a step of input."""
-    drive = np.repeat([[before], [after]], 400, axis=0).transpose(1, 0, 2)
-    activity = run(anatomy.stewart(3), drive, engine="rate", step_ms=0.5, sample_ms=0.5)
-    below = activity.rates_hz["SNr"][0, 400:, 0] < 200 * level
-    assert below.any()
-    return 0.5 * (below.argmax() + 1)
-
-
-def test_a_clear_choice_falls_silent_in_about_the_14_ms_that_the_authors_print():
-    """Abstract: "an action can be selected in 14 milliseconds"; silent is our reading of it."""
-    assert latency_ms([0, 0, 0], [1, 0, 0], 1e-3) == pytest.approx(14, rel=0.25)
-
-
-def test_similar_utilities_take_longer():
-    """Abstract: "or longer for actions with similar utilities"."""
-    base = [0.4, 0.4, 0.4]
-    latencies_ms = [latency_ms(base, [0.4 + more, 0.4, 0.4], 0.05) for more in (0.6, 0.3, 0.25)]
-    assert latencies_ms == sorted(latencies_ms)
-    assert latencies_ms[-1] > 1.2 * latencies_ms[0]

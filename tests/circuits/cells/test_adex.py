@@ -7,9 +7,7 @@ import numpy.testing as npt
 import pytest
 
 from circuits.cells import single
-from circuits.laws.stability import growth
-from tests.circuits.spiking import ADEX, BASE, SPIKING, WITH_ADEX, lacking, spikes_of, with_cell
-from tests.helpers import refused
+from tests.circuits.spiking import ADEX, BASE, SPIKING, WITH_ADEX, spikes_of, with_cell
 
 
 def test_an_adex_without_upstroke_and_adaptation_is_the_exact_linear_membrane():
@@ -21,19 +19,6 @@ def test_an_adex_without_upstroke_and_adaptation_is_the_exact_linear_membrane():
     mean = cell.rest_mv + 0.3 * cell.mv_per_nat - cell.reset_mv
     assert v == pytest.approx(mean + (5 - mean) * np.exp(-0.1 / cell.tau_ms), rel=1e-6)
     assert w == 0
-
-
-def test_adaptation_settles_where_it_follows_the_membrane():
-    """With V held, W goes to a (V - E_L) with its own time constant."""
-    cell = replace(ADEX, leak_mv=-75.0)
-    c = cell.constants(np.ones(3), 0.1)
-    v, w, held = 10.0, single.single(0), single.single(1e9)
-    for _ in range(1440):
-        _, _, w, _ = cell.tick(
-            np.float64(0), single.single(4), single.single(v), w, held, *c.values()
-        )
-    settled = cell.adaptation * (v + cell.reset_mv - cell.leak_mv)
-    assert w == pytest.approx(settled * (1 - np.exp(-1)), rel=1e-4)
 
 
 def isi_ms(cell, nats, count=12):
@@ -104,22 +89,6 @@ def test_adex_cells_with_sparse_connections_spike_alike_up_to_single_precision()
     fast, brian, plain = (spikes_of(circuit, engine) for engine in SPIKING)
     assert brian == plain
     assert len(fast ^ plain) <= 0.03 * len(plain)
-
-
-@pytest.mark.parametrize(
-    ("call", "answer", "user"),
-    [
-        (lacking("algebra", laws="cells"), "rate_hz", 'laws="cells" (and "finite")'),
-        (lacking("algebra", laws="finite"), "rate_hz", 'laws="cells" (and "finite")'),
-        (lacking("rate"), "membrane_ms", "the rate engine (and stability)"),
-        (growth, "membrane_ms", "the rate engine (and stability)"),
-    ],
-)
-def test_an_adex_without_laws_says_so(call, answer, user):
-    with refused("cell have it") as error:
-        call(WITH_ADEX)
-    message = str(error.value)
-    assert message == f"{user} needs AdEx.{answer}, and AdEx cells do not have it"
 
 
 def test_factors_of_an_adex_are_of_its_time_constant_its_slope_and_its_way_to_the_knee():

@@ -5,13 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from circuits.cells import CELLS, AdEx, Cell, Phase, Rate, register
+from circuits.cells import CELLS, Cell, Phase, Rate, register
 from circuits.cells.cell import RESERVED
 from circuits.cells.single import single
 from tests.circuits.spiking import (
     ADEX,
     BASE,
-    GIVEN,
     SPIKING,
     lacking,
     one_sentence,
@@ -19,19 +18,6 @@ from tests.circuits.spiking import (
     with_cell,
 )
 from tests.helpers import refused
-
-
-def test_a_law_of_the_mean_alone_is_not_taken_for_the_law_of_fluctuations():
-    @register
-    @dataclass(frozen=True)
-    class Half(AdEx):
-        def rate_hz(self, x, line_hz):
-            return line_hz
-
-    circuit = with_cell(BASE, "GPe", Half(**vars(ADEX)))
-    lacking("algebra", laws="cells")(circuit)
-    with refused(r'cell laws="finite" needs Half\.response, and Half cells'):
-        lacking("algebra", laws="finite")(circuit)
 
 
 def test_a_type_that_only_names_its_state_lacks_every_step():
@@ -139,25 +125,6 @@ def test_a_type_whose_answers_do_not_fit_each_other_is_refused_by_every_engine(
     one_sentence(lambda: lacking(engine)(fitting(**answers)), says)
 
 
-def test_the_order_of_constants_changes_no_spike():
-    def reversed_constants(self, factors, dt_ms):
-        return dict(reversed(Phase.constants(self, factors, dt_ms).items()))
-
-    circuit, usual = fitting(constants=reversed_constants), spikes_of(BASE, "ensemble")
-    for engine in SPIKING:
-        assert spikes_of(circuit, engine) == usual
-
-
-def test_a_cell_that_says_by_another_number_whether_it_fires_is_refused():
-    """Two truths added are one truth in NumPy and the number 2 when compiled."""
-
-    def tick(heard, ones, phi, noise_step, factor):
-        high, low = phi > noise_step, phi > factor
-        return high + low, phi
-
-    one_sentence(lambda: lacking("ensemble")(fitting(tick=staticmethod(tick))), "one truth")
-
-
 @pytest.mark.parametrize("engine", SPIKING)
 @pytest.mark.parametrize("name", ["decay_hz", "x", "nats", "pi", "dt_s", "own"])
 def test_names_of_the_engines_are_refused_as_those_of_a_cell(engine, name):
@@ -181,22 +148,6 @@ def test_a_bare_number_in_a_tick_is_refused(engine):
     one_sentence(lambda: lacking(engine)(fitting(tick=staticmethod(tick))), "numbers 1, 0.5")
 
 
-def test_a_unit_that_does_not_spike_hears_a_rate_and_its_floor_is_none_or_zero():
-    @dataclass(frozen=True)
-    class Unit(Cell):
-        spikes = False
-        hears = "nats"
-
-    one_sentence(lambda: register(Unit), "Unit: hears must be hz")
-
-    @register
-    @dataclass(frozen=True)
-    class High(Rate):
-        lowest_hz = 40.0
-
-    one_sentence(lambda: with_cell(BASE, "common", High()), "lowest_hz of High must be 0")
-
-
 def test_a_type_whose_tick_was_replaced_is_compiled_anew():
     circuit = fitting()
     before = spikes_of(circuit, "ensemble")
@@ -207,21 +158,3 @@ def test_a_type_whose_tick_was_replaced_is_compiled_anew():
     type(circuit.population("STN").cell).tick = staticmethod(silent)
     assert not any(s[0] == "STN" for s in spikes_of(circuit, "ensemble"))
     assert any(s[0] == "STN" for s in before)
-
-
-def test_what_all_cells_do_alike_counts_for_each_of_them():
-    def tick(heard, ones, phi, noise_step, factor):
-        return factor >= factor, phi
-
-    counts = [
-        sum(s[0] == "STN" for s in spikes_of(fitting(tick=staticmethod(tick)), engine))
-        for engine in ("plain", "ensemble")
-    ]
-    trials, channels, cells, ticks = 2, 2, 40, 10 * 2 * round(GIVEN["step_ms"])
-    assert counts[0] == counts[1] == trials * channels * cells * ticks
-
-
-def test_a_class_that_was_registered_anew_takes_the_place_of_the_old_one():
-    old = fitting()
-    fitting(brian=None)
-    one_sentence(lambda: with_cell(BASE, "STN", old.population("STN").cell), "cell must be one of")

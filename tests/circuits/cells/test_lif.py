@@ -38,21 +38,6 @@ def test_the_sampled_threshold_lies_below_by_the_overshoot(dt_ms):
     assert below == pytest.approx(0.5826 * step, rel=0.02)
 
 
-def test_factors_of_a_lif_are_of_its_time_constant_its_slope_and_its_way_up():
-    cell = anatomy.spiking_msprt().population("GPe").cell
-    one, tau, slope, top = (
-        cell.constants(np.array(factors), 0.1)
-        for factors in ((1, 1, 1), (2, 1, 1), (1, 2, 1), (1, 1, 1.5))
-    )
-    assert tau["decay"] == pytest.approx(np.exp(-0.1 / (2 * cell.tau_ms)), rel=1e-6)
-    assert slope["slope"] == pytest.approx(2 * one["slope"], rel=1e-6)
-    assert slope["decay"] == top["decay"] == one["decay"]
-    step = cell.noise_mv * np.sqrt(-np.expm1(-0.2 / cell.tau_ms))
-    way = cell.threshold_mv - cell.reset_mv
-    lower = 0.5825971579390107 * step
-    assert top["unit"] == pytest.approx((way - lower) / (1.5 * way - lower), rel=1e-6)
-
-
 @pytest.mark.parametrize("dt_ms", [0.05, 0.2])
 def test_a_ticks_noise_keeps_the_spread_of_the_membrane(dt_ms):
     """What decays in a tick is drawn anew: sd^2 = sd^2 exp(-2 dt/tau) + step^2."""

@@ -9,7 +9,7 @@ from scipy.optimize import linprog
 from scipy.special import erfc
 
 from circuits import anatomy
-from circuits.cells import Lif
+from circuits.cells import Lif, Phase
 from circuits.cells.membrane import fit_current, lif_mean_mv, lif_rate_hz
 from circuits.checks import whole_ticks
 from circuits.dynamics import noise
@@ -185,16 +185,17 @@ def test_fitted_currents_follow_the_line_and_are_those_of_the_table(name):
 # ---- the laws that the circuit needs
 
 
-def test_phase_cells_are_exponential_over_six_nats_and_as_regular_as_stated():
+@pytest.mark.parametrize("tick_ms", [0.1, Phase.longest_tick_ms])
+def test_phase_cells_are_exponential_over_six_nats_and_as_regular_as_stated(tick_ms):
     """From 0.5 to 400 Hz, 6.7 nats."""
     cell = SPIKING.population("STN").cell
     nats = np.linspace(np.log(0.5), np.log(400), 9)
-    rate_hz, error = measured_hz(cell, np.exp(nats), (250,) * 9, 0.1, 2000.0)
+    rate_hz, error = measured_hz(cell, np.exp(nats), (250,) * 9, tick_ms, 2000.0)
     assert np.ptp(nats) > 6
     assert (np.abs(rate_hz - np.exp(nats)) < Z_LIMIT * error + 1e-3 * rate_hz).all()
     assert off_an_exponential(nats, rate_hz) < 0.05
     # Counts over long times vary as those of a renewal process: variance over mean is cv^2.
-    counts = counted(cell, np.full(2000, 100.0), 0.1, 500.0)
+    counts = counted(cell, np.full(2000, 100.0), tick_ms, 500.0)
     assert counts.var() / counts.mean() == pytest.approx(cell.cv**2, rel=0.1)
 
 

@@ -1,6 +1,5 @@
 """Edits as text: one grammar for Python, files and the terminal."""
 
-import pickle
 import re
 from dataclasses import dataclass
 from itertools import combinations
@@ -10,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel.cli import parsed
-from bgmodel.integrators.criterion import rest_out
 from bgmodel.support import toml_files
 from circuits.anatomy import load_circuit
 from circuits.declaration.courses import Course
@@ -118,40 +116,10 @@ def test_edits_of_all_nuclei_come_first_then_rows_then_factors():
     assert TABLE.edited(*ALL) == by_hand.compensate(TABLE, rebound_nats={"SNr": 0.2})
 
 
-def test_a_course_is_relative_to_the_level_of_the_edits():
-    lines = ("add dopamine amount=0.2 to_ms=300 decay_ms=50", "dopamine 1.1", "lesion STN 10%")
-    lesioned = TABLE.lesion("STN", 0.1).dopamine(1.1)
-    edited = TABLE.edited(*lines)
-    assert edited == lesioned.add(Course("dopamine", 0.2, 0, 300, decay_ms=50))
-    assert rest_out(edited) == rest_out(lesioned)
-
-
-@given(st.floats(0.01, 0.99), st.sampled_from(["D1", "D2", "STN", "GPe"]))
-def test_edits_undone_leave_the_circuit(fraction, name):
-    lesioned = TABLE.edited(f"lesion {name} {fraction!r}")
-    assert lesioned.unlesioned == TABLE
-    assert lesioned.set(f"{name}.intact", 1) == TABLE
-
-
-@given(st.integers(0, 1000))
-def test_a_percentage_is_its_fraction(tenths):
-    (of_percent, of_fraction) = (
-        parsed_line(f"lesion STN {text}").value
-        for text in (f"{tenths / 10}%", f"{tenths / 1000:.3f}")
-    )
-    assert of_percent == of_fraction
-
-
 def test_no_edits_leave_the_circuit_and_say_nothing():
     assert TABLE.edited() is TABLE
     assert Edits() == ()
     assert Edits().text() == ""
-
-
-def test_edits_are_copied_as_what_they_are():
-    edits = Edits(ALL)
-    assert pickle.loads(pickle.dumps(edits)) == edits
-    assert isinstance(pickle.loads(pickle.dumps(edits)), Edits)
 
 
 @pytest.mark.parametrize(
@@ -195,12 +163,48 @@ def test_a_fraction_above_one_is_refused_with_both_spellings(verb):
         ("dopamine 3", "level must be within 0..2"),
         ("neurons 1.5", "neurons must be a whole number"),
         ("set STN.bias 1", "STN has no 'bias': "),
-        ("set STN.bias_nats x", "STN: bias_nats must be a number"),
+        ("set STN.bias_nats=", "bias_nats must be a number"),
+        ("set STN->GPe.delay_ms=fast", "STN->GPe: delay_ms must be a number, got 'fast'"),
+        ("set STN.neurons=2.5", "neurons"),
+        ("set STN.pooled=maybe", "pooled"),
+        ("set ctx->D1.factors=1,x", "factors"),
+        ("set STN.cell=adex", "cell"),
+        ("set STN.cell=Phase", "STN: the cell needs cv"),
+        ("set STN.cell.tau_ms=12", "cell.tau_ms"),
+        ("set GPe.tau_ms=12", "tau_ms is that of the Lif cell"),
+        ("set STN.receptor=D3", "receptor"),
+        ("set D1->SNr.weight=1", "D1 releases GABA, so the weight"),
+        ("add D1->GPe", "D1->GPe needs weight, or like=ROW"),
+        ("add D1->GPe weight", "a new row is its name and FIELD=VALUE"),
+        ("add D1->GPe weight=-1 weight=-2", "each field once"),
+        ("add D1->GPe weight=0.1", "D1->GPe: D1 releases GABA"),
+        ("add D1->Thal weight=-1", "spiking_msprt has no nucleus 'Thal': ctx"),
+        ("add STN->GPe weight=1", "STN->GPe already exists: use set"),
+        ("add D1->GPe like=STN", "D1->GPe can't be like STN: one of them is a pathway"),
+        ("add D1->GPe weight=-1 cell=Rate", "D1->GPe has no 'cell': weight"),
+        ("add TRN neurons=3", "TRN needs cell, or like=ROW"),
+        ("add TRN cell=Phase", "TRN: the cell needs cv"),
+        ("add TRN cell.cv=0.2", "TRN has no 'cell.cv': cell, "),
+        ("add a.b like=STN", "a population's name is text without blanks, brackets, '.'"),
+        ("add TRN like=STN cite='my", "No closing quotation"),
+        ("add dopamine weight=1", "weight"),
+        ("add TRN amount=1", "course of TRN from 0 to inf ms: spiking_msprt has no nucleus 'TRN'"),
+        ("add ctx->D1 amount=1", "has no nucleus 'ctx->D1': a course is of dopamine, ctx, common"),
+        ("add TRN[0] amount=1", "has no nucleus 'TRN[0]': a course is of dopamine, ctx, common"),
+        ("add dopamine[0] amount=1", "has no nucleus 'dopamine[0]'"),
+        ("add STN[2] amount=1", "of STN[2] from 0 to inf ms: channel must be within 0..1, got 2"),
+        ("add STN from_ms=3", "a course of STN needs amount"),
+        ("add dopamine to_ms=3", "a course of dopamine needs amount"),
+        ("add STN amount=1 until_ms=3", "a course of STN has no 'until_ms': amount, from_ms"),
+        ("add dopamine amount=1.1", "of dopamine must be within 0..2, with this row it is 2.1"),
+        ("add dopamine amount=-1.1 rise_ms=9", "within 0..2, with this row it is -0.1"),
     ],
-)  # fmt: skip
+)
 def test_an_edit_that_does_not_fit_is_named_as_it_was_written(line, says):
-    with pytest.raises(ValueError, match=rf"^{re.escape(repr(line))}: .*{re.escape(says)}"):
+    with pytest.raises(ValueError, match=r"^[^\n]+$") as error:
         TABLE.edited(line)
+    assert str(error.value).startswith(f"{line.removeprefix('add ')!r}: ")
+    assert says in str(error.value)
 
 
 OVERLAPS = [
@@ -279,27 +283,8 @@ def test_a_rebound_compensates_the_others_too():
         TABLE.edited("rebound GPi 0.5")
 
 
-def test_a_clamped_nucleus_is_neither_lesioned_nor_compensated():
-    clamped = TABLE.clamp("GPe", 0.5)
-    assert clamped != TABLE.lesion("GPe", 0.5)
-    with refused("nucleus GPe is already clamped"):
-        clamped.lesion("GPe", 0.1)
-    with pytest.raises(ValueError, match="GPe is clamped"):
-        TABLE.edited("clamp GPe 50%", "compensate")
-
-
 def test_keep_rest_needs_a_row_that_is_added():
     rows = [line.removeprefix("add ") for line in ADDED]
     assert TABLE.edited(*ADDED, "keep rest") == TABLE.add(*rows, keep_rest=True) != TABLE.add(*rows)
     with refused("edits"):
         TABLE.edited("keep rest")
-
-
-def test_what_a_cut_and_a_scale_do_is_said_of_them_and_of_no_other_edit():
-    scale, cut = Edits(["scale GPe->STN 0.5"]), Edits(["cut GPe->STN 30%"])
-    for one, other in ((scale, "cut"), (cut, "scale")):
-        (note,) = one.notes()
-        assert "tone" in note
-        assert other in note
-    assert Edits([*cut, *scale]).notes() == [*scale.notes(), *cut.notes()]
-    assert Edits(["lesion STN 50%"]).notes() == Edits().notes() == []

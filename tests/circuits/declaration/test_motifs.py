@@ -3,15 +3,11 @@
 import numpy as np
 import pytest
 
-from bgmodel.deciding.decision import first_crossing
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.simulated_evidence import separated_evidence
-from bgmodel.support.seeds import stream
 from circuits import anatomy
 from circuits.declaration.motifs import MOTIFS
 from circuits.dynamics.fixed_point import resting_hz
 from circuits.show import ASSUMED
-from tests.helpers import refused
 
 CORTEX = ("ctx", "ctx_inh")
 INTERNEURONS = "striatal_FSI"
@@ -55,24 +51,6 @@ def test_a_loss_of_half_of_them_frees_d1_and_d2_and_leaves_cortex():
         assert after[name] == pytest.approx(before[name], abs=0.05)
 
 
-def test_with_them_the_circuit_still_decides_and_without_half_of_them_it_decides_too_early():
-    table = anatomy.macaque_small(2)
-    added = table.add(INTERNEURONS)
-    rng = stream(31, "motif")
-    evidence = separated_evidence(300, 40, 0.7, rng=rng, step_ms=50.0)
-    level = -np.log(0.82)
-    measures = []
-    for circuit in (table, added, added.lesion("FSI", 0.5)):
-        model = BasalGanglia(circuit, "population", table.default_gain, seed=3).until(level)
-        decided = first_crossing(model.run(evidence), level)
-        measures.append((np.mean(decided.choice == evidence.truth), decided.time_ms.mean()))
-    (accuracy, time_ms), (with_accuracy, with_ms), (less_accuracy, less_ms) = measures
-    assert with_accuracy > accuracy - 0.02
-    assert 0.9 * time_ms < with_ms < 1.3 * time_ms
-    assert less_accuracy < with_accuracy - 0.02
-    assert less_ms < 0.8 * with_ms
-
-
 @pytest.mark.parametrize("name", ["macaque", "spiking_msprt", "bogacz_gurney"])
 def test_urgency_lowers_out_of_all_channels_by_half_a_nat_in_the_end(name):
     table = anatomy.load_circuit(name)
@@ -94,9 +72,3 @@ def test_the_onset_transient_raises_cortex_and_leaves_out_in_the_end():
     assert cortex.max() > 3
     assert np.abs(cortex[-1]).max() < 0.3
     assert np.abs(burst.output_nats[0, -1] - quiet.output_nats[0, -1]).max() < 0.02
-
-
-@pytest.mark.parametrize("name", sorted(MOTIFS))
-def test_a_motif_in_nats_is_refused_by_a_circuit_in_another_unit(name):
-    with refused("unit"):
-        anatomy.gpr(2).add(name)

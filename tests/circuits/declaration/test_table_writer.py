@@ -72,15 +72,6 @@ def test_every_edited_table_comes_back_from_its_file(name, channels, edits):
     assert table_writer.digest(restored) == table_writer.digest(circuit)
 
 
-def test_a_table_is_one_line_per_row_and_says_only_what_differs():
-    lines = table_writer.text(anatomy.spiking_msprt(4)).splitlines()
-    rows = [line for line in lines if line.lstrip().startswith('["')]
-    assert len(rows) == 7 + 10
-    assert len(lines) < 50
-    assert "probability" not in "".join(lines)
-    assert table_writer.digest(anatomy.spiking_msprt(4)) in lines[0]
-
-
 def test_equal_circuits_have_one_hash_and_others_another():
     circuit = anatomy.spiking_msprt()
     written = circuit.with_population("STN", tau_ms=np.float64(5), neurons=300.0, pooled=np.False_)
@@ -96,37 +87,18 @@ def test_equal_circuits_have_one_hash_and_others_another():
         assert table_writer.digest(other) != table_writer.digest(circuit)
 
 
-def test_published_rates_are_in_the_file_and_in_no_hash():
-    circuit = anatomy.macaque()
-    bare = [replace(row, published_hz=()) for row in circuit.populations]
-    restored = table_reader.parse(table_writer.text(circuit), "mine.toml")
-    assert restored == circuit
-    assert restored.population("STN").published_hz == (15.2, 22.8)
-    unpublished = replace(circuit, populations=tuple(bare))
-    assert table_writer.digest(unpublished) == table_writer.digest(restored)
-
-
-EDITED = {
-    "lesion": lambda c: c.lesion("STN", 0.1),
-    "scale": lambda c: c.scale("STN", "SNr", 0.5),
-    "channel": lambda c: c.scale("STN", "SNr", 0.5, 0),
-    "bias": lambda c: c.edited("set STN.bias_nats=7"),
-    "delay": lambda c: c.edited("set STN->GPe.delay_ms=40"),
-    "row": lambda c: c.add("D2->SNr weight=-0.1"),
-    "course": lambda c: c.add("STN amount=0.5"),
-    "dopamine": lambda c: c.dopamine(0.8),
-    "cells": lambda c: c.with_neurons(3),
-    "more cells": lambda c: c.with_neurons_times(0.1),
-    "sparse": lambda c: c.with_connections(0.05),
-    "heterogeneity": lambda c: c.with_heterogeneity(0.5),
-}
+EDITED = [
+    "lesion STN 10%", "scale STN->SNr[0] 0.5", "set STN.bias_nats=7", "set STN->GPe.delay_ms=40",
+    "add D2->SNr weight=-0.1", "add STN amount=0.5", "dopamine 0.8", "neurons 3",
+    "connections 0.05", "heterogeneity 0.5",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("edit", EDITED)
 def test_an_edited_table_does_not_repeat_the_claim_of_the_original(edit, tmp_path):
     """For example that it decides as the MSPRT does. The hash depends on the rows alone."""
     circuit = anatomy.macaque()
-    edited = EDITED[edit](circuit)
+    edited = circuit.edited(edit)
     assert edited.about == "edited from: " + circuit.about
     assert edited.lesion("D1", 0.5).about == edited.about
     restored = table_reader.read(table_writer.write(edited, tmp_path / "mine.toml"))
@@ -177,42 +149,30 @@ STN = line_of('["STN",    "Phase')
 PATH = line_of('["STN",    "GPe"')
 CTX = line_of('["ctx",    "Phase')
 COLUMNS = line_of('columns = ["name"')
-OF_PATHS = line_of('columns = ["source"')
 LIF = line_of("Lif_GPe")
 REFERENCE = TEXT.splitlines(keepends=True)[line_of("reference_nats") - 1]
 # fmt: off
 WRONG = [
     ('"bias_nats"', '"bias"', COLUMNS, "no column of populations 'bias'; there are name, cell"),
     ('"pooled"', '"tau_ms"', COLUMNS, "the column 'tau_ms' of populations appears twice"),
-    ('"delay_ms"', '"delay"', OF_PATHS, "no column of projections 'delay'; there are source"),
-    ('"weight"', '"tau_ms"', OF_PATHS, "the column 'tau_ms' of projections appears twice"),
     ('"Phase_STN",', '"Phase_STM",', STN, "there is no cell 'Phase_STM'; there are Phase_ctx"),
-    ('"Phase_STN",', "3,", STN, "there is no cell 3; there are"),
     ('"Phase_STN",', '"Phase",', STN, "a Phase cell needs cv: name it under [cells]"),
     ('"exp"', '"cubic"', STN, "transfer must be one of linear, rectified"),
-    ('"exp"', "7", STN, "STN: transfer must be text, got 7"),
     ("21.8,", '"fast",', STN, "STN: gain_hz_per_nat must be a number, got 'fast'"),
-    ("21.8,", "true,", STN, "STN: gain_hz_per_nat must be a number, got True"),
-    ("21.8,", "2020-01-01,", STN, "must be a number, got datetime.date(2020, 1, 1)"),
     ("21.8,", "", STN, "14 columns, but 13 values"),
     ('["STN",    "Phase', '["GPe",    "Phase', STN + 1, "there is already a row 'GPe'"),
     ('["STN",    "GPe"', '["STN",    "SNr"', PATH + 1, "already a row 'STN->SNr'"),
     ('["STN",    "GPe"', '["STN",    "GPi"', PATH, "STN->GPi: there is no nucleus 'GPi'; there"),
-    ('["STN",    "GPe"', '["TRN",    "GPe"', PATH, "TRN->GPe: there is no nucleus 'TRN'; there"),
     ('"GPe",    0.5', '"GPe",    -0.5', PATH, "STN->GPe: STN releases glutamate, so the weight"),
     ('4545454, "diffuse"', '4545454, "all"', PATH, "pattern must be one of 'channel', 'diffuse'"),
     ('"glutamate",', '"glutamat",', CTX, "transmitter must be one of 'glutamate', 'GABA', got"),
     ('"Lif", tau_ms = 10', '"Lief", tau_ms = 10', LIF, "no cell type 'Lief'; there are AdEx"),
     ("Lif_GPe   = {", "Lif_GPe   = { speed = 1,", LIF, "no constant of a Lif cell 'speed'; there"),
-    ('"Lif", tau_ms = 10,', '"Lif",', LIF, "a Lif cell needs tau_ms"),
     ('"Lif", tau_ms = 10,', '"Lif", tau_ms = 0,', LIF, "the Lif cell: tau_ms must be > 0"),
     ("range_nats = [1,", "range_nats = [nan,", line_of("range_nats"), "numbers that rise, got"),
     ("channels = 2", "channels = 1", 5, "channels must be a whole number >= 2, got 1"),
-    ("channels = 2", 'channels = "two"', 5, "channels must be a whole number, got 'two'"),
     ("channels = 2", 'channels = 2\nunit = "bits"', 6, "unit must be one of nats, salience, got"),
     ("channels = 2", "channels = 2\ngane = 1", 6, "no key 'gane'; there are format, name"),
-    ("range_nats = [1, 12]", "range_nats = [12, 1]", line_of("range_nats"), "numbers that rise"),
-    ("range_nats = [1, 12]", "range_nats = [1]", line_of("range_nats"), "must be two numbers"),
     ("format = 1", "format = 2", 3, "the format must be 1, got 2"),
 ]
 # fmt: on
@@ -254,27 +214,7 @@ def test_what_is_missing_or_no_toml_is_said(old, new, says):
 @given(
     st.integers(0, len(TEXT)),
     st.integers(0, 40),
-    st.sampled_from(
-        [
-            "",
-            *[
-                "#",
-                "1",
-                "-1e400",
-                "nan",
-                "true",
-                '"',
-                '"x"',
-                "[",
-                "]",
-                "[]",
-                "{}",
-                "=",
-                ",",
-                "1979-05-27",
-            ],
-        ]
-    ),
+    st.sampled_from(["", "#", "1", "-1e400", "nan", "true", '"', '"x"', "[", "]", "[]", "{}", "="]),
 )
 def test_a_mangled_file_gives_a_circuit_or_one_sentence(start, length, put):
     mangled = TEXT[:start] + put + TEXT[start + length :]
@@ -304,18 +244,3 @@ def test_a_file_that_cannot_be_read_is_said(tmp_path):
         anatomy.load_circuit(tmp_path / "mine.toml")
     with refused("path"):
         table_writer.write(anatomy.gpr(), "mine.csv")
-
-
-def test_a_file_is_for_one_number_of_alternatives(tmp_path):
-    path = table_writer.write(anatomy.spiking_msprt(4), tmp_path / "mine.toml")
-    with refused("channels"):
-        anatomy.load_circuit(path, 2)
-
-
-@pytest.mark.parametrize(
-    ("nats", "written"), [(9e14, "900000000000000"), (1.1e15, "1100000000000000.0")]
-)
-def test_a_float_is_written_as_a_whole_number_below_ten_to_the_fifteenth(nats, written):
-    circuit = replace(anatomy.spiking_msprt(), max_deficit_nats=nats)
-    assert f"max_deficit_nats = {written}\n" in table_writer.text(circuit)
-    assert table_reader.parse(table_writer.text(circuit), "mine.toml") == circuit

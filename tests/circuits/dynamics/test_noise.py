@@ -1,7 +1,6 @@
 """Counter-based noise: its test vector, its statistics, and that nothing depends on the company."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom, chi2, norm
@@ -12,7 +11,6 @@ from circuits.dynamics.ticks import cell_factors, starting_state
 from circuits.dynamics.wiring import fan_in, wire
 
 TICKS, NEURONS = 2048, 512
-LAGS = (*range(1, 17), 32, 64, 128)
 ALPHA = 1e-4  # of each test, shared among its comparisons
 
 seeds = st.integers(0, 2**64 - 1)
@@ -26,26 +24,8 @@ def bits8(stream, ticks=TICKS, neurons=NEURONS):
     return np.array([noise.bits8(stream, tick, neurons) for tick in range(ticks)])
 
 
-def correlation(a, b):
-    """Return z of the mean product of two sets of mean 0 and variance 1."""
-    return float((a * b).sum() / np.sqrt(a.size))
-
-
-def worst(z):
-    return max(abs(value) for value in z)
-
-
 def bound(comparisons):
     return norm.isf(ALPHA / 2 / comparisons)
-
-
-def lagged(block):
-    """Return z of the correlation across ticks, across neurons and across both, at every lag."""
-    return [
-        correlation(block[a:, b:], block[: TICKS - a, : NEURONS - b])
-        for lag in LAGS
-        for a, b in ((lag, 0), (0, lag), (lag, lag))
-    ]
 
 
 def test_the_words_of_a_stream_never_change():
@@ -77,51 +57,11 @@ def test_bits32_has_the_moments_and_tails_of_its_binomial():
     assert abs(draws).max() <= 16 / np.sqrt(8)
 
 
-def test_bytes_are_uniform():
-    block = words(noise.stream_key(2, 5, "ctx/1"))
-    for shift in (0, 8, 16, 24):
-        values = (block >> np.uint32(shift)) & np.uint32(255)
-        seen = np.bincount(values.ravel(), minlength=256)
-        expected = block.size / 256
-        statistic = ((seen - expected) ** 2 / expected).sum()
-        assert chi2.sf(statistic, 255) > ALPHA / 4
-        assert chi2.cdf(statistic, 255) > ALPHA / 4  # nor too even
-
-
 def test_the_uniform_numbers_are_uniform():
     draws = noise.uniform(noise.stream_key(3, 0, "D1/0"), noise.START_TICK, 2**20)
     assert draws.min() >= 0
     assert draws.max() < 1
     assert abs(draws.mean() - 0.5) * np.sqrt(12 * draws.size) < bound(1)
-
-
-@pytest.mark.parametrize("stream", [(7, 3, "GPe/0"), (0, 0, "STN/0"), (2**64 - 1, 2**64 - 1, "")])
-def test_no_correlation_across_neurons_and_ticks(stream):
-    z = lagged(bits8(noise.stream_key(*stream)))
-    assert worst(z) < bound(len(z))
-
-
-def test_raw_counters_fail_the_same_test(monkeypatch):
-    """Negative control: without the mixing of the tick's key the hash is no random source."""
-
-    def counter(stream, tick):
-        return divmod((stream + tick) % 2**64, 2**32)
-
-    monkeypatch.setattr(noise, "tick_key", counter)
-    z = lagged(bits8(noise.stream_key(7, 3, "GPe/0")))
-    assert worst(z) > 10 * bound(len(z))
-
-
-def test_no_correlation_across_trials_seeds_and_names():
-    keys = [(7, trial, "GPe/0") for trial in range(12)]
-    keys += [(seed, 0, "GPe/0") for seed in (0, 1, 2, 8, 2**32, 2**63)]
-    keys += [(7, 0, name) for name in ("GPe/1", "GPe/10", "STN/0", "D1/0", "D2/0", "SNr/0")]
-    # A seed is not a trial, nor the other way round.
-    keys += [(0, 7, "GPe/0"), (3, 7, "GPe/0")]
-    assert len({noise.stream_key(*key) for key in keys}) == len(keys)
-    blocks = [bits8(noise.stream_key(*key), 512, 256) for key in keys]
-    z = [correlation(a, b) for i, a in enumerate(blocks) for b in blocks[:i]]
-    assert worst(z) < bound(len(z))
 
 
 def words_asked(monkeypatch, draw):
@@ -194,11 +134,3 @@ def test_one_word_serves_four_ticks():
         word = noise.words(stream, tick // 4, 1)[0]
         ones = ((int(word) >> 8 * (tick % 4)) & 255).bit_count()
         assert noise.bits8(stream, tick, 1)[0] == (ones - 4) / np.sqrt(2)
-
-
-@pytest.mark.parametrize("seed", [-1, 2**64, 0.5])
-@pytest.mark.parametrize("what", ["seed", "trial"])
-def test_seeds_and_trials_out_of_range_are_refused(what, seed):
-    values = {"seed": 0, "trial": 0} | {what: seed}
-    with pytest.raises(ValueError, match=rf"{what} must be a whole number 0 \.\. 2\*\*64 - 1, got"):
-        noise.stream_key(**values, name="GPe/0")

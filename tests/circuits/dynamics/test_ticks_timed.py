@@ -12,13 +12,9 @@ from circuits.cells import Rate
 from circuits.circuit import Circuit
 from circuits.declaration.courses import Course
 from circuits.declaration.rows import Population, Projection
-from circuits.dynamics.fixed_point import solve, wired
 from circuits.dynamics.ticks import Clock, timed
 from circuits.dynamics.wiring import wire
 from circuits.engines import ENGINES, run
-from circuits.errors import EditWarning
-from circuits.laws.fluctuation import out_variance
-from circuits.laws.stability import growth, ringing
 
 TABLES = {name: anatomy.load_circuit(name, 3) for name in ("spiking_msprt", "macaque")}
 SPREAD = np.array([0.5, 0.1, -0.6])
@@ -55,14 +51,6 @@ def test_a_course_of_dopamine_is_relative_to_the_level_of_the_edited_circuit():
     after = table.dopamine(1.1).add(Course("dopamine", 0.1))
     assert before == after
     agree(settled(before), settled(table.dopamine(1.1).dopamine(1.1)))
-
-
-@pytest.mark.parametrize("name", ["common", "GPe", "D1"])
-def test_a_drive_that_is_held_settles_where_a_bias_does(name):
-    table = TABLES["spiking_msprt"]
-    bias = table.population(name).bias_nats + 0.1
-    exact = settled(table.with_population(name, bias_nats=bias))
-    agree(settled(table.add(Course(name, 0.1))), exact)
 
 
 @pytest.mark.parametrize("engine", sorted(set(ENGINES) - {"algebra"}))
@@ -136,36 +124,11 @@ def test_a_pulse_through_a_linear_population_has_its_closed_form(engine, course,
     np.testing.assert_allclose(filtered, np.tile(expected[:, None], 2), atol=4e-5, rtol=0)
 
 
-@pytest.mark.parametrize("what", ["SNr", "dopamine"])
-def test_the_error_of_a_pulse_is_of_second_order_in_the_tick(what):
-    course = Course("SNr", 0.7, 30, 90, rise_ms=8, decay_ms=15)
-    error = []
-    for dt in (1.0, 0.5):
-        ticks = {"step_ms": 200.0, "dt_ms": dt, "sample_ms": 2 * dt, "engine": "rate"}
-        ran = run(relay(delay_ms=2.0).add(replace(course, what=what)), np.zeros((1, 1, 2)), **ticks)
-        scale = 1.2 if what == "dopamine" else 1.0
-        ends = ran.decoded_nats("SNr")[0, :, 0] - 1.2
-        of = np.arange(dt, 200 + dt / 2, dt)
-        expected = scale * response(of, course, 20.0).reshape(-1, 2).mean(axis=1)
-        error.append(np.abs(ends - expected).max())
-    assert error[1] < 0.3 * error[0] or error[0] < 5e-5
-
-
 def test_a_pivot_stays_where_it_is_while_dopamine_turns_the_gain():
     """A source at its pivot adds what it added."""
     circuit = relay().with_population("SNr", operating_point_nats=1.5).add("dopamine amount=0.8")
     ran = run(circuit, np.zeros((1, 1, 2)), engine="rate", step_ms=200.0)
     np.testing.assert_allclose(ran.decoded_nats("SNr"), 1.2, atol=1e-5)
-
-
-def test_courses_add():
-    table = TABLES["macaque"]
-    clock = Clock(4, 50)
-    courses = [Course("dopamine", 0.6, 10, 90, 5, 20), Course("STN", 0.4, 0, 50, 30)]
-    parts = [replace(row, amount=row.amount / 2) for row in courses for _ in range(2)]
-    one, two = (timed(wire(table.add(*rows)), clock) for rows in (courses, parts))
-    np.testing.assert_allclose(one.factors[one.of_unit], two.factors[two.of_unit], atol=1e-14)
-    np.testing.assert_allclose(one.nats[one.of_block], two.nats[two.of_block], atol=1e-14)
 
 
 def test_rest_holds_before_the_drive_and_the_tables_are_of_the_receptors():
@@ -196,21 +159,6 @@ def test_a_course_of_nothing_changes_no_byte(engine):
     np.testing.assert_array_equal(one.output_nats, two.output_nats)
     for name, rates in one.rates_hz.items():
         np.testing.assert_array_equal(rates, two.rates_hz[name])
-
-
-def test_what_knows_no_time_refuses_courses():
-    table = TABLES["spiking_msprt"]
-    circuit = table.add("STN amount=0.1")
-    silence = np.zeros((1, 1, 3))
-    for call, what in (
-        (lambda: run(circuit, silence, engine="algebra", step_ms=1), "the algebra engine"),
-        (lambda: growth(circuit), "stability"),
-        (lambda: ringing(circuit), "stability"),
-        (lambda: out_variance(circuit), "its noise in closed form"),
-    ):
-        with pytest.raises(ValueError, match=f"spiking_msprt has courses, but {what} has no"):
-            call()
-    assert growth(circuit.steady) == growth(table)
 
 
 NUCLEI = ["ctx", "D1", "D2", "STN", "GPe"]
@@ -244,68 +192,6 @@ def test_a_window_on_all_channels_is_the_sum_of_those_on_each(windows, dopamine)
     )
     np.testing.assert_array_equal(one.nats[one.of_block], two.nats[two.of_block])
     np.testing.assert_array_equal(one.factors[one.of_unit], two.factors[two.of_unit])
-
-
-@pytest.mark.parametrize("engine", sorted(set(ENGINES) - {"algebra"}))
-def test_on_every_engine_a_window_on_all_channels_is_one_on_each(engine):
-    table = TABLES["macaque"].with_neurons(20)
-    options = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0, "seed": 4}
-    on_all, *each = (f"STN{k} amount=-2 from_ms=2 to_ms=12" for k in ("", "[0]", "[1]", "[2]"))
-    one, two = (run(table.add(*rows), HELD[:, :2], **options) for rows in ([on_all], each))
-    np.testing.assert_array_equal(one.output_nats, two.output_nats)
-
-
-@pytest.mark.parametrize("engine", ["rate", "population", "ensemble"])
-def test_a_window_on_one_channel_is_less_than_one_on_all_and_more_than_none(engine):
-    table = TABLES["macaque"].with_neurons(100)
-    options = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0, "seed": 4}
-    lines = (["STN amount=-2 to_ms=12"], ["STN[0] amount=-2 to_ms=12"], [])
-    lowest = [run(table.add(*rows), HELD[:, :2], **options).output_nats.min() for rows in lines]
-    assert lowest == sorted(set(lowest))
-
-
-@pytest.mark.parametrize("engine", sorted(set(ENGINES) - {"algebra"}))
-def test_a_window_on_one_channel_after_the_trial_changes_no_byte(engine):
-    table = TABLES["macaque"].with_neurons(20)
-    options = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0, "seed": 4}
-    with pytest.warns(EditWarning):
-        late = run(table.add("D2[1] amount=-2 from_ms=20 to_ms=30"), HELD[:, :2], **options)
-    without = run(table, HELD[:, :2], **options)
-    np.testing.assert_array_equal(late.output_nats, without.output_nats)
-    for name, rates in late.rates_hz.items():
-        np.testing.assert_array_equal(rates, without.rates_hz[name])
-
-
-@given(WINDOWS.filter(lambda w: w[1] is not None), st.permutations(range(3)))
-@settings(max_examples=10)
-def test_alternatives_and_their_window_may_be_exchanged(one, order):
-    """With the evidence and the window in other channels, OUT is the same in other channels."""
-    name, channel, *rest = one
-    table = TABLES["macaque"]
-    drive = HELD[:, :3]
-    out = settled(table.add(window(*one)), drive, step_ms=20.0)[0]
-    moved = window(name, list(order).index(channel), *rest)
-    exchanged = settled(table.add(moved), drive[:, :, order], step_ms=20.0)[0]
-    np.testing.assert_allclose(exchanged, out[list(order)], atol=1e-5, rtol=0)
-
-
-@pytest.mark.parametrize("name", ["D2", "D1", "STN", "GPe"])
-def test_a_long_window_on_one_channel_settles_where_a_bias_of_that_channel_does(name):
-    """In its window OUT goes to the fixed point with that bias, after it back to that without."""
-    table, channel, amount = TABLES["macaque"], 1, -0.2
-    wiring = wired(table)
-    bias = wiring.bias.copy()
-    bias[wiring.blocks_of(name)[channel]] += amount
-    course = Course(f"{name}[{channel}]", amount, 8000, 16000)
-    drive = np.tile(SPREAD, (1, 24, 1))
-    ran = run(table.add(course), drive, engine="rate", step_ms=1000.0)
-    for time_ms, at in ((8000, wiring), (16000, replace(wiring, bias=bias)), (24000, wiring)):
-        place = int(np.searchsorted(ran.time_ms, time_ms, side="right")) - 1
-        rates = at.rates(solve(at, HELD[0, :1]))[0]
-        for row in table.populations:
-            np.testing.assert_allclose(
-                ran.rates_hz[row.name][0, place], rates[at.blocks_of(row.name)], atol=0.02
-            )
 
 
 @pytest.mark.parametrize("engine", ["rate", "population", "ensemble", "plain"])

@@ -6,12 +6,8 @@ import numpy as np
 import pytest
 
 from circuits import anatomy
-from circuits.cells import Rate
-from circuits.circuit import Circuit
-from circuits.declaration.rows import Population, Projection
 from circuits.dynamics import fixed_point
 from circuits.dynamics.wiring import fan_in, wire
-from circuits.engines import run
 
 
 def test_sparse_connections_have_one_in_degree_and_belong_to_the_circuit():
@@ -42,25 +38,6 @@ def test_slope_and_curvature_of_rates_are_their_derivatives_and_nothing_below_th
         silent = (at == 0) & (wiring.floor_hz == 0)
         assert x > -3 or silent.any()
         assert not wiring.rates_curvature(inputs)[silent].any()
-
-
-def test_a_table_of_whole_numbers_is_that_of_floats():
-    integers, floats = (
-        Circuit(
-            "whole",
-            (Population("ctx", Rate(), 0, 1, bias_nats=kind(1)), Population("SNr", Rate(), 0, 1)),
-            (Projection("ctx", "SNr", kind(2), delay_ms=kind(1)),),
-        )
-        for kind in (int, float)
-    )
-    activities = [run(c, np.ones((1, 2, 2)), engine="rate", step_ms=10) for c in (integers, floats)]
-    assert activities[0].output_nats.tobytes() == activities[1].output_nats.tobytes()
-
-
-@pytest.mark.parametrize("role", ["input", "readout"])
-def test_an_input_or_a_readout_that_is_no_nucleus_is_named_by_its_role(role):
-    with pytest.raises(ValueError, match=f"{role} must be one of the nuclei of spiking_msprt, ctx"):
-        replace(anatomy.spiking_msprt(), **{role: "GPi"})
 
 
 def test_beside_a_replaced_lesion_another_one_is_not_replaced():

@@ -33,7 +33,7 @@ def test_a_name_is_the_engine_with_its_defaults(name):
 def test_an_engine_shows_the_options_that_were_changed():
     engine = engine_of(Population(dt_ms=0.5), rates=False)
     assert engine.changed() == {"dt_ms": 0.5, "rates": False}
-    assert repr(engine) == "Population(rates=False, dt_ms=0.5)"
+    assert repr(engine) == "Population(dt_ms=0.5, rates=False)"
 
 
 @pytest.mark.parametrize("name", ["nest", "", None, 3, Population])

@@ -6,7 +6,7 @@ import pytest
 from circuits import anatomy
 from circuits.dynamics.ticks import Clock
 from circuits.dynamics.wiring import wire
-from circuits.engines import Ensemble, engine_of, run
+from circuits.engines import engine_of, run
 from circuits.engines.ensemble.plan import plan, workspace
 from circuits.engines.memory import blocks, cells
 
@@ -40,12 +40,3 @@ def test_memory_of_cells_is_that_of_what_each_thread_or_trial_works_in():
     assert of["ensemble", 2] - of["ensemble", 1] == each * cells(TABLE)
     assert of["brian2", 2] - kept == pytest.approx(10 * 2.5 * each * cells(TABLE))
     assert of["plain", 1] - kept == pytest.approx(2.5 * each * cells(TABLE))
-
-
-def test_a_sparse_pathway_takes_eight_bytes_per_connection_and_one_per_pair():
-    """600 cells reach 600; no pathway that is not sparse, or not from cells to cells, takes any."""
-    sparse = TABLE.with_projection("STN", "GPe", probability=0.25)
-    more, less = (Ensemble(rates=False).memory_bytes(of, 1, 1) for of in (sparse, TABLE))
-    assert more - less == 600 * 600 * 3
-    out = 2 * 8  # one sample of two channels
-    assert less - out == Ensemble.cell_bytes * cells(TABLE)

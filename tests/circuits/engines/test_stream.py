@@ -75,22 +75,6 @@ def test_later_readings_change_nothing_of_what_was_before(engine, step, seed):
     assert not np.array_equal(a[step * per :], b[step * per :])
 
 
-@pytest.mark.parametrize(
-    ("engine", "changes", "says"),
-    [
-        ("brian2", {}, "engine all readings of a trial at once"),
-        ("algebra", {}, "engine all readings of a trial at once"),
-        ("population", {"seed": None}, "seed needs a seed"),
-        ("ensemble", {"step_ms": 10.1}, "sample_ms multiple"),
-        ("ensemble", {"step_ms": -1.0}, "step_ms > 0"),
-    ],
-)
-def test_bad_input_gets_one_clear_sentence(engine, changes, says):
-    asked = {"step_ms": STEP_MS, "steps": 2, "seed": 1} | changes
-    with refused(says):
-        engine_of(engine).stream(TABLES["macaque"], **asked)
-
-
 def test_a_trial_takes_as_many_readings_as_it_said_and_those_that_fit():
     circuit = TABLES["macaque"]
     stream = engine_of("rate").stream(circuit, step_ms=STEP_MS, steps=1)

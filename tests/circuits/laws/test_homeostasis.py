@@ -1,21 +1,15 @@
 """Homeostasis: biases that bring each population back to its own rate at rest."""
 
-import re
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circuits import anatomy
-from circuits.declaration.rows import Population
-from circuits.declaration.transfer import TRANSFERS
 from circuits.dynamics.fixed_point import rest_rates, solve, wired
 from circuits.engines import run
 from circuits.laws.homeostasis import biases, recovery
-from circuits.laws.mean_field import own_rates
-from tests.circuits.helpers import CLOSE, evidence, state
-from tests.helpers import refused
+from tests.circuits.helpers import CLOSE, evidence
 
 RATE_CELLS = ("bogacz_gurney", "appendix_b", "linear_gpe", "macaque")
 CHANNELS = (2, 4, 8)
@@ -59,16 +53,6 @@ def test_rates_at_rest_are_those_of_the_reference_after_any_edit(
     np.testing.assert_allclose(rest_hz(edited.compensate(circuit)), rest_hz(circuit), atol=CLOSE)
 
 
-@pytest.mark.parametrize("name", ["bogacz_gurney", "macaque"])
-@given(change=st.floats(-0.3, 0.3), row=st.integers(0, 100))
-@settings(max_examples=20)
-def test_a_bias_that_was_edited_is_undone(name, change, row):
-    circuit = anatomy.load_circuit(name, 4)
-    cells = circuit.populations[row % len(circuit.populations)]
-    edited = circuit.with_population(cells.name, bias_nats=cells.bias_nats + change)
-    assert own_biases(edited.compensate(circuit)) == pytest.approx(own_biases(circuit), abs=1e-12)
-
-
 @pytest.mark.parametrize("channels", CHANNELS)
 @pytest.mark.parametrize("lost", [0.1, 0.5, 0.9])
 def test_what_is_lost_of_stn_does_not_show_in_out_once_rates_have_recovered(lost, channels):
@@ -91,30 +75,15 @@ def test_what_is_lost_of_stn_does_not_show_in_out_once_rates_have_recovered(lost
         np.testing.assert_allclose(out[1].min(axis=1), out[0].min(axis=1), rtol=0, atol=off)
 
 
-def test_without_recovery_a_loss_of_stn_lowers_out():
-    circuit = anatomy.macaque(4)
-    readout = wired(circuit).blocks_of("SNr")
-    assert (rest_hz(circuit.lesion("STN", 0.1))[readout] < rest_hz(circuit)[readout] - 3).all()
-
-
 @pytest.mark.parametrize("channels", CHANNELS)
-@pytest.mark.parametrize("lost", [0.5, 1.0])
-def test_a_rebound_lifts_one_population_by_so_many_nats_of_its_activity(lost, channels):
+@pytest.mark.parametrize(("lost", "name"), [(0.5, "SNr"), (1.0, "SNr"), (0.5, "GPe")])
+def test_a_rebound_lifts_one_population_by_so_many_nats_of_its_activity(lost, name, channels):
+    """What others get from it is made good."""
     circuit = anatomy.macaque(channels)
-    compensated = circuit.lesion("STN", lost).compensate(rebound_nats={"SNr": 0.5})
-    change = rest_hz(compensated) - rest_hz(circuit)
-    readout = wired(circuit).blocks_of("SNr")
-    expected = np.zeros_like(change)
-    expected[readout] = 0.5 * circuit.population("SNr").gain_hz_per_nat
-    np.testing.assert_allclose(change, expected, atol=CLOSE)
-
-
-def test_what_others_get_from_a_rebound_is_made_good():
-    circuit = anatomy.macaque(2)
-    compensated = circuit.compensate(circuit, rebound_nats={"GPe": 0.2})
+    compensated = circuit.lesion("STN", lost).compensate(rebound_nats={name: 0.2})
     change = rest_hz(compensated) - rest_hz(circuit)
     expected = np.zeros_like(change)
-    expected[wired(circuit).blocks_of("GPe")] = 0.2 * circuit.population("GPe").gain_hz_per_nat
+    expected[wired(circuit).blocks_of(name)] = 0.2 * circuit.population(name).gain_hz_per_nat
     np.testing.assert_allclose(change, expected, atol=CLOSE)
 
 
@@ -135,17 +104,14 @@ def test_a_chronic_lesion_starts_at_its_own_rest_and_stays_there(lost, engine):
 @pytest.mark.parametrize(
     ("name", "edit"),
     [
-        ("bogacz_gurney", lambda c: c.lesion("STN", 0.3)),
-        ("bogacz_gurney", lambda c: c.scale("ctx", "STN", 0.8)),
-        ("macaque", lambda c: c.lesion("STN", 0.3)),
-        ("macaque", lambda c: c.scale("ctx", "D1", 0.8)),
-        ("macaque", lambda c: c.scale("STN", "SNr", 1.2)),
-        ("spiking_msprt", lambda c: c.scale("STN", "SNr", 1.2)),
+        ("bogacz_gurney", "lesion STN 30%"), ("bogacz_gurney", "scale ctx->STN 0.8"),
+        ("macaque", "lesion STN 30%"), ("macaque", "scale ctx->D1 0.8"),
+        ("macaque", "scale STN->SNr 1.2"), ("spiking_msprt", "scale STN->SNr 1.2"),
     ],
-)
+)  # fmt: skip
 def test_the_rule_ends_where_the_closed_form_says(name, edit, channels):
     circuit = anatomy.load_circuit(name, channels)
-    edited = edit(circuit)
+    edited = circuit.edited(edit)
     course = recovery(edited, circuit).set_index("population")
     end = course[course["time"] == course["time"].max()]
     assert dict(end["bias_nats"]) == pytest.approx(biases(edited, circuit), abs=1e-4)
@@ -156,9 +122,7 @@ def test_the_rule_ends_where_the_closed_form_says(name, edit, channels):
 def test_channels_that_differ_have_a_rule_and_no_closed_form():
     circuit = anatomy.macaque(2)
     edited = circuit.scale("ctx", "D1", 1.1, channel=0)
-    with pytest.raises(
-        ValueError, match=r"^D1 has one bias but a different resting input in each channel"
-    ):
+    with pytest.raises(ValueError, match=r"^D1 has one bias but a different resting input in each"):
         edited.compensate(circuit)
     end = recovery(edited, circuit).groupby("population").last()["rate_hz"]
     wiring = wired(circuit)
@@ -179,53 +143,8 @@ def test_a_rate_that_a_population_cannot_have_is_one_sentence():
     sentence = r"^ctx cannot rest at 100 Hz: no input to its transfer 'saturating' is known"
     with pytest.raises(ValueError, match=sentence):
         circuit.compensate(circuit, rebound_nats={"ctx": 4.0})
-    with pytest.raises(ValueError, match=r"does not recover: after 5 time constants .* is not"):
-        recovery(circuit, circuit, rebound_nats={"ctx": 4.0}, until=5)
-
-
-def test_cells_silent_in_the_reference_keep_their_bias_or_just_fall_silent():
-    """``D1`` of ``spiking_msprt`` is silent at rest."""
-    circuit = anatomy.spiking_msprt(4)
-    edited = circuit.scale("ctx", "D1", 1.5)
-    recovered = edited.compensate(circuit)
-    assert rest_hz(edited)[wired(edited).blocks_of("D1")].min() > 0
-    np.testing.assert_allclose(rest_hz(recovered), rest_hz(circuit), atol=CLOSE)
-    state_nats = wired(recovered).inputs(
-        wired(recovered).deliver @ rest_hz(circuit) + wired(recovered).constant
-    )
-    np.testing.assert_allclose(state_nats[wired(circuit).blocks_of("D1")], 0, atol=CLOSE)
-    less = circuit.scale("ctx", "D1", 0.8)
-    assert less.compensate(circuit) == less
-
-
-def test_lif_cells_come_back_as_near_as_their_line_comes_to_their_law():
-    circuit = anatomy.spiking_msprt(4)
-    recovered = circuit.lesion("STN", 0.3).compensate()
-    hz = []
-    for table in (circuit, recovered):
-        wiring, x = state(table)
-        hz.append(own_rates(wiring, x[None])[0])
-    off = np.abs(hz[1] - hz[0]) / wired(circuit).gain_hz_per_nat
-    assert off.max() < 0.1
-
-
-@pytest.mark.parametrize(
-    ("asked", "sentence"),
-    [
-        (lambda c: c.compensate(), "macaque has no lesion: compensate needs a reference"),
-        (lambda c: c.scale("STN", "GPe", 0.9).compensate(), "has no lesion"),
-        (lambda c: c.compensate(anatomy.macaque(4)), "reference must have 2 channels, got 4"),
-        (lambda c: c.clamp("GPe").compensate(), "GPe is clamped"),
-        (lambda c: c.compensate(c, rebound_nats={"GPi": 1}), "macaque has no nucleus 'GPi'"),
-        (lambda c: c.compensate(c, rebound_nats={"SNr": np.nan}), "SNr: rebound_nats must be"),
-        (lambda c: recovery(c, c, speed={"GPi": 1}), "macaque has no nucleus 'GPi'"),
-        (lambda c: recovery(c, c, speed={"GPe": -1}), "GPe: speed must be >= 0"),
-        (lambda c: recovery(c, c, step=0), "step must be > 0"),
-    ],
-)
-def test_what_makes_no_sense_is_one_sentence(asked, sentence):
-    with pytest.raises(ValueError, match=re.escape(sentence)):
-        asked(anatomy.macaque(2))
+    with pytest.raises(ValueError, match=r"does not recover: after 100 time constants .* is not"):
+        recovery(circuit, circuit, rebound_nats={"ctx": 4.0}, step=10.0)
 
 
 def test_a_transfer_without_an_inverse_takes_the_input_of_the_reference():
@@ -236,25 +155,6 @@ def test_a_transfer_without_an_inverse_takes_the_input_of_the_reference():
     np.testing.assert_allclose(rest_hz(edited.compensate(circuit)), rest_hz(circuit), atol=CLOSE)
     with pytest.raises(ValueError, match=f"no input to its transfer '{bent}' is known"):
         edited.compensate(circuit, rebound_nats={"GPe": 0.1})
-
-
-@pytest.mark.parametrize("name", [name for name, law in TRANSFERS.items() if law.inverse])
-def test_an_inverse_gives_the_input_back(name):
-    law = TRANSFERS[name]
-    x = np.linspace(0.01, 0.99, 9)
-    np.testing.assert_allclose(law.inverse(law(x)), x, atol=1e-12)
-    if name != "linear":
-        assert np.isnan(law.inverse(np.array([-1.0]))).all()
-
-
-def test_a_pooled_population_must_be_so_in_both():
-    circuit = anatomy.macaque(2)
-    cell = circuit.population("ctx_inh").cell
-    apart = circuit.with_population("ctx_inh", pooled=False)
-    assert isinstance(apart.population("ctx_inh"), Population)
-    assert cell == apart.population("ctx_inh").cell
-    with refused("reference ^ctx_inh is pooled in only one of circuit and reference"):
-        apart.compensate(circuit)
 
 
 @pytest.mark.parametrize("channels", [2, 4, 8])
@@ -282,13 +182,6 @@ def test_after_both_rules_what_all_channels_share_leaves_out_alone(name, factor)
     assert moved(compensated) <= 1e-4 + 0.05 * moved(edited)
 
 
-def test_a_weight_that_no_rule_could_find_is_refused():
-    with refused("source D1->SNr must be linear, diffuse and of a weight other"):
-        anatomy.macaque().balanced("D1")
-    with refused("pathway"):
-        anatomy.macaque().balanced("ctx_inh")
-
-
 def test_a_population_without_afferents_moves_by_its_own_error_with_the_time_constant():
     """W is 1 then: each step of a tenth of tau, the default, takes a tenth of the error away."""
     circuit = anatomy.bogacz_gurney()
@@ -297,12 +190,6 @@ def test_a_population_without_afferents_moves_by_its_own_error_with_the_time_con
     np.testing.assert_allclose(np.diff(ctx["time"]), 0.1, rtol=1e-9)
     moved = ctx["bias_nats"] - circuit.population("ctx").bias_nats
     np.testing.assert_allclose(moved, 0.2 * (1 - 0.9 ** np.arange(len(moved))), atol=1e-9)
-
-
-def test_a_rule_has_a_hundred_time_constants_to_settle_by_default():
-    circuit = anatomy.macaque(2)
-    with pytest.raises(ValueError, match=r"does not recover: after 100 time constants"):
-        recovery(circuit, circuit, rebound_nats={"ctx": 4.0}, step=10.0)
 
 
 @given(
@@ -331,16 +218,12 @@ def test_rows_that_are_added_with_rest_kept_leave_the_rates_of_all_that_was_ther
     np.testing.assert_allclose(after[: len(before)], before, atol=CLOSE)
     assert kept.chronic == table.chronic
     assert kept.population("TRN").bias_nats == bias
-    assert [row.name for row in kept.populations] == [
-        *(row.name for row in table.populations),
-        "TRN",
-    ]
+    names = [row.name for row in table.populations]
+    assert [row.name for row in kept.populations] == [*names, "TRN"]
 
 
-def test_rest_is_kept_where_nothing_changes_it_and_a_new_nucleus_cannot_rebound():
+def test_rest_is_kept_where_nothing_changes_it():
     table = anatomy.macaque_small(2)
     assert table.add(keep_rest=True) is table
     motif = table.add("striatal_FSI", keep_rest=True)
     assert own_biases(motif) == pytest.approx(own_biases(table.add("striatal_FSI")))
-    with refused("rebound_nats FSI is new"):
-        motif.compensate(table, rebound_nats={"FSI": 0.3})

@@ -54,16 +54,6 @@ def test_slopes_are_those_of_the_fixed_point_and_of_the_nucleus_alone(name, chan
         assert is_slope(row[f"settled_hz_per_{unit}"], settled), row["nucleus"]
 
 
-@pytest.mark.parametrize(
-    "edit", ["lesion GPe 30%", "clamp GPe 50%", "dopamine 0.8", "scale GPe->STN[0] 2"]
-)
-def test_the_settled_slope_is_that_of_an_edited_circuit(edit):
-    circuit = anatomy.load_circuit("macaque").edited(edit)
-    for row in circuit.effect_of_nats().to_dict("records"):
-        name, slope = row["nucleus"], row["settled_hz_per_nat"]
-        assert is_slope(slope, lambda nats, name=name: settled_hz(circuit, name, nats)), name
-
-
 def test_an_input_of_the_exponential_stn_multiplies_its_rate():
     table = anatomy.load_circuit("macaque").effect_of_nats(-2).set_index("nucleus")
     assert table.loc["STN", "percent"] == pytest.approx(100 * (np.exp(-2) - 1))

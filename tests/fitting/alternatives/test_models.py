@@ -7,7 +7,6 @@ import pytest
 from bgmodel.fits import fit
 from bgmodel.fitting.alternatives.msprt import MsprtModel
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
-from bgmodel.fitting.model_comparison import compare_fits
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.trials.reading import Columns, read_trials
@@ -38,16 +37,6 @@ def test_the_test_is_recovered_from_its_own_trials(fits):
     estimates = fits["msprt"].parameters().set_index("parameter")
     off = (estimates["value"] - pd.Series({**TRUTH, "t0_s": 0.3})) / estimates["standard_error"]
     assert np.abs(off).max() < 3
-
-
-def test_models_are_compared_on_the_same_trials(fits):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("bgmodel.fitting.optimum.POPULATION", 6)
-        patch.setattr("bgmodel.fitting.model_comparison.FOLDS", 2)
-        compared = compare_fits(fits).table
-    assert set(compared.index) == {"msprt", "race"}
-    assert compared.loc["msprt", "parameters"] == 3
-    assert compared.loc["race", "parameters"] == 4
 
 
 def test_a_wrong_response_is_one_of_several():
@@ -96,11 +85,6 @@ def test_what_cannot_be_fitted_is_named(trials, model, options, field):
         fit(trials, model, **{**SMALL, **options})
 
 
-def test_there_are_at_most_twelve_alternatives():
-    with refused("alternatives"):
-        Columns(alternatives=13)
-
-
 def test_a_hierarchy_is_of_two_alternatives(trials):
     people = pd.concat([trials.assign(participant_id=who) for who in ("a", "b")])
     with refused("alternatives"), pytest.warns(DataWarning):
@@ -111,12 +95,6 @@ def test_responses_below_chance_are_refused(trials):
     shifted = trials.assign(shown=trials["shown"].map({"a": "b", "b": "c", "c": "a"}))
     with refused("response"):
         design_of(read_trials(shifted, columns=Columns(stimulus="shown")))
-
-
-def test_a_simulated_model_has_as_many_parts_as_simulations(fits):
-    table = fits["msprt"].parameters()
-    assert (table["simulation_error"] > 0).all()
-    assert fits["race"].parameters()["simulation_error"].isna().sum() == 0
 
 
 def test_settings_pass_the_number_on():

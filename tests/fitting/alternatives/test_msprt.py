@@ -3,12 +3,9 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.alternatives.msprt import MsprtModel, ends, odds_of, passages
+from bgmodel.fitting.alternatives.msprt import MsprtModel
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
-from bgmodel.fitting.identify import directions
-from bgmodel.fitting.likelihood import likelihood_of
-from tests.fitting.alternatives.drawn import design
 
 TRIALS, SEED = 2000, 11
 PATHS = 4 * TRIALS
@@ -50,46 +47,12 @@ def test_its_accuracy_is_the_posterior_at_which_it_decides(alternatives, posteri
     assert abs(far(moments_of(mass)["accuracy"][0], posterior)) < 3.3
 
 
-def test_it_is_not_where_the_strength_differs_from_the_mean():
-    mass = decided(model(3), [0.5, 1.5], sensitivity=2.0, threshold_nats=-np.log(0.8))
-    low, high = far(moments_of(mass)["accuracy"], 0.8)
-    assert low < -10
-    assert high > 10
-
-
 def test_sensitivity_scales_time_alone():
     once, twice = (
         decided(model(4), [1.0], sensitivity=k, threshold_nats=0.2)[0].cumsum(axis=1)
         for k in (1.0, 2.0)
     )
     assert np.allclose(twice[:, :150], once[:, 3::4], atol=1e-12)
-
-
-def test_decisions_near_the_prior_take_no_time():
-    mass = decided(model(4), [1.0], sensitivity=1.0, threshold_nats=np.log(4) - 0.06)
-    assert moments_of(mass)["mean_s"][0] < 0.02
-
-
-def mean_times(alternatives):
-    """Return the mean time, scaled by the gain, to each stored threshold."""
-    steps = ends()
-    counts = passages(alternatives, 0.5, PATHS, SEED).sum(axis=(0, 2))
-    return counts @ ((steps[1:] + steps[:-1]) / 2) / counts.sum(axis=1)
-
-
-def test_times_grow_with_the_log_odds_and_with_the_number_of_alternatives():
-    """Exactly by Wald's identity with two; with more, losing channels make it slower."""
-    means = {n: mean_times(n) for n in (2, 4, 8)}
-    exact = 2 * odds_of(2) * np.tanh(odds_of(2) / 2)
-    high = odds_of(2) > 1
-    assert means[2][high] == pytest.approx(exact[high], rel=0.03)
-    slopes = [np.polyfit(odds_of(n)[-20:], means[n][-20:], 1)[0] for n in (2, 4, 8)]
-    assert slopes[0] < slopes[1] < slopes[2]
-    # Nearly the logarithm of the number of alternatives (Hick's law), from ln 2 to ln 4 to ln 8.
-    at_posterior = [np.interp(2.0, odds_of(n), means[n]) for n in (2, 4, 8)]
-    first, second = np.diff(at_posterior)
-    assert first == pytest.approx(second, rel=0.4)
-    assert first > 1
 
 
 def test_parts_are_independent_and_add_up():
@@ -99,12 +62,3 @@ def test_parts_are_independent_and_add_up():
     assert np.allclose(np.mean(halves, axis=0), decided(full_model, [1.0], **values))
     assert not np.allclose(*halves)
     assert len(full_model.left_out()) == 16
-
-
-def test_standard_errors_shrink_with_more_trials():
-    at = np.array([2.0, 0.2, 0.3, 0.05, 0.01])
-    few, many = (
-        directions(likelihood_of(model(3), design(model(3), 3, trials)), at)
-        for trials in (200, 800)
-    )
-    assert many.standard_errors == pytest.approx(few.standard_errors / 2, rel=0.05)

@@ -46,19 +46,8 @@ def test_without_evidence_all_alternatives_are_equally_likely():
     assert share == pytest.approx(1 / 4, abs=4 * (3 / 16 / (TRIALS // 4)) ** 0.5)
 
 
-def test_densities_change_continuously_with_parameters():
-    """With the same noise, a small step changes what a trial more or less would."""
-    one, other = (decided(lca(), bound=bound)[0] for bound in (3.0, 3.0001))
-    assert 0 < np.abs(one - other).sum() < 0.02
-
-
 def test_parts_are_other_trials():
     halves = [decided(each) for each in lca().halves()]
     assert np.allclose(np.mean(halves, axis=0), decided(lca()), atol=1e-3)
     assert not np.allclose(*halves)
     assert len({decided(each).tobytes() for each in lca().left_out()}) == 16
-
-
-def test_each_strength_has_its_own_drift():
-    weak, strong = decided(lca(), (0.5, 1.5)).sum(axis=2)
-    assert strong[1] > weak[1]

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.signal import fftconvolve
 
 from bgmodel.fitting import model_comparison
 from bgmodel.fitting.alternatives.race import RaceModel
@@ -68,10 +67,6 @@ def test_the_error_of_bins_is_the_difference_to_a_fit_with_narrow_bins():
     assert "t0_s" in caution
 
 
-def test_fast_decisions_are_said_to_be_smeared():
-    assert of_bins(*with_directions(likelihood(0.12, t0_sd_s=0.01)))
-
-
 def with_directions(some):
     return some, fitted(some)[1]
 
@@ -104,44 +99,6 @@ def test_densities_do_not_depend_on_the_width_of_bins(model):
         density = responded(model.decided(values, np.ones(1), grid), grid, **response)
         measured.append([float(each[0]) for each in moments(density, grid).values()])
     np.testing.assert_allclose(measured[1:], [measured[0]] * 2, rtol=2e-4)
-
-
-def wiener(time_s, response, drift, bound, start):
-    """Return the density of Wiener first passages by an own series, (times,), 1/s."""
-    width = 2 * bound
-    away = (bound - (2 * response - 1) * start) / width
-    scaled = time_s / width**2
-    k = np.arange(-40, 41)[:, None]
-    terms = (away + 2 * k) * np.exp(-((away + 2 * k) ** 2) / (2 * scaled))
-    at_rest = terms.sum(axis=0) / np.sqrt(2 * np.pi * scaled**3) / width**2
-    side = 2 * response - 1
-    return at_rest * np.exp(side * drift * (bound - side * start) - drift**2 * time_s / 2)
-
-
-@pytest.mark.parametrize(("bound", "start"), [(0.3, 0.85), (0.12, 0.0)])
-def test_the_fit_of_fast_decisions_agrees_with_an_own_series(bound, start):
-    """Within 0.5 nats of 6 000 trials, at its own parameters, by convolution in steps of 50 us."""
-    some = likelihood(bound, start=start, t0_sd_s=0.02)
-    peak = resolved(optimum(some))
-    values = {**peak.likelihood.freedom.held, **peak.values}
-    seen, design = peak.likelihood.design.observed, peak.likelihood.design
-    step = 5e-5
-    time_s = (np.arange(int(1.2 / step)) + 0.5) * step
-    span = np.arange(-int(0.2 / step), int(0.2 / step) + 1) * step
-    delay = np.exp(-(span**2) / (2 * values["t0_sd_s"] ** 2))
-    total = 0.0
-    for cell in range(design.cells):
-        drift = values["sensitivity"] * design.strength[cell]
-        for response in (0, 1):
-            begin = values["start"] * values["bound"]
-            density = wiener(time_s, response, drift, values["bound"], begin)
-            smooth = fftconvolve(density, delay / delay.sum(), mode="full")
-            at = time_s[0] + (np.arange(len(smooth)) * step) + span[0] + values["t0_s"]
-            of_cell = (seen.cell == cell) & (seen.response == response)
-            lapse = values["lapse"] / (2 * design.grid.bins * design.grid.width_s)
-            there = np.interp(seen.rt_s[of_cell], at, smooth, left=0.0, right=0.0)
-            total += np.log((1 - values["lapse"]) * there + lapse).sum()
-    assert peak.log_likelihood == pytest.approx(total, abs=0.5)
 
 
 def test_models_are_compared_in_the_bins_of_their_fits(monkeypatch):

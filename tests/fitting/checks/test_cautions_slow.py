@@ -1,7 +1,6 @@
 """Slow trials among those of a fit: said where there are some, and only there."""
 
 import warnings
-from dataclasses import replace
 
 import pytest
 
@@ -54,11 +53,3 @@ def test_where_lapses_are_held_it_is_advised_to_free_them_and_that_helps(slow_fi
     free, _ = slow_fit
     off = [abs(each.optimum.values["bound"] - 0.7) for each in (free, held)]
     assert off[0] < off[1] / 2
-
-
-@pytest.mark.parametrize("scale", [0.25, 4])
-def test_slow_trials_are_those_of_the_density_whatever_the_unit_of_strength(slow_fit, scale):
-    scaled, _ = fitted(replace(SLOWED, strength=scale * SLOWED.strength))
-    one, other = (slow_trials(each.optimum) for each in (slow_fit[0], scaled))
-    assert other.share == one.share
-    assert other.gain_nats == pytest.approx(one.gain_nats, abs=0.1)

@@ -72,13 +72,6 @@ class Varying(GapModel):
         return mass
 
 
-def test_clean_data_are_not_warned_of():
-    fit, texts = fitted(CLEAN)
-    assert texts == []
-    table = fit.cells()
-    assert (table[["z_accuracy", "z_mean_rt"]].abs() < 3.5).all(axis=None)
-
-
 @pytest.mark.parametrize(
     "some",
     [guessing, mixed_units, lambda: drawn(Varying(), STRENGTHS, 500, SEED, seconds=4.0, **VALUES)],
@@ -132,27 +125,6 @@ def test_a_cell_without_a_response_has_no_z_score_and_does_no_harm():
     assert checked.p["the distribution of responses and their times"] < 1e-6
 
 
-def test_cells_of_few_trials_are_tested_together():
-    """Of one trial each, none is tested on its own, and wrong ones can be unlikely: no alarm."""
-    some = drawn(MODEL, np.linspace(0.1, 0.5, 200), 1, SEED, seconds=4.0, **VALUES)
-    checked = at_truth(some)
-    assert min(checked.p.values()) > 0.001
-
-
-def test_the_error_of_simulated_trials_is_part_of_the_z_scores():
-    seen = choices([0.1] * 40 + [0.4] * 40, [1, 0, 1, 1] * 20, 0.4 + np.arange(80) / 200)
-    model = CircuitModel(load_circuit("bogacz_gurney", 2), "algebra", seconds=1.0, trials=16)
-    likelihood = likelihood_of(model, design_of(seen), free=["threshold_nats"])
-    best = Optimum(likelihood, np.array([0.25]), 0.0, 0)
-    from bgmodel.fitting.identify import directions
-
-    left = without_parts(likelihood, directions(likelihood, best.vector))
-    alone, with_error = misfit(best), misfit(best, left)
-    assert (np.abs(with_error.z_accuracy) < np.abs(alone.z_accuracy)).all()
-    assert (np.abs(with_error.z_mean_rt) < np.abs(alone.z_mean_rt)).all()
-    assert all(with_error.p[name] >= p for name, p in alone.p.items())
-
-
 @given(
     off=hnp.arrays(float, 6, elements=st.floats(-5, 5)),
     fixed=st.integers(0, 2),
@@ -174,3 +146,17 @@ def test_data_and_model_share_the_number_of_trials_and_nothing_else():
     excess = at_truth(guessing()).excess
     fixed = {name: int(abs(each.off.sum()) < 1e-6) for name, each in excess.items()}
     assert fixed == FIXED
+
+
+def test_the_error_of_simulated_trials_is_part_of_the_z_scores():
+    seen = choices([0.1] * 40 + [0.4] * 40, [1, 0, 1, 1] * 20, 0.4 + np.arange(80) / 200)
+    model = CircuitModel(load_circuit("bogacz_gurney", 2), "algebra", seconds=1.0, trials=16)
+    likelihood = likelihood_of(model, design_of(seen), free=["threshold_nats"])
+    best = Optimum(likelihood, np.array([0.25]), 0.0, 0)
+    from bgmodel.fitting.identify import directions
+
+    left = without_parts(likelihood, directions(likelihood, best.vector))
+    alone, with_error = misfit(best), misfit(best, left)
+    assert (np.abs(with_error.z_accuracy) < np.abs(alone.z_accuracy)).all()
+    assert (np.abs(with_error.z_mean_rt) < np.abs(alone.z_mean_rt)).all()
+    assert all(with_error.p[name] >= p for name, p in alone.p.items())

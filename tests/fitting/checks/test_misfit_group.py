@@ -62,20 +62,6 @@ def test_a_misfit_of_all_that_is_seen_in_nobody_is_found():
     assert len(misfit.cautions()) == 1
 
 
-def test_one_person_who_guesses_is_named():
-    choices, rng = people(each=100), np.random.default_rng(SEED)
-    some = choices["ben"]
-    guess = rng.random(some.trials) < 0.2
-    rt_s = np.where(guess, rng.uniform(0.15, 0.3, some.trials), some.rt_s)
-    response = np.where(guess, rng.integers(0, 2, some.trials), some.response)
-    choices["ben"] = replace(some, rt_s=rt_s, response=response.astype(np.int8))
-    misfit = at_truth(choices)
-    named = {who for who, _ in misfit.beyond_chance().index}
-    assert "ben" in named
-    assert named <= {"ben", TOGETHER}
-    assert "ben" in misfit.cautions()[0]
-
-
 def test_cells_are_summed_by_strength_whoever_lacks_one():
     """Accuracy is raised at one strength and lowered at another: one sum of both would hide it."""
     choices, rng = people(each=100), np.random.default_rng(SEED)
@@ -95,18 +81,6 @@ def test_cells_are_summed_by_strength_whoever_lacks_one():
             by_strength[strength] += off
     off = misfit.sums("accuracy").off
     assert sorted(off) == pytest.approx(sorted(by_strength.values()))
-
-
-def test_cells_of_almost_equal_strengths_are_all_counted():
-    """They have one name to six digits, but are two cells."""
-    choices = people()
-    for who, some in choices.items():
-        first = np.arange(some.trials) % 2 == 0
-        choices[who] = replace(some, strength=np.where(first, 1.0, 1 + 1e-9) * some.strength)
-    misfit = at_truth(choices)
-    assert len(set(misfit.cells["ben"])) == 2 * len(STRENGTHS) - 1
-    total = sum(each.excess["accuracy"].off.sum() for each in misfit.people.values())
-    assert misfit.sums("accuracy").off.sum() == pytest.approx(total)
 
 
 def test_the_error_of_shared_simulated_trials_adds_up():

@@ -8,18 +8,14 @@ from hypothesis import strategies as st
 from bgmodel.fitting.exact import algorithms, passage
 from bgmodel.fitting.exact.algorithms import (
     BOUND,
-    DRIFT_SD,
     EXPONENTIAL,
     FALL,
     FLOOR,
-    SPREAD,
-    START,
     STEEPNESS,
     WEIBULL,
     GapModel,
 )
 from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
-from bgmodel.fitting.parameters import RESPONSE
 
 GRID = Grid(300)
 CONSTANT, FALLING = GapModel(), GapModel(EXPONENTIAL)
@@ -43,43 +39,6 @@ def test_bins_hold_the_mass_accuracy_and_mean_of_the_closed_forms(drift, bound):
         assert sums["mean_s"] == pytest.approx(float(passage.mean_time_s(drift, bound)), abs=5e-4)
 
 
-@given(st.floats(0, 25), st.floats(0.15, 4.0), st.floats(2.0, 10.0))
-@settings(max_examples=20)
-def test_no_trial_of_a_falling_gap_is_lost_or_made(drift, bound, fall_per_s):
-    mass = decided(FALLING, 1, sensitivity=drift, bound=bound, fall_per_s=fall_per_s)
-    assert mass.sum() == pytest.approx(1, abs=3e-3)
-
-
-@pytest.mark.parametrize("bound", [0.3, 0.7])
-def test_a_gap_that_falls_slowly_is_constant(bound):
-    constant = decided(CONSTANT, [0, 0.3], sensitivity=10, bound=bound)
-    slow = decided(FALLING, [0, 0.3], sensitivity=10, bound=bound, fall_per_s=1e-7)
-    assert slow == pytest.approx(constant, abs=1e-5)
-    fast = decided(FALLING, [0, 0.3], sensitivity=10, bound=bound, fall_per_s=1)
-    assert np.abs(fast - constant).max() > 1e-4
-
-
-@given(st.floats(0, 20), st.floats(0.15, 1.5))
-@settings(max_examples=20)
-def test_at_a_rate_of_0_the_falling_gap_is_the_constant_one(sensitivity, bound):
-    """So that the optimum of the falling gap can't lie below the constant gap's."""
-    assert FALL.low == 0
-    values = {"sensitivity": sensitivity, "bound": bound}
-    strengths = [0.0, 0.3, 1.0]
-    falling = decided(FALLING, strengths, **values, fall_per_s=0)
-    assert np.array_equal(falling, decided(CONSTANT, strengths, **values))
-    nearly = decided(FALLING, strengths, **values, fall_per_s=1e-9)
-    assert nearly == pytest.approx(falling, abs=2e-5)
-
-
-@pytest.mark.parametrize("model", [CONSTANT, FALLING])
-def test_evidence_for_the_other_response_exchanges_them(model):
-    parameters = {"sensitivity": 9.0, "bound": 0.8, "fall_per_s": 1 / 0.7}
-    one, other = decided(model, [0.4, -0.4], **parameters)
-    assert one == pytest.approx(other[::-1], rel=1e-12)
-    assert one[1].sum() > 2 * one[0].sum()
-
-
 @pytest.mark.parametrize("model", [CONSTANT, FALLING])
 def test_each_cell_has_its_own_parameters(model):
     some = {"sensitivity": [4.0, 12, 8], "bound": [0.5, 0.9, 0.5], "fall_per_s": [1.7, 1.7, 0.5]}
@@ -96,13 +55,6 @@ def test_drift_is_sensitivity_times_strength():
     one = decided(FALLING, 0.2, sensitivity=10, bound=0.8, fall_per_s=1)
     other = decided(FALLING, 20, sensitivity=0.1, bound=0.8, fall_per_s=1)
     assert one == pytest.approx(other, rel=1e-12)
-
-
-def test_a_model_names_its_parameters_and_its_threshold():
-    assert CONSTANT.parameters[1:] == (BOUND, START, SPREAD, DRIFT_SD, *RESPONSE)
-    assert FALLING.parameters[1:] == (BOUND, FALL, FLOOR, START, SPREAD, DRIFT_SD, *RESPONSE)
-    assert {model.threshold_name for model in (CONSTANT, FALLING)} == {BOUND.name}
-    assert CONSTANT.identity() != FALLING.identity()
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import bgmodel as bg
 from bgmodel.fitting.exact.algorithms import (
     CONSTANT,
     EXPONENTIAL,
@@ -17,10 +16,7 @@ from bgmodel.fitting.exact.algorithms import (
     GapModel,
 )
 from bgmodel.fitting.exact.responses import Grid
-from bgmodel.fitting.settings import FitSettings
 from bgmodel.support.saved import packed, unpacked
-from tests.helpers import refused
-from tests.test_start_point import drawn, fitted
 
 pytestmark = pytest.mark.usefixtures("brief_search")
 FALLING = [gap for gap in GAPS.values() if gap is not CONSTANT]
@@ -96,47 +92,6 @@ def test_no_trial_is_lost_or_made(gap, values, bound, start):
     mass = decided(gap, bound=bound, start=start, **values)
     assert mass.sum(axis=(1, 2)) == pytest.approx(1, abs=4e-3)
     assert (mass >= 0).all()
-
-
-def test_a_hyperbolic_gap_has_later_decisions_than_an_exponential_one_of_the_same_rate():
-    same = {"bound": 1.2, "fall_per_s": 2.0}
-    late = [
-        decided(GAPS[name], **same)[1, :, 150:].sum() for name in ("falling_gap", "hyperbolic_gap")
-    ]
-    assert late[1] > 2 * late[0]
-
-
-@EACH
-def test_each_shape_is_a_model_of_its_own_by_its_name(gap):
-    model = FitSettings().model(gap.name)
-    assert model == GapModel(gap)
-    assert model.identity() == {"model": gap.name}
-    assert set(gap.names) <= {each.name for each in model.parameters}
-    assert gap.about
-
-
-def test_a_model_that_there_is_not_is_refused_with_the_names_of_all_gaps():
-    with refused("models must be of constant_gap, falling_gap, hyperbolic_gap, weibull_gap, "):
-        bg.fit("roitman_shadlen_2002", "linear_gap")
-
-
-@pytest.mark.parametrize(
-    ("name", "truth"),
-    [
-        ("hyperbolic_gap", {"fall_per_s": 2.0}),
-        pytest.param(
-            "weibull_gap", {"fall_per_s": 1.2, "fall_shape": 3.0}, marks=pytest.mark.validate
-        ),
-    ],
-)
-def test_a_shape_is_recovered_and_told_from_the_constant_gap(name, truth):
-    table = drawn(93_001, model=GapModel(GAPS[name]), bound=1.0, start=0.0, **truth)
-    held, free = ("t0_sd_s=0.05", "lapse=0.01"), ("sensitivity", "bound", "t0_s")
-    fit, values = fitted(table, (*free, *truth), model=name, fix=held)
-    without, _ = fitted(table, free, fix=held)
-    assert values["fall_per_s"] == pytest.approx(truth["fall_per_s"], rel=0.3)
-    assert values["bound"] == pytest.approx(1.0, rel=0.15)
-    assert fit.log_likelihood > without.log_likelihood + 20
 
 
 @pytest.mark.parametrize("gap", GAPS.values(), ids=lambda gap: gap.name)

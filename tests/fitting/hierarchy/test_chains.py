@@ -50,12 +50,6 @@ def test_independent_draws_agree_and_shifted_chains_do_not():
     assert not agreement(apart).reached
 
 
-def test_effective_size_counts_draws_that_repeat_only_once():
-    rng = stream(SEED, "repeats")
-    sticky = [chain(np.repeat(rng.normal(size=50), 10)) for _ in range(CHAINS)]
-    assert agreement(sticky).effective[0] < 400
-
-
 FEW = 40
 
 

@@ -21,26 +21,6 @@ from bgmodel.support.seeds import stream
 SEED = 24_312
 
 
-def test_draws_given_many_people_are_near_their_mean_and_spread():
-    rng = stream(SEED, "people")
-    scaled = rng.normal([0.5, -2.0], [0.3, 1.2], size=(4000, 2))
-    group = Group(np.zeros(2), np.ones(2))
-    for _ in range(20):
-        group = group.drawn(scaled, rng)
-    assert group.mean == pytest.approx(scaled.mean(axis=0), abs=0.1)
-    assert np.sqrt(group.variance) == pytest.approx(scaled.std(axis=0), rel=0.06)
-
-
-def test_without_differences_between_people_the_spread_is_small_but_not_zero():
-    rng, scaled = stream(SEED, "same"), np.full((20, 1), 0.7)
-    group, seen = Group(np.zeros(1), np.ones(1)), []
-    for _ in range(400):
-        group = group.drawn(scaled, rng)
-        seen.append(float(np.sqrt(group.variance[0])))
-    assert min(seen) > 0
-    assert np.median(seen[100:]) < 0.05
-
-
 def test_start_includes_the_errors_of_estimates():
     means = np.array([[0.0], [2.0]])
     alone = group_of(means)
@@ -57,20 +37,6 @@ def test_means_stay_within_their_range():
         seen.append(group.mean)
     assert max(mean[0] for mean in seen) <= 0.3 < max(mean[1] for mean in seen)
     assert replace(group, mean=np.array([0.31, 0.0])).log_own_prior() == -np.inf
-
-
-def test_a_slope_is_drawn_from_its_regression():
-    """Given people, mean and variance it is Gaussian; precisions of data and prior add up."""
-    rng = np.random.default_rng(4)
-    column = np.array([-0.5, -0.5, 0.5, 0.5, 0.5, -0.5])
-    scaled = 1.0 + 0.8 * column[:, None] + rng.normal(0, 0.3, (6, 1))
-    predictors = Predictors(("x",), column[None], np.array([0]))
-    group = Group(np.array([1.0]), np.array([0.09]), slopes=np.zeros(1), predictors=predictors)
-    seen = np.array([group._slope_drawn(0, scaled, rng).slopes[0] for _ in range(20_000)])
-    precision = (column**2).sum() / 0.09 + 1 / SPREAD**2
-    middle = column @ (scaled[:, 0] - 1.0) / 0.09 / precision
-    assert seen.mean() == pytest.approx(middle, abs=4 / np.sqrt(precision * len(seen)))
-    assert seen.std() == pytest.approx(1 / np.sqrt(precision), rel=0.03)
 
 
 @pytest.mark.parametrize("scale", ["identity", "log", "logit", "atanh"])

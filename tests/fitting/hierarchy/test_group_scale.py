@@ -10,15 +10,6 @@ SPACE = freedom([Parameter("bound", 0.1, 8.0, 0.7), Parameter("spread", 0.0, 5.0
 SCALE = Scale.of(SPACE)
 
 
-def test_unit_is_a_part_of_the_default_value_above_the_lower_bound():
-    assert SCALE.unit == pytest.approx([0.6 / PARTS, 1 / PARTS])
-
-
-def test_it_returns_to_where_it_came_from():
-    natural = np.array([[0.7, 0.01], [7.9, 4.0]])
-    assert SCALE.back(SCALE.to(natural)) == pytest.approx(natural)
-
-
 def test_ends_of_the_range_are_finite_and_never_crossed():
     scaled = SCALE.to(np.array([[0.1, 0.0], [8.0, 5.0]]))
     assert scaled[0].tolist() == [LOWEST, LOWEST]
@@ -31,11 +22,6 @@ def test_slope_is_the_derivative():
     at = np.array([-2.3, 0.4])
     numeric = (SCALE.back(at + 1e-6) - SCALE.back(at - 1e-6)) / 2e-6
     assert SCALE.slope(at) == pytest.approx(numeric)
-
-
-def test_well_above_the_lower_bound_it_is_linear():
-    at = np.array([[6.0, 6.0], [9.0, 9.0]])
-    assert np.diff(SCALE.back(at), axis=0)[0] == pytest.approx(3 * SCALE.unit, rel=1e-3)
 
 
 def test_a_uniform_distribution_has_the_density_of_the_slope():

@@ -39,13 +39,6 @@ def test_log_likelihood_of_trials_sums_to_that_of_people(tree, group):
     assert last.to_numpy() == pytest.approx(group.log_likelihood[:, -1, 3])
 
 
-def test_data_are_those_of_every_trial(tree):
-    seen = tree["observed_data"]
-    assert seen["rt"].size == 60 * len(PEOPLE)
-    assert seen["participant_of"].to_numpy()[0] == "anna"
-    assert set(np.unique(seen["response"])) == {0, 1}
-
-
 def test_each_trial_has_its_strength_and_conditions():
     with short_chains(), pytest.warns(FitWarning, match="have not converged"):
         fitted = fit(
@@ -59,13 +52,6 @@ def test_each_trial_has_its_strength_and_conditions():
         levels = np.array(design.conditions["block"])
         assert np.array_equal(block, levels[design.observed.cell])
         assert set(block) == {"early", "late"}
-
-
-def test_libraries_of_arviz_summarise_the_file(tree):
-    from arviz_stats.base import array_stats
-
-    ess = array_stats.ess(tree["posterior/bound"].to_numpy(), chain_axis=0, draw_axis=1)
-    assert 1 < ess < 4 * MOST * 1.5
 
 
 def test_new_trials_of_each_person_are_those_of_their_densities(group):

@@ -68,15 +68,6 @@ def test_everyones_trials_are_there_and_models_have_their_share_of_them():
     assert rows["model_q90_s"].between(*np.sort(ends, axis=0)).all()
 
 
-def test_errors_that_are_few_in_each_person_are_enough_together():
-    people = [person(10.0, SEED + k, each=30, strengths=[0.05, 0.15]) for k in range(8)]
-    assert all(cells(each)["wrong_q50_s"].isna().any() for each in people)
-    rows = pooled(people)
-    assert rows[["wrong_q50_s", "model_wrong_q50_s"]].notna().all(axis=None)
-    off = (rows["wrong_q50_s"] - rows["model_wrong_q50_s"]) / rows["wrong_q50_se"]
-    assert (off.abs() < 4).all()
-
-
 @pytest.mark.parametrize("strengths", [[0.05, 0.3], [0.05]])
 def test_people_with_other_strengths_are_not_pooled(strengths):
     assert pooled([person(8.0, SEED), person(8.0, SEED, strengths=strengths)]) is None

@@ -113,15 +113,6 @@ def test_group_has_the_posterior_of_a_quadrature(people, shift, narrower, guided
     assert_posterior_is_that_of_a_quadrature(drawn)
 
 
-def test_people_shrink_towards_the_group_by_their_errors(people):
-    drawn = draws(expansion(people), people, 2000)
-    middle = drawn.scaled[:, :, 0].mean(axis=0)
-    group = drawn.mean[:, 0].mean()
-    assert (np.abs(middle - group) < np.abs(ESTIMATES - group) + 0.05).all()
-    moved = np.abs(middle - ESTIMATES) / np.abs(ESTIMATES - group)
-    assert moved[ERRORS.argmax()] > 2 * moved[ERRORS.argmin()]
-
-
 def test_log_likelihood_is_that_of_the_kept_parameters(people):
     drawn = draws(expansion(people), people, 20)
     for scaled, log in zip(drawn.scaled, drawn.log_likelihood, strict=True):
@@ -192,25 +183,6 @@ def test_moves_under_an_exact_surrogate_have_the_posterior(people):
         return replace(state, group=group, scaled=scaled)
 
     assert_posterior_is_that_of_a_quadrature(alone(sampler, moved, 4000))
-
-
-@pytest.mark.parametrize("step", ["_individual", "_guided"])
-def test_people_given_the_group_have_their_exact_posterior(people, astray, step):
-    group, rng = Group(MIDDLE, np.ones(2)), stream(SEED, "people")
-    state, kept = astray.first(group, rng), []
-    for _ in range(3000):
-        arguments = (state,) if step == "_individual" else (astray.guide, state)
-        state = getattr(astray, step)(*arguments)
-        kept.append(state.scaled)
-    draws_ = np.array(kept)
-    precision = 1 / np.array([each.error for each in people]) ** 2
-    exact = (precision * np.array([each.middle for each in people]) + MIDDLE) / (1 + precision)
-    sd = 1 / np.sqrt(1 + precision)
-    size = array_stats.ess(np.moveaxis(draws_, 0, 2)[:, :, None], chain_axis=2, draw_axis=3)
-    assert size.min() > 300
-    z = (draws_.mean(axis=0) - exact) / (sd / np.sqrt(size))
-    # Twelve numbers, each within 4 errors.
-    assert np.abs(z).max() < 4
 
 
 def with_slope(estimates, errors, column):
@@ -352,20 +324,3 @@ def test_without_data_draws_are_those_of_the_priors(guided, correlated):
             assert size > 100
             off = (below.mean() - share) / np.sqrt(share * (1 - share) / size)
             assert abs(off) < 4, (share, off)
-
-
-@pytest.mark.parametrize("rho", [0.0, 0.7])
-def test_a_correlation_between_people_is_recovered(rho):
-    """In at least 17 of 20 groups, as by 95 % intervals; else chance would be below 0.02."""
-    held, sure, errors = 0, 0, np.array([0.3, 0.3])
-    for number in range(20):
-        rng = stream(SEED, "recovery", number)
-        true = rng.multivariate_normal(MIDDLE, [[1.0, 2 * rho], [2 * rho, 4.0]], size=40)
-        some = [Gaussian(x + errors * rng.normal(size=2), errors) for x in true]
-        group = Group(MIDDLE, np.ones(2), correlation=np.eye(2))
-        kept = draws(expansion(some), some, 300, group=group, warm_up=100).correlation[:, 0, 1]
-        low, high = np.quantile(kept, [0.025, 0.975])
-        held += low < rho < high
-        sure += low > 0 or high < 0
-    assert held >= 17
-    assert sure == (20 if rho else 20 - held)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bgmodel.fitting.hierarchy.surrogate import MARGIN, surrogate_of, values
-from bgmodel.support.processes import local_map, shared_map
+from bgmodel.support.processes import local_map
 from bgmodel.support.seeds import stream
 from tests.fitting.hierarchy.known import Known, wide
 
@@ -117,13 +117,6 @@ def test_points_without_a_likelihood_are_left_out(hole):
     assert at(fitted, x[None])[0] == pytest.approx(quadratic(x), abs=0.01)
 
 
-def test_draws_that_hardly_moved_give_a_surrogate_that_holds_around_them():
-    draws, logs = drawn(quadratic, 4)
-    fitted = surrogates([quadratic], draws, logs)
-    x = draws[:1, 0] + 0.3
-    assert at(fitted, x)[0] == pytest.approx(quadratic(x[0]), abs=0.5)
-
-
 def test_it_is_constant_beyond_the_upper_end_of_a_range_as_the_log_likelihood_is():
     top = MIDDLE + 1
 
@@ -134,13 +127,3 @@ def test_it_is_constant_beyond_the_upper_end_of_a_range_as_the_log_likelihood_is
     fitted = surrogates([clipped], draws, logs, highest=float(np.logaddexp(0, top)))
     x = np.array([MIDDLE, top + 20])
     assert at(fitted, x[None])[0] == pytest.approx(clipped(x), abs=0.2)
-
-
-def test_it_does_not_depend_on_the_number_of_processes():
-    draws, logs = drawn(bent, 300)
-    people, fitted = [Known(bent, wide())], []
-    for workers in (1, 2):
-        with shared_map(workers, people) as over_people:
-            fitted.append(surrogate_of(over_people, draws, logs, stream(SEED)))
-    one, other = ([each.tobytes() for each in made.arrays] for made in fitted)
-    assert one == other

@@ -51,18 +51,6 @@ def test_the_recursion_is_the_sum_over_all_courses_of_events(count, ends):
         assert decided[part].sum() + left[trial] == pytest.approx(1.0)
 
 
-def test_gumbel_noise_on_waiting_and_all_alternatives_gives_the_hazards():
-    rng = np.random.default_rng(4)
-    past = np.array([0.3, -0.5, 0.8])
-    noisy = np.array([0.0, *past]) + rng.gumbel(size=(200_000, 4))
-    share = np.bincount(noisy.argmax(axis=1), minlength=4) / len(noisy)
-    out = -past[None, None] * 0.2
-    decided, left = decisions(
-        out, np.zeros(1), np.zeros(3), 0.2, np.array([0, 1]), np.array([False])
-    )
-    np.testing.assert_allclose(share, [left[0], *decided[0]], atol=0.005)
-
-
 def test_without_noise_it_decides_as_the_msprt():
     evidence = gaussian_evidence(300, d_prime=0.5, channels=3, t_max=30, seed=2)
     out = np.ascontiguousarray(Msprt().run(evidence).out_nats[:, 1:])

@@ -39,16 +39,6 @@ def test_from_the_response_positions_count_backward():
     np.testing.assert_allclose(onset["weight"], response["weight"][::-1], rtol=1e-6)
 
 
-def test_two_alternatives_are_a_logistic_regression():
-    trials = weighted(np.array([0.8, 0.2]))
-    weights = kernel(trials, positions=2)["weight"].to_numpy()
-    x = trials.log_likelihood[..., 1] - trials.log_likelihood[..., 0]
-    constant = np.log(trials.choice.mean() / (1 - trials.choice.mean()))
-    p = 1 / (1 + np.exp(-(constant + x @ weights)))
-    slope = x.T @ (trials.choice - p)
-    assert abs(slope).max() < 0.02 * np.sqrt(len(p))
-
-
 def test_a_model_has_the_kernel_of_its_probabilities():
     trials = weighted(np.array([1.0, 0.5]))
     score = np.einsum("tki,k->ti", trials.log_likelihood, [0.3, 0.9])

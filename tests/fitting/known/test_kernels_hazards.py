@@ -26,8 +26,3 @@ def test_hazards_of_the_true_model_are_calibrated(peak):
     z = scores(peak.likelihood, peak.vector)
     assert abs(z.mean()) < 0.5
     assert 0.6 < z.std() < 1.5
-
-
-def test_hazards_at_another_threshold_are_not(peak):
-    factors = np.where(np.array(peak.likelihood.freedom.names) == "threshold", 2.0, 1.0)
-    assert scores(peak.likelihood, peak.vector * factors).mean() < -1

@@ -8,12 +8,9 @@ from scipy.stats import norm
 
 from bgmodel.evidence import minus_log_softmax
 from bgmodel.fitting.checks.misfit import misfit
-from bgmodel.fitting.fit import fit_likelihood
-from bgmodel.fitting.hierarchy.fit import fit_group
 from bgmodel.fitting.identify import directions
-from bgmodel.fitting.known.likelihood import OnTrials, known_likelihood
+from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT, runs_of_cues
-from bgmodel.fitting.model_comparison import compare_fits
 from bgmodel.fitting.optimum import Optimum, optimum
 from circuits.errors import InputError
 from tests.known_trials import TRUTH, few, simulated
@@ -45,23 +42,6 @@ def test_it_is_the_sum_over_readings_of_hazard_and_non_decision_time():
             alive *= 1 - hazard.sum()
         expected = 0.95 * density + 0.05 / (3 * trials.rt_s.max())
         assert log_density[trial] == pytest.approx(np.log(expected))
-
-
-def test_responses_and_none_have_probability_one_in_all():
-    trials = few()
-    late = np.linspace(0.001, 1.2, 2400)
-    values = {**VALUES, "urgency": 0.0, "run_effect": 0.0, "lapse": 0.0}
-    total = 0.0
-    for rt_s in late[late > 0.3]:
-        likelihood = known_likelihood(EXACT["msprt"], replace(trials, rt_s=np.full(20, rt_s)))
-        density, none = likelihood.responses(values)
-        total = total + density.sum(axis=1) * (late[1] - late[0])
-    # Responses before the last reading have seen fewer of them.
-    for rt_s in late[late <= 0.3][100:]:
-        some = replace(trials, rt_s=np.full(20, max(rt_s, 0.1001)))
-        density, _ = known_likelihood(EXACT["msprt"], some).responses(values)
-        total = total + density.sum(axis=1) * (late[1] - late[0])
-    np.testing.assert_allclose(total + none, 1.0, atol=0.01)
 
 
 def test_a_trial_without_a_response_is_one_without_a_decision():
@@ -133,11 +113,6 @@ def test_options_add_to_replace_and_fix_parameters():
         known_likelihood(EXACT["run"], trials, free=["gain"])
 
 
-def test_each_alternative_but_the_first_has_a_bias():
-    names = [each.name for each in OnTrials(EXACT["run"], few()).parameters]
-    assert [name for name in names if name.startswith("bias_")] == ["bias_b", "bias_c"]
-
-
 def fitted(trials, model="msprt", **options):
     """Return an optimum, and each parameter with its standard error by name."""
     peak = optimum(known_likelihood(EXACT[model], trials, **options))
@@ -159,28 +134,6 @@ def test_parameters_of_the_test_are_found_again(channels):
 
 def truth_of(likelihood):
     return np.array([TRUTH.get(name, 0.0) for name in likelihood.freedom.names])
-
-
-def test_a_leak_and_its_absence_are_found():
-    with_it = fitted(simulated(300, 12, "leaky_sum", leak_hz=2.0, threshold=0.8), "leaky_sum")[1]
-    without = fitted(simulated(300, 12, "leaky_sum", leak_hz=0.0, threshold=0.8), "leaky_sum")[1]
-    assert with_it["leak_hz"][0] == pytest.approx(2.0, abs=3.5 * with_it["leak_hz"][1])
-    assert without["leak_hz"][0] < 0.3
-
-
-def test_evidence_of_other_trials_has_no_gain():
-    trials = simulated(300, 13)
-    order = np.roll(np.arange(300), 7)
-    shuffled = replace(trials, log_likelihood=trials.log_likelihood[order])
-    assert fitted(shuffled, free=["+gain"])[1]["gain"][0] < 0.1
-    assert fitted(trials, free=["+gain"])[1]["gain"][0] > 0.4
-
-
-def test_an_effect_of_runs_is_found_and_is_not_where_there_is_none():
-    effect = fitted(simulated(300, 14, run_effect=0.03), free=["+run_effect"])[1]["run_effect"]
-    absent = fitted(simulated(300, 14), free=["+run_effect"])[1]["run_effect"]
-    assert effect[0] > 3 * effect[1]
-    assert abs(absent[0]) < 3 * absent[1]
 
 
 def test_the_probability_of_a_response_by_a_time_is_the_integral_of_its_density():
@@ -230,43 +183,12 @@ def test_predictions_are_calibrated_even_if_readings_end_with_the_response(chann
     assert (ps < 0.05).mean() < 0.15
 
 
-def test_predictions_of_another_threshold_do_not_fit():
-    zs, ps = misfits(2, True, threshold=0.06)
-    assert zs[:, 1].mean() < -2
-    assert (ps[:, 1] < 0.05).mean() > 0.5
-
-
 def test_trials_left_out_keep_their_log_likelihood():
     likelihood = known_likelihood(EXACT["leaky_sum"], simulated(60))
     some, start = np.arange(10, 40), likelihood.freedom.start
     part = likelihood.part(some).part(np.arange(5))
     np.testing.assert_array_equal(part.each(start), likelihood.each(start)[10:15])
     assert part.design.trials.sum() == 5
-
-
-def test_models_are_compared_by_the_trials_left_out():
-    trials = simulated(200, 31, "leaky_sum", leak_hz=3.0, threshold=0.7, noise=0.05)
-    fits = {name: fit_likelihood(known_likelihood(EXACT[name], trials))
-            for name in ("msprt", "leaky_sum")}  # fmt: skip
-    comparison = compare_fits(fits)
-    assert comparison.best == "leaky_sum"
-    assert comparison.table.loc["msprt", "verdict"] == "leaky_sum predicts better"
-    leaky = comparison.table.loc["leaky_sum"]
-    assert leaky["log_likelihood"] - 20 < leaky["score"] < leaky["log_likelihood"]
-
-
-def test_a_group_is_fitted():
-    fixed = {"noise": 0.03, "t0_sd_s": 0.05, "lapse": 0.02, "bias_1": 0.0}
-    people = {
-        f"p{k}": known_likelihood(
-            EXACT["msprt"], simulated(40, 60 + k, threshold=level), fixed=fixed
-        )
-        for k, level in enumerate((0.08, 0.12, 0.16))
-    }
-    group = fit_group(people, most_draws=25)
-    table = group.to_dataframe().set_index(["participant", "parameter"])["median"]
-    assert table["p0", "threshold"] < table["p1", "threshold"] < table["p2", "threshold"]
-    assert group.cells()["participant"].tolist() == list(people)
 
 
 def test_new_trials_have_the_times_that_are_predicted():

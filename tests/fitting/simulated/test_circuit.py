@@ -169,18 +169,6 @@ def test_each_cell_has_its_own_setting_and_drift():
         assert together[k] == pytest.approx(made.decided(setting, strength[k : k + 1], GRID)[0])
 
 
-def test_a_higher_threshold_and_more_dopamine_decide_sooner():
-    made = model(mechanism=MECHANISMS["dopamine"], trials=40)
-
-    def mean_s(**changes):
-        values = {"sensitivity": 10.0, "threshold_nats": 0.3, "dopamine": 1.0, **changes}
-        every = {name: np.array([value]) for name, value in values.items()}
-        return float(moments(made.decided(every, np.array([0.2]), GRID) / BIN_S, GRID)["mean_s"][0])
-
-    assert mean_s(threshold_nats=0.45) < mean_s() < mean_s(threshold_nats=0.15)
-    assert mean_s(dopamine=1.15) < mean_s() < mean_s(dopamine=0.85)
-
-
 def test_a_fixed_point_that_is_the_softmax_crosses_as_the_ideal_integrator():
     """Decisions and evidence, bin by bin: readings are heard when they are read."""
     made = model(circuit=load_circuit("bogacz_gurney", 2), engine="algebra", noise_nats=GAIN)
@@ -207,12 +195,6 @@ def test_evidence_comes_with_its_noise_in_nats():
     assert not np.allclose(two(read, 0).out_nats, one(read, 0).out_nats, atol=0.01)
 
 
-def test_points_are_all_values_of_the_axes():
-    points = model(mechanism=MECHANISMS["onset_stn"]).points()
-    assert len(points) == len(set(points)) == 13 * 5
-    assert model().points() == [()]
-
-
 def test_other_than_two_channels_and_unknown_engines_are_refused():
     with pytest.raises(ValueError, match="two channels for a fit, got 3"):
         model(circuit=load_circuit("macaque", 3))
@@ -225,3 +207,9 @@ def test_trials_too_few_for_their_parts_are_refused(trials):
     with pytest.raises(ValueError, match="trials must be a whole number >= 16"):
         model(trials=trials)
     assert len(model(trials=16).left_out()) == 16
+
+
+def test_points_are_all_values_of_the_axes():
+    points = model(mechanism=MECHANISMS["onset_stn"]).points()
+    assert len(points) == len(set(points)) == 13 * 5
+    assert model().points() == [()]

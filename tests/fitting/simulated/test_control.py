@@ -33,15 +33,6 @@ def test_the_law_of_a_walk_with_drift_is_that_of_the_exact_chain(bound, v):
     assert law[:, 1].sum() == pytest.approx(endless.p_upper, abs=forced + 1e-9)
 
 
-def test_simulated_walks_follow_the_law(walks):
-    for row in (4, 15):
-        law = exact(BOUNDS[row], 200, (0.0,)).sum(axis=1)[:, 0]
-        seen = walks.bins[row, :600][walks.choice[row, :600] >= 0]
-        count, few = (seen < 30).mean() * len(seen), len(seen)
-        expected = law[:30].sum() / law.sum() * few
-        assert count == pytest.approx(expected, abs=4 * np.sqrt(few) / 2)
-
-
 def test_the_excess_of_walks_has_no_mean():
     """Over stores it is 0 within its scatter, whatever bound and lag are taken."""
     excess = []

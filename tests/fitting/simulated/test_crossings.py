@@ -73,14 +73,6 @@ def test_a_drift_that_was_not_simulated_ends_as_the_exact_walk(stored, row, drif
     assert computed["accuracy"] == pytest.approx(float(passage.accuracy(drift, level)), abs=0.003)
 
 
-def test_beyond_the_drifts_simulated_few_trials_are_left(stored):
-    worth = [effective(stored, 8, drift) for drift in (2.0, 8.0, 16.0, 25.0, 40.0)]
-    assert np.all(np.diff(worth) < 0)
-    assert worth[2] > 500
-    assert worth[3] < 200
-    assert worth[4] < 30
-
-
 DRIFT = st.floats(0, 16)
 
 
@@ -104,25 +96,6 @@ def test_a_longer_grid_adds_bins_and_changes_none(stored, drift, threshold):
     assert np.array_equal(short, standard[:, :, :60])
     assert np.array_equal(long[:, :, :300], standard)
     assert long[:, :, 300:].sum() == 0
-
-
-def test_a_lenient_threshold_leaves_no_trial_undecided(stored):
-    mass = decided([(stored, 1.0)], THRESHOLDS[-1], [0.0, 2.0], GRID)
-    assert mass.sum(axis=(1, 2)) == pytest.approx(1, abs=1e-6)
-    strict = decided([(stored, 1.0)], THRESHOLDS[0], [0.0, 2.0], GRID)
-    assert (strict.sum(axis=(1, 2)) < 1).all()
-
-
-@pytest.mark.parametrize("toward", [0.25, 0.5, 0.8])
-def test_a_threshold_between_two_stored_ones_lies_between_them_in_time(stored, toward):
-    at = THRESHOLDS[18] + np.array([0, toward, 1]) * (THRESHOLDS[19] - THRESHOLDS[18])
-    means = [
-        float(moments(decided([(stored, 1.0)], x, [3.0], GRID) / BIN_S, GRID)["mean_s"][0])
-        for x in at
-    ]
-    assert means[0] > means[1] > means[2]
-    expected = (1 - toward) * means[0] + toward * means[2]
-    assert means[1] == pytest.approx(expected, abs=0.05 * (means[0] - means[2]))
 
 
 def shifted(stored, by):
@@ -152,11 +125,6 @@ def test_interpolation_meets_quadratics_and_its_weights_sum_to_1(place, line):
     if 1 <= place <= 8:
         at_place = sum(weight * np.polyval(line, row) for row, weight in rows)
         assert at_place == pytest.approx(np.polyval(line, place), abs=1e-9)
-
-
-@pytest.mark.parametrize("row", [0, 4, 9])
-def test_at_a_row_interpolation_reads_that_row_alone(row):
-    assert interpolated(float(row), 10) == [(row, 1.0)]
 
 
 def each_alone(stored, row, v, bins):
@@ -221,12 +189,6 @@ def test_the_log_mixture_is_that_of_all_drifts_and_both_signs():
     v = np.array([*DRIFTS, *(-np.array(DRIFTS))])[:, None]
     expected = np.log(np.exp(v * x - v**2 * t / 2).mean(axis=0))
     assert log_mixture(DRIFTS, t, x) == pytest.approx(expected, abs=1e-9)
-
-
-def test_drifts_lie_the_farther_apart_the_stronger_they_are():
-    """From 0 and 1 to 16, each by one more than the last: a weight between two stays small."""
-    assert DRIFTS[:2] == (0, 1)
-    assert np.diff(DRIFTS[1:]).tolist() == [1, 2, 3, 4, 5]
 
 
 def test_parts_hold_every_trial_once(stored):

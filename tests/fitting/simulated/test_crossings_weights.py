@@ -25,12 +25,6 @@ def test_a_trial_of_one_choice_lies_between_its_settings_in_time_and_evidence():
     assert decided[13, MIDDLE + 15] == pytest.approx(0.5)
 
 
-def test_evidence_counts_for_the_choice():
-    evidence = [[1.0]]
-    assert counted([[5]], [[0]], [1.0], evidence)[0][5, MIDDLE + 10] == pytest.approx(1)
-    assert counted([[5]], [[1]], [1.0], evidence)[0][5, MIDDLE - 10] == pytest.approx(1)
-
-
 def test_of_two_sides_each_has_its_choices():
     decided, never = counted([[5, 6, 7]], [[0, 1, -1]], [1.0], [[1.0, 1.0, 1.0]], sides=2)
     assert decided[0, 5, MIDDLE + 10] == pytest.approx(1)

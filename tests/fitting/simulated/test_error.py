@@ -89,14 +89,6 @@ def test_the_stated_errors_are_those_between_stores(fits):
     assert np.std(logs) > 0.5
 
 
-def test_more_trials_have_a_smaller_error(fits):
-    likelihood, _, there, few = fits[0]
-    more = simulated(ideal, THRESHOLDS, seconds=2.0, trials=1920, seed=77)
-    larger = replace(likelihood, model=Integrator(more, np.ones(1, dtype=bool)))
-    error = simulation_error(larger, there)
-    assert error.log_likelihood == pytest.approx(few.log_likelihood / 4, rel=0.6)
-
-
 def test_one_step_goes_where_a_search_would(fits):
     likelihood, best, there, _ = fits[1]
     left, vector = without_parts(likelihood, there)[0]
@@ -119,15 +111,6 @@ def test_the_error_of_a_number_at_its_bound_is_unknown(fits):
     errors = simulation_error(likelihood, replace(there, vector=vector)).parameters
     assert np.isnan(errors).tolist() == [True, False, False]
     assert (errors[1:] > 0).all()
-
-
-def test_an_exact_model_has_no_error():
-    some = drawn(GapModel(), [0.05, 0.3], 50, 4, seconds=2.0, sensitivity=10.0, bound=0.7)
-    likelihood = likelihood_of(GapModel(), design_of(some), free=["bound"])
-    there = directions(likelihood, np.array([0.7]))
-    error = simulation_error(likelihood, there)
-    assert error.log_likelihood == 0
-    assert error.parameters.tolist() == [0]
 
 
 @given(st.lists(st.floats(-50, 50), min_size=3, max_size=40))

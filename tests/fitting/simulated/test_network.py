@@ -10,12 +10,11 @@ from bgmodel import stream
 from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.control import decided
-from bgmodel.fitting.simulated.crossings import DRIFTS, FirstPassageTimes
+from bgmodel.fitting.simulated.crossings import DRIFTS
 from bgmodel.fitting.simulated.network import INPUTS, PARAMETERS, LikelihoodNetwork, read_network
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.declaration.table_writer import identity
 from figures.data import measure_hssm_check as hssm_check
-from figures.data import measure_likelihood as likelihood
 from tests.helpers import refused
 
 pytest.importorskip("onnx")
@@ -114,11 +113,6 @@ def test_the_network_and_a_fit_of_its_circuit_have_the_same_bounds(network):
     assert network.about["engine"] == model.engine
 
 
-def test_the_network_states_its_error(network):
-    assert 0 < network.about["simulation_error_nats"] < network.about["error_nats"] < 0.02
-    assert network.about["scoring_seed"] != network.about["training_seed"]
-
-
 def test_a_network_that_is_written_is_read_back(network, tmp_path):
     path = network.write(tmp_path / "one.onnx")
     again = read_network(path)
@@ -155,24 +149,6 @@ def test_reading_a_network_needs_no_torch():
     code = "import sys; from bgmodel.fitting.simulated.network import read_network; read_network()"
     code += "; assert 'torch' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
-
-
-def test_the_score_halves_the_trials_of_every_drift():
-    rows = np.arange(8)[None]
-    times = FirstPassageTimes(np.array([0.2]), np.array([0.0, 3.0]), rows, rows % 2, rows / 10)
-    assert times.counted(0) is times.counted(0)  # counts are kept, and halves have their own
-    halves = [likelihood.part(times, half) for half in (0, 1)]
-    assert [half.parts.tolist() for half in halves] == [[True, False], [False, True]]
-    first, second = (half.counted(0) for half in halves)
-    assert not np.array_equal(first.decided, second.decided)
-
-
-def test_the_score_draws_parameters_within_the_bounds(network):
-    points = list(likelihood.points(network))
-    assert len(points) == likelihood.SETS == 20
-    for name in PARAMETERS:
-        low, high = network.bounds[name]
-        assert all(low <= point[name] <= high for point in points)
 
 
 def test_trials_for_hssm_are_likeliest_near_the_parameters_they_were_made_with(

@@ -5,18 +5,12 @@ import pytest
 
 from bgmodel.fitting.exact.passage import accuracy
 from bgmodel.fitting.stops.model import crossed_later, raised_bound, threshold_nats
-from tests.helpers import unwarned
 
 
 def test_the_threshold_is_that_of_the_posterior_at_the_bound():
     # Palmer's accuracy is the posterior of the test at its bound.
     v, a = np.array([1.0, 3.0]), np.array([0.4, 0.6])
     assert np.exp(-threshold_nats(a, 2 * v)) == pytest.approx(accuracy(v, a))
-
-
-def test_an_unknown_threshold_is_nan_without_a_warning():
-    with unwarned():
-        assert np.isnan(threshold_nats(np.array([np.nan]), np.array([np.nan]))).all()
 
 
 def test_the_raised_bound_has_the_posterior_that_the_stop_leaves():

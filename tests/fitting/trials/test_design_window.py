@@ -12,10 +12,9 @@ from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.trials.design import design_of, fence_s
-from bgmodel.trials.reading import read_trials
 from circuits.errors import DataWarning
-from tests.drawn import choices, drawn
-from tests.helpers import refused, unwarned
+from tests.drawn import drawn
+from tests.helpers import refused
 
 MODEL, SEED = GapModel(), 83
 VALUES = {"sensitivity": 12.0, "bound": 0.6}
@@ -42,18 +41,6 @@ def test_one_late_time_sets_neither_the_grid_nor_the_lapses_nor_the_fit(late_s, 
     assert design.grid.bins * BIN_S < 2.5
     peak = optimum(likelihood_of(MODEL, design, free=FREE))
     assert peak.vector == pytest.approx(clean_fit.vector, rel=0.03)
-
-
-def test_nothing_is_left_out_of_the_published_sets():
-    for name in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005", "cavanagh_2011"):
-        strength = None if name.startswith("cav") else "coherence"
-        every = read_trials(name, strength=strength, conditions=["conflict"][: strength is None])
-        for who in every.people():
-            some = every.where(every.participant == who)
-            with unwarned():
-                design = design_of(some, list(some.conditions))
-            assert design.left_out == 0
-            assert design.grid.bins == int(np.ceil((some.rt_s.max() + 10 * BIN_S) / BIN_S))
 
 
 def test_a_window_that_is_asked_for_leaves_out_what_lies_outside_and_says_how_many():
@@ -109,19 +96,6 @@ def test_all_that_can_happen_in_a_window_has_probability_1(early_s, late_s, miss
     assert total == pytest.approx(1, abs=2e-3)
 
 
-def test_times_cut_off_on_both_sides_give_the_parameters_back():
-    """Without the condition on the window the non-decision time would be above 0.3 s."""
-    some = drawn(MODEL, [0.0, 0.1, 0.4], 2000, SEED + 1, seconds=4.0, **VALUES)
-    with pytest.warns(DataWarning):
-        design = design_of(some, rt_window=(0.36, 0.9))
-    assert design.left_out > 1000
-    fixed = {"t0_sd_s": 0.05, "lapse": 0.01}
-    estimates = optimum(likelihood_of(MODEL, design, fixed=fixed)).values
-    assert estimates["sensitivity"] == pytest.approx(12, rel=0.06)
-    assert estimates["bound"] == pytest.approx(0.6, rel=0.06)
-    assert estimates["t0_s"] == pytest.approx(0.3, abs=0.01)
-
-
 def test_the_fence_is_that_of_the_cell_where_it_is_latest():
     rt = np.concatenate([np.linspace(0.4, 0.5, 41), np.linspace(0.4, 1.2, 41), [9.0]])
     cell = np.repeat([0, 1, 2], [41, 41, 1])
@@ -129,10 +103,3 @@ def test_the_fence_is_that_of_the_cell_where_it_is_latest():
     few = fence_s(rt[:10], np.arange(10))
     assert few == pytest.approx(np.quantile(rt[:10], 0.75) + 25 * np.ptp(rt[:10]) / 2)
     assert fence_s(np.full(30, 0.5), np.zeros(30, int)) == np.inf
-
-
-@given(st.floats(0.1, 10))
-def test_the_fence_scales_with_time(scale):
-    design = design_of(choices(None, [1] * 30, np.linspace(0.3, 0.9, 30)))
-    rt, cell = design.observed.rt_s, design.observed.cell
-    assert fence_s(scale * rt, cell) == pytest.approx(scale * fence_s(rt, cell))

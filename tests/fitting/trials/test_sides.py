@@ -61,12 +61,6 @@ def sided(right, wrong, missed=0):
     return choices(strength, np.where(correct < 0, -1, response), deadline_s=2.0)
 
 
-def test_responses_against_the_strength_are_refused_with_their_number():
-    """Fitted, they would put sensitivity at the end of its range."""
-    with refused("response"):
-        design_of(sided(40, 160, missed=9))
-
-
 @given(st.integers(0, 200))
 def test_responses_are_refused_where_fewer_are_right_than_by_chance(right):
     z = (right - 100) / np.sqrt(50)
@@ -97,7 +91,3 @@ def test_right_and_wrong_beside_strengths_with_a_sign_are_hinted_at(other, hint)
     with pytest.warns(DataWarning) as caught:
         design_of(some)
     assert ("strengths without a sign" in str(caught[0].message)) == hint
-
-
-def test_responses_to_no_evidence_are_neither_right_nor_wrong():
-    design_of(choices(np.zeros(100), [0] * 20 + [1] * 20 + [0, 1] * 30))

@@ -85,25 +85,6 @@ def test_the_ideal_learner_is_the_sum_over_all_histories(one, other, hazard, see
     assert belief.sum() == pytest.approx(1)
 
 
-def test_without_reversals_the_log_odds_are_a_sum_and_at_a_hazard_of_a_half_nothing_is_known():
-    choices, rewards = [1, 1, 0, 1], [1, 0, 0, 1]
-    belief = after(IdealLearner(better=0.8, worse=0.3, hazard=0.0), choices, rewards)
-    gain, loss = np.log(0.8 / 0.3), np.log(0.2 / 0.7)
-    assert logit(belief[1]) == pytest.approx(gain + loss - loss + gain)
-    belief = after(IdealLearner(better=0.8, worse=0.3, hazard=0.5), choices, rewards)
-    assert belief.tolist() == [0.5, 0.5]
-
-
-def test_the_ideal_learner_has_the_least_regret_where_reversals_have_its_hazard():
-    bandit = Bandit(hazard=0.03)
-    ideal = play(ideal_of(bandit), bandit, trials=400, runs=150, seed=4)
-    others = [IdealLearner(better=0.8, worse=0.2, hazard=h) for h in (0.0005, 0.4)]
-    for learner in (*others, *LEARNERS):
-        ratio, error = relative_regret(play(learner, bandit, trials=400, runs=150, seed=4), ideal)
-        assert ratio - 1 > -2 * error
-    assert relative_regret(ideal, ideal) == (1.0, 0.0)
-
-
 def test_q_approaches_a_constant_reward_geometrically_and_leaves_the_other_arm():
     values = after(QLearning(rate=0.3), [1] * 5, [1] * 5)
     assert values.tolist() == pytest.approx([0.5, 1 - 0.5 * 0.7**5])
@@ -123,14 +104,6 @@ def test_unequal_rates_shift_the_confidence_by_the_logarithm_of_their_ratio(p, r
     up, down = (learner.learn(w, one_hot(1), np.float64(r)) - w for r in (1, 0))
     assert p * up + (1 - p) * down == pytest.approx(np.zeros((1, 2)), abs=1e-12)
     assert abs(0.9 * p * up + (1 - 0.9 * p) * down).max() > 1e-4
-
-
-@given(P, st.floats(-3, 3))
-def test_the_affine_critic_expects_the_reward_of_the_posterior(p, log_odds):
-    high, low = max(p, 0.5) + 0.02, min(p, 0.5) - 0.02
-    learner, w = Confidence(low=low, high=high, decay=0.0), np.array([[0.0, log_odds]])
-    reward = expit(log_odds) * high + expit(-log_odds) * low
-    assert learner.learn(w, one_hot(1), np.float64(reward)) == pytest.approx(w, abs=1e-12)
 
 
 @given(st.floats(-2, 2), P, P, st.floats(0, 1))
@@ -179,13 +152,6 @@ def test_learners_side_by_side_are_learners_alone_and_a_seed_gives_the_same_choi
                           first.choice[:, :2])  # fmt: skip
 
 
-def test_regret_counts_the_rewards_forgone():
-    played = play("q", Bandit(0.9, 0.4), trials=30, runs=4, seed=5)
-    wrong = (played.choice != played.draws.best).sum(axis=0)
-    assert played.regret == pytest.approx(0.5 * wrong)
-    assert np.isnan(played.time_ms).all()
-
-
 @pytest.mark.parametrize(
     ("call", "field"),
     [
@@ -208,3 +174,20 @@ def test_regret_counts_the_rewards_forgone():
 def test_bad_input_is_refused(call, field):
     with refused(field):
         call()
+
+
+def test_the_ideal_learner_has_the_least_regret_where_reversals_have_its_hazard():
+    bandit = Bandit(hazard=0.03)
+    ideal = play(ideal_of(bandit), bandit, trials=400, runs=150, seed=4)
+    others = [IdealLearner(better=0.8, worse=0.2, hazard=h) for h in (0.0005, 0.4)]
+    for learner in (*others, *LEARNERS):
+        ratio, error = relative_regret(play(learner, bandit, trials=400, runs=150, seed=4), ideal)
+        assert ratio - 1 > -2 * error
+    assert relative_regret(ideal, ideal) == (1.0, 0.0)
+
+
+def test_regret_counts_the_rewards_forgone():
+    played = play("q", Bandit(0.9, 0.4), trials=30, runs=4, seed=5)
+    wrong = (played.choice != played.draws.best).sum(axis=0)
+    assert played.regret == pytest.approx(0.5 * wrong)
+    assert np.isnan(played.time_ms).all()

@@ -51,13 +51,6 @@ def test_each_block_has_its_own_noise_and_a_seed_gives_the_same_bytes(circuit):
     assert not np.array_equal(known, circuit.model.decided(evidence, level).time_ms)
 
 
-def test_choices_of_the_circuit_teach_the_learner(circuit):
-    played = play(QBoth(rate=0.3), Bandit(), trials=40, runs=8, seed=3, chooser=circuit)
-    assert np.isfinite(played.time_ms).all()
-    assert played.difference[-10:].mean() > 0.4
-    assert played.correct[-10:].mean() > 0.75
-
-
 @pytest.mark.parametrize(
     ("call", "field"),
     [
@@ -73,8 +66,8 @@ def test_bad_input_is_refused(call, field):
         call()
 
 
-def test_no_trial_of_a_block_has_the_number_of_one_of_another(circuit):
-    """Trials of one number would have one noise in the circuit."""
-    values = np.tile([0.4, 0.6], (5, 1))
-    numbers = [circuit.evidence(values, number).numbers for number in range(3)]
-    assert np.concatenate(numbers).tolist() == list(range(15))
+def test_choices_of_the_circuit_teach_the_learner(circuit):
+    played = play(QBoth(rate=0.3), Bandit(), trials=40, runs=8, seed=3, chooser=circuit)
+    assert np.isfinite(played.time_ms).all()
+    assert played.difference[-10:].mean() > 0.4
+    assert played.correct[-10:].mean() > 0.75

@@ -6,16 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import bgmodel as bg
 from bgmodel.fitting.exact import passage
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.formulas import Formula
-from bgmodel.fitting.hierarchy.fit import fit_group
-from bgmodel.fitting.identify import directions
 from bgmodel.fitting.likelihood import TrialLikelihood, TrialModel
-from bgmodel.fitting.model_comparison import predicted
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.posterior import posterior
 from bgmodel.learning.values.learners import QLearning
 from bgmodel.learning.values.models import (
     LAPSES,
@@ -30,13 +25,11 @@ from bgmodel.learning.values.models import (
     value_differences,
 )
 from bgmodel.learning.values.people import pairs_of, read_pairs
-from circuits.errors import FitWarning
 from tests.helpers import refused
 
 TRUE = {"rate": 0.3, "rate_minus": 0.15, "scale": 2.5, "bound": 0.9, "t0_s": 0.35,
         "stickiness": 0.15}  # fmt: skip
 TWO = MODELS["q, two rates"]
-ONE = {name: value for name, value in TRUE.items() if name != "rate_minus"}
 
 
 def made(model, true, people=1, seed=1, trials=60, **changes):
@@ -68,11 +61,6 @@ def test_densities_are_those_of_first_passages_with_lapses(drift, start):
     assert float(choice_probability(drift, 0.9, start)) == pytest.approx(share, abs=1e-5)
     early = log_density(np.array(0.2), np.array(1), drift, 0.9, start, 0.3)
     assert float(early) == pytest.approx(np.log(LAPSES / (2 * LONGEST_S)))
-
-
-def test_an_absurd_drift_has_a_finite_density():
-    density = log_density(np.array([0.31, 3.0]), np.array([1, 0]), 500.0, 1.0, 0.0, 0.3)
-    assert np.isfinite(density).all()
 
 
 def test_draws_have_the_moments_of_the_closed_forms():
@@ -150,15 +138,6 @@ def test_parameters_of_many_trials_are_found_within_their_errors():
     assert min(fit.misfit.p.values()) > 0.003
 
 
-def test_posterior_intervals_of_one_parameter_are_those_of_a_grid(person):
-    asked = likelihood(TWO, person, fixed={n: x for n, x in TRUE.items() if n != "stickiness"})
-    grid = np.tanh(np.linspace(-0.5, 0.8, 1301))
-    reached = np.cumsum(np.exp(asked.heights(grid[:, None]) - asked.height(grid[650:651])))
-    exact = np.interp([0.05, 0.95], reached / reached[-1], grid)
-    drawn = posterior(asked, directions(asked, optimum(asked).vector), most_steps=500)
-    assert drawn.interval()[:, 0] == pytest.approx(exact, abs=0.02)
-
-
 def test_the_optimum_is_that_of_a_grid_with_the_prior(person):
     asked = likelihood(TWO, person, fixed={n: x for n, x in TRUE.items() if n != "stickiness"})
     grid = np.linspace(-0.4, 0.6, 2001)[:, None]
@@ -166,14 +145,6 @@ def test_the_optimum_is_that_of_a_grid_with_the_prior(person):
     assert best == pytest.approx(grid[np.argmax(asked.heights(grid))], abs=1e-3)
     prior = -0.5 * (np.arctanh(best[0]) / 0.3) ** 2
     assert asked.height(best) == pytest.approx(asked(best) + prior)
-
-
-def test_left_out_trials_are_predicted_worse_than_fitted_ones_and_better_than_by_the_prior(person):
-    asked = likelihood("q", person)
-    best = optimum(asked)
-    out = predicted(asked, start=best.vector).each
-    assert np.bincount(asked.groups).tolist() == [60, 60, 60]
-    assert asked(asked.freedom.start) < out.sum() < best.log_likelihood
 
 
 def test_decisions_change_over_trials_and_learners_do_not(person):
@@ -191,47 +162,6 @@ def test_decisions_change_over_trials_and_learners_do_not(person):
         asked = likelihood(TWO, slower, vary={name: "half"})
         with refused(name):
             optimum(asked)
-
-
-def test_each_pair_has_a_drift_without_learning(person):
-    asked = likelihood("no learning", person)
-    assert asked.freedom.names[:3] == ["drift[pair=AB]", "drift[pair=CD]", "drift[pair=EF]"]
-    two = person.where(person.conditions["pair"].to_numpy() != "EF")
-    assert len(likelihood("no learning", two).freedom.names) == 5
-
-
-@pytest.fixture(scope="module")
-def three():
-    return made("q", ONE, people=3, seed=4, rate=np.array([0.15, 0.3, 0.5]))
-
-
-def test_models_of_learning_are_fitted_and_compared(three):
-    fits = {
-        name: {who: fit_likelihood(likelihood(name, one)) for who, one in three.items()}
-        for name in ("q", "no learning")
-    }
-    table = bg.compare_fits(fits).table
-    assert table.index[0] == "q"
-    assert table["parameters"].to_dict() == {"q": 15, "no learning": 18}
-
-
-def test_a_hierarchy_of_learners_has_a_distribution_of_each_parameter(three):
-    asked = {who: likelihood("q", one) for who, one in three.items()}
-    with pytest.warns(FitWarning):
-        group = fit_group(asked, most_draws=100)
-    assert list(group.summary().index) == asked["0"].freedom.names
-    assert group.individual.shape[2:] == (3, 5)
-
-
-def test_the_median_person_is_found_in_a_hierarchy_of_twelve():
-    rng = np.random.default_rng(6)
-    rate, bound = rng.normal(size=(2, 12))
-    true = {"rate": 1 / (1 + np.exp(1.0 - 0.5 * rate)), "bound": 0.9 * np.exp(0.15 * bound)}
-    people = made("q", ONE, people=12, seed=6, **true)
-    group = fit_group({who: likelihood("q", one) for who, one in people.items()}, most_draws=300)
-    table = group.summary()
-    for name, middle in (("rate", 1 / (1 + np.exp(1.0))), ("bound", 0.9)):
-        assert table.loc[name, "low"] < middle < table.loc[name, "high"]
 
 
 def test_the_built_in_set_is_read_for_each_person():
@@ -297,3 +227,8 @@ def test_other_bad_input_is_refused(person):
     ):  # fmt: skip
         with refused(field):
             call()
+
+
+def test_an_absurd_drift_has_a_finite_density():
+    density = log_density(np.array([0.31, 3.0]), np.array([1, 0]), 500.0, 1.0, 0.0, 0.3)
+    assert np.isfinite(density).all()

@@ -27,13 +27,6 @@ def test_a_soft_histogram_interpolates_between_its_centres():
     assert (activity > 0).sum(axis=1).max() == 2
 
 
-def test_the_first_and_last_units_of_a_circular_histogram_are_neighbours():
-    activity = soft_histogram([85.0, -95.0, 75.0], [-80.0, -20.0, 70.0], period=180)
-    assert activity[0] == pytest.approx([0.5, 0, 0.5])
-    assert activity[1] == pytest.approx(activity[0])
-    assert activity[2] == pytest.approx([1 / 6, 0, 5 / 6])
-
-
 def test_even_centres_make_units_equally_active():
     rng = np.random.default_rng(1)
     readings = [rng.normal(0, 1, 4000), rng.normal(8, 3, 4000)]
@@ -104,3 +97,10 @@ def test_whole_trials_are_drawn_from_a_table():
     assert {tuple(v.ravel()) for v in drawn.values} == {tuple(v.ravel()) for v in values}
     check_learnable(drawn)
     assert "units 2" in repr(drawn)
+
+
+def test_the_first_and_last_units_of_a_circular_histogram_are_neighbours():
+    activity = soft_histogram([85.0, -95.0, 75.0], [-80.0, -20.0, 70.0], period=180)
+    assert activity[0] == pytest.approx([0.5, 0, 0.5])
+    assert activity[1] == pytest.approx(activity[0])
+    assert activity[2] == pytest.approx([1 / 6, 0, 5 / 6])

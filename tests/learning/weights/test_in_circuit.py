@@ -43,16 +43,6 @@ def test_confidence_read_from_snr_is_that_of_the_readings_heard(gratings, counte
     assert chosen.last.max() < 8
 
 
-def test_noise_differs_between_runs_and_trials(gratings, counted):
-    one = gratings[1].draw(1, rng=4).at([0, 0])
-    weights = np.broadcast_to(counted.weights, (2, *counted.weights.shape[1:]))
-    decider = InCircuit(MODEL)
-    first, second = (
-        decider.choose(one, weights, np.zeros((2, 2)), number).read_out for number in (0, 1)
-    )
-    assert len({*first, *second}) == 4
-
-
 def test_a_circuit_learns_from_its_own_confidence(gratings):
     learned = learn_weights_in_circuit(
         gratings[0], InCircuit(MODEL), seed=1, runs=6, learner=WeightLearner(trials=60)
@@ -60,13 +50,6 @@ def test_a_circuit_learns_from_its_own_confidence(gratings):
     assert learned.gain == MODEL.gain
     assert learned.calibration(gratings[1].draw(200, rng=2)).r.mean() > 0.6
     assert learned.course.readings.min() >= 0
-
-
-def test_a_circuit_takes_longer_than_the_test_on_the_same_evidence(gratings, counted):
-    test = gratings[1].draw(150, rng=2)
-    evidence = counted.to_evidence(test)
-    in_circuit = circuit_time_at_accuracy(MODEL, evidence, 0.9)
-    assert time_at_accuracy(evidence, 0.9) < in_circuit < 600
 
 
 def test_a_circuit_without_times_or_nats_has_no_confidence_to_read():
@@ -78,3 +61,20 @@ def test_a_circuit_without_times_or_nats_has_no_confidence_to_read():
         InCircuit(MODEL, after_ms=-1)
     with refused("window_ms"):
         InCircuit(MODEL, window_ms=0)
+
+
+def test_noise_differs_between_runs_and_trials(gratings, counted):
+    one = gratings[1].draw(1, rng=4).at([0, 0])
+    weights = np.broadcast_to(counted.weights, (2, *counted.weights.shape[1:]))
+    decider = InCircuit(MODEL)
+    first, second = (
+        decider.choose(one, weights, np.zeros((2, 2)), number).read_out for number in (0, 1)
+    )
+    assert len({*first, *second}) == 4
+
+
+def test_a_circuit_takes_longer_than_the_test_on_the_same_evidence(gratings, counted):
+    test = gratings[1].draw(150, rng=2)
+    evidence = counted.to_evidence(test)
+    in_circuit = circuit_time_at_accuracy(MODEL, evidence, 0.9)
+    assert time_at_accuracy(evidence, 0.9) < in_circuit < 600

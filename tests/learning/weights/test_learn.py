@@ -1,11 +1,8 @@
 """Weights learned from reward: fixed points by their closed form, laws, and bad input."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-import bgmodel as bg
 from bgmodel.evidence import minus_log_softmax
 from bgmodel.learning.weights.critics import Trial
 from bgmodel.learning.weights.deciders import Feedback, FixedPoint, WeightLearner
@@ -14,14 +11,13 @@ from bgmodel.learning.weights.learn import learn_weights
 from bgmodel.learning.weights.learned import (
     LearnedWeights,
     counted_weights,
-    time_at_accuracy,
 )
 from bgmodel.learning.weights.rules import rule_of
-from bgmodel.learning.weights.sources import GaussianFeatures, PoissonFeatures, tap_features
+from bgmodel.learning.weights.sources import PoissonFeatures, tap_features
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.source import held_out_taps
 from bgmodel.tactile.task import SameDifferent
-from circuits.errors import CalibrationWarning, NoiseWarning
+from circuits.errors import CalibrationWarning
 from tests.helpers import refused, unwarned
 
 CELLS = PoissonFeatures(channels=3, units=12, centred=True, t_max=25)
@@ -63,11 +59,6 @@ def largest_z(update):
 def test_exact_log_likelihoods_are_a_fixed_point_under_any_stopping_rule(decider, rule, decay):
     # 36 weights: the largest of as many z scores exceeds 4 in one of 400 tests.
     assert largest_z(updates(EXACT, decider, rule=rule, decay=decay)) < 4
-
-
-def test_other_weights_are_no_fixed_point_and_exact_ones_are_none_of_reinforce():
-    assert largest_z(updates(2 * EXACT, STOPPING[0])) > 6
-    assert largest_z(updates(EXACT, STOPPING[3], rule="reinforce")) > 6
 
 
 def one_of_two(p):
@@ -113,14 +104,6 @@ def test_reward_teaches_nearly_the_exact_likelihoods_of_taps(gratings):
     course = learned.course
     assert course.correct[:, -500:].mean() > 0.9
     assert course.readings[:, :100].mean() > 3 * course.readings[:, -100:].mean()
-
-
-def test_shuffled_labels_teach_nothing():
-    drawn = GaussianFeatures(d_prime=1.0, t_max=10).draw(4000, rng=5)
-    shuffled = replace(drawn, truth=np.random.default_rng(6).permutation(drawn.truth))
-    learned = learn_weights(shuffled, seed=7, learner=WeightLearner(trials=2000), runs=4)
-    assert np.abs(learned.calibration(drawn).slope).max() < 0.15
-    assert learned.course.correct.mean() == pytest.approx(0.5, abs=0.03)
 
 
 def test_unreliable_feedback_spoils_the_confidence_critic_and_not_the_affine_one(gratings):
@@ -182,15 +165,6 @@ def test_counts_use_the_readings_of_many_trials_first():
         counted_weights(drawn, readings=1)
 
 
-def test_learned_evidence_drives_a_test_and_a_circuit():
-    test = CELLS.draw(60, rng=9)
-    evidence = LearnedWeights(EXACT[None], test.names).to_evidence(test)
-    assert time_at_accuracy(evidence, 0.8) == pytest.approx(time_at_accuracy(test.exact, 0.8))
-    circuit = bg.BasalGanglia(bg.load_circuit("macaque", channels=3), seed=1)
-    assert circuit.decide(evidence, posterior=0.6, forced=True).accuracy > 0.5
-    assert bg.Msprt().decide(evidence, posterior=0.8).accuracy > 0.6
-
-
 @pytest.mark.parametrize(
     ("wanted", "options"),
     [
@@ -241,25 +215,3 @@ def test_rewards_and_names_that_do_not_fit_are_refused(wanted, options):
 def test_options_out_of_range_are_refused(wanted, make):
     with refused(wanted):
         make()
-
-
-def test_rewards_of_any_size_suit_a_critic_that_only_averages():
-    learned = learn_weights(
-        CELLS, seed=1, runs=2, rule="reinforce", feedback=Feedback(right=2, wrong=-1),
-        learner=WeightLearner(trials=200),
-    )  # fmt: skip
-    assert np.isfinite(learned.weights).all()
-
-
-def test_a_class_without_trials_and_a_silent_unit_are_refused():
-    drawn = CELLS.draw(300, rng=1)
-    with refused("truth no trial belongs to the hypothesis '2'"):
-        learn_weights(replace(drawn, truth=drawn.truth % 2), seed=1)
-    with refused("values 1 of 12 units are 0 in every reading, the first is unit 3"):
-        learn_weights(replace(drawn, values=drawn.values * (np.arange(12) != 3)), seed=1)
-
-
-def test_feedback_that_is_right_half_of_the_time_is_warned_of():
-    with pytest.warns(NoiseWarning, match="tells nothing"):
-        learn_weights(CELLS, seed=1, runs=1, critic="affine", feedback=Feedback(valid=0.5),
-                      learner=WeightLearner(trials=10))  # fmt: skip

@@ -20,7 +20,6 @@ from bgmodel.learning.weights.rules import (
     ConfidenceRule,
     Hebbian,
     OpponentActor,
-    QLearning,
     Reinforce,
     rule_of,
 )
@@ -77,15 +76,6 @@ def test_the_confidence_rule_is_the_gradient_of_the_log_probability_of_the_rewar
     assert change == pytest.approx(numerical_gradient(log_probability, weights), abs=1e-8)
 
 
-def test_for_two_hypotheses_the_confidence_rule_is_logistic_regression_with_the_truth():
-    weights = some_weights(2)
-    trial = trial_of(weights)
-    truth = np.where(trial.reward == 1, trial.choice, 1 - trial.choice)
-    error = trial.reward - trial.of_choice(trial.posterior)
-    known = (np.eye(2)[truth] - trial.posterior)[:, :, None] * trial.eligibility[:, None]
-    assert ConfidenceRule().change(weights, trial, error) == pytest.approx(known)
-
-
 def test_the_chosen_rule_is_the_confidence_rule_in_the_chosen_channel():
     weights = some_weights(3)
     trial = trial_of(weights)
@@ -113,14 +103,6 @@ def test_the_hebbian_rule_rests_at_the_log_odds_of_a_reward():
     assert 0.7 * after[0] + 0.3 * after[1] == pytest.approx(0, abs=1e-12)
 
 
-def test_q_learning_stops_where_the_drive_is_the_reward():
-    trial = trial_of(some_weights(3))
-    critic = critic_of(QLearning.critic)
-    trial = replace(trial, reward=trial.of_choice(trial.drive))
-    error = trial.reward - critic.expected(critic.start(RUNS), trial)
-    assert not QLearning().change(some_weights(3), trial, error).any()
-
-
 def test_opponent_weights_grow_in_proportion_to_themselves_and_dopamine_weighs_them():
     rule = OpponentActor(rho=0.5)
     start = rule.start((RUNS, 2, UNITS))
@@ -138,13 +120,6 @@ def test_without_feedback_no_rule_changes_anything(name):
     parameters = rule.start((RUNS, 3, UNITS)) + 0.2
     trial = trial_of(some_weights(3), reward=np.full(RUNS, np.nan))
     assert not rule.change(parameters, trial, np.zeros(RUNS)).any()
-
-
-def test_certainty_makes_no_update_infinite():
-    weights = some_weights(3)
-    trial = replace(trial_of(weights, choice=[0] * RUNS), posterior=np.eye(3)[[0] * RUNS])
-    change = ConfidenceRule().change(weights, trial, np.full(RUNS, -1.0))
-    assert np.isfinite(change).all()
 
 
 def test_critics_of_confidence_are_capped_where_the_circuit_is():

@@ -7,7 +7,7 @@ from bgmodel.learning.weights.deciders import WeightLearner
 from bgmodel.learning.weights.learn import learn_weights
 from bgmodel.learning.weights.sources import DriftingSensor, GaussianFeatures, tap_features
 from bgmodel.tactile.source import held_out_taps
-from bgmodel.tactile.task import Orientation, SameDifferent
+from bgmodel.tactile.task import SameDifferent
 from tests.helpers import refused
 
 FOLLOWING = WeightLearner(trials=1500, half_trials=np.inf)
@@ -27,12 +27,6 @@ def test_a_drift_moves_the_activity_and_keeps_what_a_tap_says():
     assert inner.any()
     halved = 0.5 * (before.values @ pool.centres)[inner]
     assert (after.values @ pool.centres)[inner] == pytest.approx(halved, abs=1e-9)
-
-
-def test_a_shift_by_the_period_of_orientations_changes_nothing():
-    pool = tap_features(held_out_taps(), Orientation(4, 2.0), t_max=5)[0]
-    for same, shifted in zip(pool.values, pool.drifted(shift_deg=180.0).values, strict=True):
-        assert shifted == pytest.approx(same, abs=1e-9)
 
 
 def test_readings_change_linearly_from_the_first_trial_of_the_drift_to_its_last():

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import numpy.testing as npt
 import pytest
-from scipy.special import log_softmax
 
 from circuits import anatomy
 from circuits.cells import Lif, Phase, Rate
@@ -124,14 +123,6 @@ def test_a_trial_has_its_noise_whatever_runs_beside_it():
     rows = two.spikes["SNr"].query("trial == 1").drop(columns="trial")
     npt.assert_array_equal(one.spikes["SNr"].drop(columns="trial"), rows)
     assert one.about == {"seed": 5, "first_trial": 1, "dt_ms": 0.1, "settle_ms": 30}
-
-
-def test_a_table_of_rates_settles_at_the_log_posterior():
-    y = np.array([0.6, -0.4, 0.1])
-    drive = np.tile(y, (1, 25, 1))
-    out = run_brian2(anatomy.bogacz_gurney(3), drive, step_ms=10, seed=1)
-    npt.assert_allclose(out.output_nats[0, -1], -log_softmax(y), atol=1e-6)
-    assert out.spikes is None
 
 
 def test_brian2_loads_when_it_runs_and_leaves_the_hook_for_errors():

@@ -128,19 +128,6 @@ def test_words_of_a_users_table_stay_text_in_a_script():
     )
 
 
-def test_a_network_goes_on_whatever_the_users_code_generator_is():
-    """A group of the user's joins it; the run neither needs nor changes the preference."""
-    before = brian2.prefs.codegen.target
-    assert before != "numpy"
-    network = WHOLE.to_brian2(DRIVE, **clocked(WHOLE))
-    numpy = {"codeobj_class": brian2.NumpyCodeObject}  # compiling its code takes long
-    monitor = brian2.StateMonitor(network["STN"], "phi", record=[0], when="end", **numpy)
-    network.add(monitor)
-    network.run(1 * brian2.ms, namespace={})
-    assert brian2.prefs.codegen.target == before
-    assert monitor.phi.shape == (1, 10)
-
-
 @dataclass(frozen=True)
 class Silent(Cell):
     """A cell type without Brian2 code."""

@@ -4,7 +4,8 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from circuits.cells import Lif, Phase, Rate, register, single
+from circuits.cells import Lif, Phase, Rate, register
+from circuits.declaration.transfer import TRANSFERS
 from circuits.engines import run
 from circuits.engines.ensemble import cells as compiled_cells
 from tests.circuits.spiking import (
@@ -14,8 +15,8 @@ from tests.circuits.spiking import (
     NAMES,
     WITH_ADEX,
     lacking,
+    one_sentence,
     spikes_of,
-    with_cell,
 )
 
 
@@ -65,31 +66,8 @@ def test_another_window_or_recording_changes_no_spike_of_a_type_of_ones_own(monk
         assert other.output_nats.tobytes() == recorded.output_nats.tobytes()
 
 
-@pytest.mark.parametrize(
-    ("tick", "says"),
-    [
-        (lambda heard, ones, v: (v > single.ONE, v), r"tick must take .* constants"),
-        (
-            lambda heard, ones, phi, noise_step, factor: (
-                phi > single.ONE,
-                single.fused(heard, phi, phi),
-            ),
-            "on numbers in single precision",
-        ),
-        (
-            lambda heard, ones, phi, noise_step, factor: (phi > single.ONE, phi + 0.5),
-            "holds the numbers 0.5",
-        ),
-    ],
-    ids=["names", "double into fused", "a literal"],
-)
-def test_a_tick_that_would_round_otherwise_when_compiled_is_refused(tick, says):
-    function = tick
-
-    @register
-    @dataclass(frozen=True)
-    class Wrong(Phase):
-        tick = staticmethod(function)
-
-    with pytest.raises(ValueError, match=says):
-        lacking("ensemble")(with_cell(BASE, "STN", Wrong(0.3)))
+def test_a_transfer_that_an_engine_does_not_know_is_refused_by_it(monkeypatch):
+    monkeypatch.setitem(TRANSFERS, "square", TRANSFERS["rectified"])
+    circuit = BASE.with_population("ctx", transfer="square")
+    one_sentence(lambda: lacking("ensemble")(circuit), "transfers", "square", "brian2")
+    assert lacking("plain")(circuit).output_nats.shape == (2, round(GIVEN["step_ms"]), 2)

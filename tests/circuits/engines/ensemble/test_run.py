@@ -1,19 +1,14 @@
 """The compiled engine has the spikes of the plain engine, independent of other trials."""
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.testing as npt
 import pytest
 
 from circuits import anatomy
 from circuits.declaration.rows import Projection
-from circuits.dynamics.ticks import Clock, cell_factors
-from circuits.dynamics.wiring import wire
 from circuits.engines.ensemble import kernel
 from circuits.engines.ensemble import run as ensemble
-from circuits.engines.ensemble.plan import plan
-from circuits.errors import EditWarning, RangeWarning
+from circuits.errors import EditWarning
 from tests.circuits.helpers import run_ensemble, run_plain
 
 NAMES = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
@@ -82,20 +77,6 @@ def test_sparse_inputs_make_cells_spike_as_in_the_plain_scheme_up_to_single_prec
     npt.assert_allclose(fast.output_nats, plain.output_nats, atol=0.03)
 
 
-@pytest.mark.parametrize("wiring_seed", [0, 1])
-def test_cells_differ_by_their_spread_and_channels_do_not(wiring_seed):
-    """Without the mean of 1 the favoured channel's OUT lay 0.024 and 0.027 nats off the other's."""
-    table = replace(anatomy.spiking_msprt(2).with_heterogeneity(0.1), wiring_seed=wiring_seed)
-    for name in NAMES:
-        factors = cell_factors(table, name, 1)
-        npt.assert_allclose(factors.mean(axis=1), 1, rtol=1e-12)
-        npt.assert_allclose(factors.std(axis=1), 0.1, rtol=0.2)
-    drive = np.array([[[0.85, -0.85]], [[-0.85, 0.85]]]).repeat(8, axis=0)
-    activity = run_ensemble(table, drive, step_ms=1500, seed=9, rates=False, sample_ms=5.0)
-    mean = activity.output_nats[:, 100:].mean(axis=1)
-    assert abs(mean[:8, 0].mean() - mean[8:, 1].mean()) < 0.012
-
-
 @pytest.mark.parametrize("circuit", [BASE, BASE.with_heterogeneity(0.1).with_connections(0.25)])
 def test_the_same_bytes_for_any_batch_order_and_number_of_workers(circuit):
     drive = ramp(20, 3)
@@ -152,12 +133,6 @@ def test_more_spikes_than_room_are_all_there(monkeypatch):
         assert spike_set(little[name]) == spike_set(plenty[name])
 
 
-def test_a_drive_beyond_the_range_warns_once_with_the_number():
-    with pytest.warns(RangeWarning, match=r"S runs from .* to 2\d\.\d\d nats") as caught:
-        run_ensemble(BASE, ramp(3, 2, top=40.0), step_ms=20, seed=1)
-    assert len(caught) == 1
-
-
 def test_strong_inhibition_is_not_taken_for_a_refractory_period():
     fast, plain = both(BASE.scale("D1", "SNr", 60), ramp(2, 3, top=3.0))
     assert spike_set(fast.spikes["SNr"]) == spike_set(plain.spikes["SNr"])
@@ -175,13 +150,3 @@ def test_a_run_shows_a_bar_of_progress_only_on_request(capsys):
     assert not capsys.readouterr().err
     run_ensemble(BASE, np.zeros((9, 1, 2)), progress=True, **settings)
     assert "9/9" in capsys.readouterr().err
-
-
-def test_cells_have_constants_of_their_own_only_where_they_differ():
-    """A loop over cells that are alike reads none: it is the fast one."""
-    for circuit, differ in ((BASE, False), (BASE.with_heterogeneity(0.1), True)):
-        wiring = wire(circuit)
-        laid = plan(wiring, Clock(1, 50), np.zeros(wiring.blocks, bool))
-        spiking = [differ and wiring.row(b).spiking for b in range(wiring.blocks)]
-        assert (laid.blocks["variation"] != kernel.IDENTICAL).tolist() == spiking
-        assert (laid.constants is not None) == differ

@@ -7,7 +7,7 @@ from circuits import anatomy
 from circuits.cells import Phase
 from circuits.declaration import transfer
 from circuits.engines.population import answers as module
-from circuits.engines.population.answers import Mixture, Straight, _pace, _rough, answers, looked_up
+from circuits.engines.population.answers import Mixture, Straight, answers, looked_up
 from circuits.store import Entry
 
 GPE = anatomy.spiking_msprt().population("GPe")
@@ -31,23 +31,6 @@ def test_a_law_that_ends_is_followed_to_a_thousandth_of_its_ends():
     table = answers(Mixture(Phase(0.3), Straight("ramp", 0.0, 34.0)), 0.1)
     np.testing.assert_allclose(table.lowest * 34, 1e-3, rtol=0.05)
     np.testing.assert_allclose([table.highest, table.top], [0.999, 0.95], rtol=1e-5)
-
-
-def test_filters_go_with_the_logarithm_of_the_rate_from_a_tenth_of_a_hz_on():
-    pace = _pace(np.array([0.001, 0.05, 0.1, 0.2, 40.0, 39.0]))
-    np.testing.assert_allclose(np.exp(pace), [0.1, 0.1, 0.1, 0.2, 40, 40], rtol=1e-6)
-    assert (np.diff(pace) > 0).all()
-
-
-@pytest.mark.parametrize(
-    ("misfit", "hz", "warned"),
-    [(0.26, 1.1, True), (0.26, 119.0, True), (0.24, 40.0, False), (0.9, 0.9, False),
-     (0.9, 121.0, False)],
-)  # fmt: skip
-def test_a_filter_that_errs_by_more_than_a_quarter_is_named_from_1_to_120_hz(misfit, hz, warned):
-    sentence = _rough(Phase(0.3), "its noise", np.array([20.0, hz]), np.array([0.1, misfit]))
-    assert (f"its noise at {hz:.0f} Hz only to within {misfit:.0%}" in sentence) == warned
-    assert bool(sentence) == warned
 
 
 @pytest.mark.parametrize("share", [0.95, 1.05])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy import optimize, signal
+from scipy import signal
 
 from circuits.cells import Phase
 from circuits.cells.phase import phase_spectrum
@@ -62,49 +62,3 @@ def test_a_pacemaker_that_is_too_regular_for_two_sections_says_so():
     rates = np.array([20.0, 40.0])
     power = phase_spectrum(Phase(0.1), rates, FREQUENCIES_HZ)
     assert filters.colour(power / rates[:, None], rates).misfit.min() > 0.5
-
-
-def test_an_answer_without_lag_or_colour_has_the_filter_next_to_where_the_fit_begins():
-    """Numerator and denominator must be equal: the fit finds the pair nearest to both starts."""
-    flat, hz = np.ones((2, len(FREQUENCIES_HZ))), np.array([25.0, 25.0])
-    # From n and log d to n = d, where (n - n0) + log(n / d0) / n = 0.
-    first, second = (
-        optimize.brentq(lambda x, n=n, d=d: x - n + np.log(x / d) / x, d / 9, 9 * d)
-        for n, d in ((0.3, 0.6), (0.03, 0.05))
-    )
-    coefficients = filters.following(flat.astype(complex)).coefficients
-    np.testing.assert_allclose(coefficients, np.tile([first, second], (2, 2)), rtol=1e-4)
-    # From the logarithms of 1, 1 over 1, 4 and of 3, 9 over 3, 9: to their means.
-    coefficients = filters.colour(flat, hz).coefficients
-    np.testing.assert_allclose(coefficients, np.tile([1, 2, 1, 2, 3, 9, 3, 9], (2, 1)), rtol=1e-3)
-
-
-def test_a_coefficient_that_the_answer_hardly_fixes_stays_near_the_state_before_and_the_first():
-    """Where data weigh as much as what holds the coefficient, it goes to the mean of all three."""
-    goals = np.array([4.0, 7.0])
-    coefficients = filters._along(
-        2,
-        lambda p, state: 0.03 * (p - goals[state]),
-        lambda p, state: 0.03 * np.eye(1),
-        np.array([1.0]),
-    )
-    np.testing.assert_allclose(coefficients[:, 0], [(4 + 1 + 1) / 3, (7 + 2 + 1) / 3], rtol=1e-9)
-
-
-def test_a_misfit_is_the_largest_up_to_100_hz():
-    """Of an answer and of a colour with a step at 100 Hz, which two poles cannot follow."""
-    low, s = FREQUENCIES_HZ <= 100, PER_RAD_S
-    gain = np.where(low, 1.0, 0.2).astype(complex)[None]
-    fit = filters.following(gain)
-    n1, n2, d1, d2 = fit.coefficients[0]
-    off = np.abs((1 + n1 * s + n2 * s**2) / (1 + d1 * s + d2 * s**2) - gain[0])
-    assert fit.misfit[0] == pytest.approx(off[low].max(), rel=1e-9)
-    assert off[~low].max() != pytest.approx(off[low].max(), rel=0.05)
-    power = np.where(low, 1.0, 0.2)[None]
-    fit = filters.colour(power, np.array([25.0]))
-    fitted_power = np.ones(len(s))
-    for b1, b0, a1, a0 in fit.coefficients.reshape(-1, 4):
-        fitted_power *= np.abs((s**2 + b1 * s + b0) / (s**2 + a1 * s + a0)) ** 2
-    off = np.abs(fitted_power / power[0] - 1)
-    assert fit.misfit[0] == pytest.approx(off[low].max(), rel=1e-9)
-    assert off[~low].max() != pytest.approx(off[low].max(), rel=0.05)

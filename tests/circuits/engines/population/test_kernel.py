@@ -2,7 +2,6 @@
 
 import warnings
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -104,57 +103,6 @@ def test_steady_state_is_the_fixed_point(name, channels):
         late = run_rate(circuit, drive, step_ms=3000, sample_ms=100).output_nats[:, -1]
     exact = run_algebra(circuit, drive).output_nats[:, 0]
     assert np.abs(late - exact).max() < SINGLE
-
-
-def test_a_circuit_at_rest_stays_there():
-    for name in anatomy.CIRCUITS:
-        circuit = anatomy.load_circuit(name, 4)
-        activity = run_rate(circuit, np.zeros((1, 1, 4)), step_ms=50, settle_ms=0)
-        rest = run_algebra(circuit, np.zeros((1, 1, 4))).output_nats
-        assert np.abs(activity.output_nats - rest).max() < SINGLE
-
-
-@pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))
-def test_rates_are_never_negative_but_where_they_stand_for_a_difference(name):
-    circuit = anatomy.load_circuit(name, 3)
-    drive = evidence(20, 5, 3) * 3
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        activity = run_rate(circuit, drive, step_ms=40)
-    for row in circuit.populations:
-        rates = activity.rates_hz[row.name]
-        assert np.isfinite(rates).all()
-        if not getattr(row.cell, "signed", False):
-            assert rates.min() >= 0, row.name
-    assert min(rates.min() for rates in activity.rates_hz.values()) <= 0  # so the floor was met
-
-
-@pytest.mark.parametrize(("name", "order"), [("appendix_b", 1), ("spiking_msprt", 2)])
-def test_half_the_tick_takes_the_error_down_by_its_order(name, order):
-    """Where a reading jumps through blocks without a filter the error falls as the tick does."""
-    circuit = anatomy.load_circuit(name, 2)
-    drive = evidence(4, 5, 2)
-    dts = (0.5, 0.25, 0.125, 0.0625)
-    out = [run_rate(circuit, drive, step_ms=40, dt_ms=dt).output_nats for dt in dts]
-    errors = [np.abs(a - b).max() for a, b in pairwise(out)]
-    for coarse, fine in pairwise(errors):
-        assert fine < SINGLE or coarse / fine == pytest.approx(2**order, rel=0.3)
-
-
-def test_delays_are_kept_to_the_tick():
-    """The first sample that moves is that of the shortest way to the read-out."""
-    drive = np.full((1, 1, 2), 0.5)
-
-    def moves_ms(circuit):
-        activity = run_rate(circuit, drive, step_ms=30, sample_ms=0.1)
-        return activity.time_ms[np.abs(activity.output_nats[0, :, 0] - np.log(2)) > 1e-6][0]
-
-    circuit = anatomy.bogacz_gurney().with_projection("ctx", "D1", delay_ms=7)
-    # ctx-STN 3 ms, STN-SNr 2 ms; a sample's time is the end of its tick.
-    assert moves_ms(circuit) == pytest.approx(5.1)
-    assert moves_ms(circuit.with_projection("ctx", "STN", delay_ms=6)) == pytest.approx(8.1)
-    # Through D1, 7 + 2 ms, once that is the shortest.
-    assert moves_ms(circuit.with_projection("ctx", "STN", delay_ms=20)) == pytest.approx(9.1)
 
 
 @pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from circuits import anatomy
-from circuits.dynamics.ticks import Clock, Scheme
+from circuits.dynamics.ticks import Clock, Scheme, tick_ms
 from circuits.dynamics.wiring import wire
 from circuits.engines import Population
 from circuits.engines.population import kernel
-from circuits.engines.population.plan import plan, rest, tick_ms
+from circuits.engines.population.plan import plan, rest
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ def test_the_tick_is_the_longest_that_all_delays_and_times_are_multiples_of(
 ):
     """One of 1/2, 1/4, 1/5 and 1/10 ms; the other delays of the table are whole milliseconds."""
     circuit = anatomy.load_circuit("macaque", 2).with_projection("STN", "GPe", delay_ms=delay_ms)
-    assert tick_ms(wire(circuit), *times_ms) == tick
+    assert tick_ms(wire(circuit), Population.ticks_ms, *times_ms) == tick
 
 
 def test_filters_follow_the_state_with_a_time_constant_of_fifty_milliseconds():

@@ -72,14 +72,6 @@ def test_few_trials_store_no_states(folder):
     assert not [*folder.rglob("*.npz")]
 
 
-def test_trials_that_share_a_state_begin_alike_and_part():
-    same, other = (populations(first_trial=settled.FEWEST * k).output_nats for k in (0, 1))
-    different = populations(first_trial=64).output_nats
-    shared, separate = (np.abs(same - each).mean(axis=(0, 2)) for each in (other, different))
-    assert shared[0] < 0.2 * separate[0]
-    assert shared[-1] == pytest.approx(separate[-1], rel=0.3)
-
-
 def test_edited_circuits_settle_under_the_same_noise():
     """What D1 does not reach is in the same state without it."""
     table = anatomy.spiking_msprt(2)
