@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+import inspect
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Self
 
 from circuits.declaration.courses import Course
 from circuits.declaration.edits import VERBS, Edit, Edits
-from circuits.declaration.row_edits import naming
+from circuits.declaration.row_edits import NAMES, naming, new_rows
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import CircuitTable
 from circuits.declaration.table_writer import digest
 from circuits.declaration.verbs import EditableTable
 from circuits.drawing import draw
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 from circuits.laws.homeostasis import balanced_factor, biases
 from circuits.laws.units import effect_of_nats
 
@@ -140,23 +141,40 @@ class Circuit(EditableTable):
 
         return script(network_of(self, drive, step_ms, seed, trial, engine), seed, trial)
 
-    def add(self, *rows: Population | Projection | Course | str, keep_rest: bool = False) -> Self:
-        """Return the circuit with new nuclei, pathways or courses.
+    def add(self, name: str, /, *, keep_rest: bool = False, **fields: object) -> Self:
+        """Return the circuit with a new nucleus, pathway or course, or with a motif.
+
+        For example ``add("TRN", like="STN", bias_nats=-1)``, ``add("D1->GPe", weight=-0.1)``,
+        ``add("dopamine", amount=0.5, to_ms=300)`` or ``add("striatal_FSI")``.
 
         Parameters
         ----------
-        *rows : Population, Projection, Course or str
-            Rows to add. A row may be text: ``"D1->GPe weight=-0.1 delay_ms=4"``,
-            ``"TRN like=STN bias_nats=-1"``, ``"dopamine amount=0.5 to_ms=300"``, or the name of a
-            motif, ``"striatal_FSI"``.
+        name : str
+            The nucleus, ``"TRN"``, the pathway, ``"D1->GPe"`` or ``"STN->SNr NMDA"``, the quantity
+            that the course changes, ``"dopamine"``, ``"STN"`` or ``"D2[0]"``, or the motif.
         keep_rest : bool
             Whether existing nuclei keep their resting rates: their biases are adjusted for the
             input that the new rows add, as in ``compensate``.
+        **fields
+            Fields of the row, as in ``circuits.declaration``: of a ``Population``, a
+            ``Projection`` or a ``Course``, which has an ``amount``. ``like`` names a row that has
+            the values of the other fields.
+
+        Raises
+        ------
+        ValueError
+            For a row that exists, a field that it does not have, or an invalid value.
         """
-        added = super().add(*rows)
-        if not keep_rest or added == self:
-            return added
-        with naming(*(row for row in rows if isinstance(row, str))):
+        must = 'must be a name, with fields as keywords: add("D1->GPe", weight=-0.1)'
+        require(isinstance(name, str) and "=" not in name, "add", must, name)
+        return self._added([name], keep_rest, fields)
+
+    def _added(self, rows: Sequence[str], keep_rest: bool, fields: Mapping[str, object]) -> Self:
+        new = new_rows(self, rows, fields)
+        with naming(*rows):
+            added = self.with_rows(*new)
+            if not keep_rest or added == self:
+                return added
             return replace(added.compensate(self), chronic=self.chronic)
 
     def compensate(
@@ -208,7 +226,7 @@ class Circuit(EditableTable):
             If the pathway does not exist or is of a kind that the rule cannot act on, or if no
             weight of its sign works.
         """
-        rows, factor = self.pathways(source, self.readout), balanced_factor(self, source)
+        rows, factor = self.pathways(f"{source}->{self.readout}"), balanced_factor(self, source)
         return self._multiplied(rows, "weight", factor)
 
     def edited(self, *lines: str) -> Self:
@@ -227,7 +245,7 @@ class Circuit(EditableTable):
         if keep_rest and not added:
             raise InputError("'keep rest' needs an edit that adds rows: use it with 'add'", "edits")
         circuit = self._called(edits.of("neurons", "connections", "heterogeneity"))
-        circuit = circuit.add(*(str(edit.value) for edit in added), keep_rest=keep_rest)
+        circuit = circuit._added([str(edit.value) for edit in added], keep_rest, {})
         circuit = circuit._set(edits.of("set"))
         circuit = circuit._called(edits.of("lesion", "clamp", "cut", "block", "scale", "dopamine"))
         if not edits.compensates:
@@ -243,3 +261,17 @@ class Circuit(EditableTable):
                 made_by = getattr(circuit, VERBS[edit.verb].method or edit.verb)
                 circuit = made_by(*edit.arguments, **edit.named)
         return circuit
+
+
+def _of_rows() -> inspect.Signature:
+    """Return the signature of ``add`` with the fields of all kinds of rows, for completion."""
+    kinds = (Population, Projection, Course)
+    names = {each.name: None for kind in kinds for each in fields(kind)}
+    known = inspect.signature(Circuit.add)
+    own = [one for one in known.parameters.values() if one.kind is not one.VAR_KEYWORD]
+    more = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None)
+            for name in ("like", *names) if name not in (*NAMES, "what")]  # fmt: skip
+    return known.replace(parameters=[*own, *more])
+
+
+Circuit.add.__signature__ = _of_rows()  # type: ignore[attr-defined]

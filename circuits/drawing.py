@@ -233,7 +233,7 @@ def draw(
     drawn: dict[tuple[str, str], tuple[Projection, ...]] = {}
     for p in _shown(circuit):
         pair = nucleus(p.source, names), nucleus(p.target, names)
-        rows = circuit.pathways(p.source, p.target)
+        rows = circuit.pathways(p.pair)
         drawn[pair] = max(drawn.get(pair, rows), rows, key=_strength)
     for pair, rows in drawn.items():
         _pathway(ax, circuit, rows, ways[pair], any(_differs(p, reference) for p in rows))

@@ -39,18 +39,18 @@ def test_a_nucleus_whose_axons_are_all_cut_by_a_fraction_is_lesioned_by_it(
     channel = channel if by_channel and not table.population(nucleus).pooled else None
     cut = table
     for p in paths_of(table, nucleus):
-        cut = cut.cut(p.source, p.target, fraction, channel)
+        cut = cut.cut(p.pair, fraction, channel)
     lesioned = table.lesion(nucleus, fraction, channel=channel)
     np.testing.assert_allclose(state(cut, drive), state(lesioned, drive), atol=1e-6)
 
 
 def test_half_of_the_axons_take_the_tone_and_half_the_weight_leaves_it():
     table = anatomy.macaque(2)
-    scaled, cut = table.scale("GPe", "STN", 0.5), table.cut("GPe", "STN", 0.5)
+    scaled, cut = table.scale("GPe->STN", 0.5), table.cut("GPe->STN", 0.5)
     before = resting_hz(table)
     assert resting_hz(scaled) == pytest.approx(before, abs=1e-9)
-    weight, tone = table.projection("GPe", "STN").weight, 58 / 20
-    by_hand = table.scale("GPe", "STN", 0.5).with_population(
+    weight, tone = table.projection("GPe->STN").weight, 58 / 20
+    by_hand = table.scale("GPe->STN", 0.5).with_population(
         "STN", bias_nats=table.population("STN").bias_nats - 0.5 * weight * tone
     )
     assert resting_hz(cut) == pytest.approx(resting_hz(by_hand), abs=1e-9)
@@ -60,20 +60,20 @@ def test_half_of_the_axons_take_the_tone_and_half_the_weight_leaves_it():
 
 def test_cuts_add_up_are_undone_as_lesions_are_and_leave_a_circuit_that_was_exact():
     table = anatomy.bogacz_gurney(3)
-    cut = table.cut("GPe", "STN", 0.5).cut("GPe", "STN", 0.5, channel=1)
-    np.testing.assert_allclose(cut.axons_of(cut.projection("GPe", "STN")), [0.5, 0.25, 0.5])
+    cut = table.cut("GPe->STN", 0.5).cut("GPe->STN", 0.5, channel=1)
+    np.testing.assert_allclose(cut.axons_of(cut.projection("GPe->STN")), [0.5, 0.25, 0.5])
     assert cut.unlesioned.projections == table.projections
     assert table.exact
     assert not cut.exact
-    assert table.cut("GPe", "STN", 0.0) is table
+    assert table.cut("GPe->STN", 0.0) is table
 
 
 @pytest.mark.parametrize("sparse", [False, True])
 def test_engines_cut_the_same_axons_in_one_channel(sparse):
     table = anatomy.macaque(2).with_neurons(20)
     table = table.with_connections(0.5) if sparse else table
-    for path in (("GPe", "STN"), ("STN", "GPe"), ("D1", "SNr")):
-        table = table.cut(*path, 0.2, channel=1)
+    for path in ("GPe->STN", "STN->GPe", "D1->SNr"):
+        table = table.cut(path, 0.2, channel=1)
     drive = np.array([[[0.0, 0.0], [1.0, -0.5]]])
     plain, compiled = (run(table, drive, engine=e, **SPIKES) for e in ("plain", "ensemble"))
     for name in ("STN", "GPe", "SNr"):
@@ -81,7 +81,7 @@ def test_engines_cut_the_same_axons_in_one_channel(sparse):
 
 
 def test_populations_and_rates_settle_where_the_fixed_point_of_a_cut_is():
-    table = anatomy.macaque(2).cut("GPe", "STN", 0.2).cut("STN", "GPe", 0.1, channel=0)
+    table = anatomy.macaque(2).cut("GPe->STN", 0.2).cut("STN->GPe", 0.1, channel=0)
     drive = np.repeat([[[0.4, -0.2]]], 80, axis=1)
     held = run(table, drive[:, :1], engine="algebra", step_ms=50.0).output_nats[0, 0]
     for engine, more in (("rate", {}), ("population", {"noise": False, "laws": "lines"})):
@@ -98,7 +98,7 @@ def test_activity_of_a_silenced_channel_is_0_and_of_all_others_that_without_its_
     more = {**more, "spikes": ("GPe", "STN")} if engine == "ensemble" else more
     cut = table
     for p in paths_of(table, "GPe"):
-        cut = cut.cut(p.source, p.target, 1.0)
+        cut = cut.cut(p.pair, 1.0)
     tables = cut, table.lesion("GPe", 1.0), table.lesion("STN", 1.0, channel=1)
     by_axons, silenced, half = (run(each, drive, engine=engine, **more) for each in tables)
     np.testing.assert_array_equal(silenced.output_nats, by_axons.output_nats)

@@ -93,14 +93,14 @@ def growing(trials, steps):
 
 
 COURSES = (
-    "dopamine amount=0.4 from_ms=20.05 to_ms=80 rise_ms=15 decay_ms=30",
-    "STN amount=-0.2 from_ms=5 to_ms=60",
-    "D1 amount=0.2 rise_ms=20",
+    "add dopamine amount=0.4 from_ms=20.05 to_ms=80 rise_ms=15 decay_ms=30",
+    "add STN amount=-0.2 from_ms=5 to_ms=60",
+    "add D1 amount=0.2 rise_ms=20",
 )
 
 
 @pytest.mark.parametrize(
-    ("circuit", "level"), [(TABLE, 0.3), (TABLE.add(*COURSES), 0.1)], ids=["unedited", "courses"]
+    ("circuit", "level"), [(TABLE, 0.3), (TABLE.edited(*COURSES), 0.1)], ids=["unedited", "courses"]
 )
 @pytest.mark.parametrize("engine", DROPPING)
 def test_a_dropped_trial_is_the_whole_one_cut_short(engine, circuit, level):
@@ -138,7 +138,7 @@ def test_engines_with_noise_need_a_seed(engine):
 @pytest.mark.parametrize("engine", DROPPING)
 def test_a_trial_with_courses_does_not_depend_on_those_beside_it(engine):
     """More trials than run side by side, some of them over early: others take their place."""
-    circuit = TABLE.add(*COURSES)
+    circuit = TABLE.edited(*COURSES)
     drive = np.tile(growing(6, 2), (12, 1, 1))
     together = all_of(circuit, drive, engine, drop_below=0.9, settle_ms=50)
     for trial in (0, 65, 71):
@@ -147,14 +147,14 @@ def test_a_trial_with_courses_does_not_depend_on_those_beside_it(engine):
         npt.assert_array_equal(together.output_nats[trial][kept], alone.output_nats[0][kept])
 
 
-ONE = TABLE.scale("ctx", "D1", 0.8, 1).scale("STN", "SNr", 1.2, 0).scale("D2", "GPe", 0, 2)
+ONE = TABLE.scale("ctx->D1", 0.8, 1).scale("STN->SNr", 1.2, 0).scale("D2->GPe", 0, 2)
 """Weights of one channel, followed by lesions of one channel."""
 LOST = ONE.lesion("GPe", 0.25, channel=0).lesion("D2", 1, channel=1).lesion("STN", 0.1)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_an_edit_of_one_channel_acts_on_every_engine(engine):
-    circuit = anatomy.bogacz_gurney(3).scale("D1", "SNr", 0.9, channel=1)
+    circuit = anatomy.bogacz_gurney(3).scale("D1->SNr", 0.9, channel=1)
     out = held(circuit, engine).output_nats[:, -1]
     y = CENTRED + circuit.reference_nats - np.log(3)
     exact = -log_softmax(CENTRED, axis=1) + 0.1 * y * [0, 1, 0]
@@ -195,8 +195,8 @@ def in_plain(circuit):
     [
         TABLE,
         LOST,
-        anatomy.macaque(3).with_neurons(20).add(*COURSES),
-        TABLE.add(*COURSES).clamp("GPe", 0.3).with_heterogeneity(0.1),
+        anatomy.macaque(3).with_neurons(20).edited(*COURSES),
+        TABLE.edited(*COURSES).clamp("GPe", 0.3).with_heterogeneity(0.1),
     ],
     ids=["unedited", "one channel", "courses at terminals", "courses and a lesion"],
 )
@@ -222,11 +222,11 @@ def edited(number):
     rng = np.random.default_rng(number)
     circuit = anatomy.spiking_msprt(int(rng.integers(2, 5))).dopamine(rng.uniform(0.8, 1.3))
     for p in rng.choice(np.array(circuit.projections), 3, replace=False):
-        circuit = circuit.scale(p.source, p.target, rng.uniform(0.5, 1.5))
+        circuit = circuit.scale(p.pair, rng.uniform(0.5, 1.5))
     stn = circuit.population("STN").bias_nats + rng.normal(0, 0.1)
     circuit = circuit.with_population("STN", bias_nats=stn)
     return [
-        circuit.add(Projection("GPe", "GPe", -0.1, delay_ms=0.1, tau_ms=5)),
+        circuit.with_rows(Projection("GPe", "GPe", -0.1, delay_ms=0.1, tau_ms=5)),
         circuit.clamp("STN", 0.4),
         circuit.with_population("STN", cell=Phase(0.9)),
         circuit.with_heterogeneity(0.2),
@@ -237,9 +237,9 @@ def edited(number):
     "circuit",
     [
         pytest.param(FULL, id="shipped"),
-        pytest.param(FULL.add(LOOP), id="GPe->D2", marks=pytest.mark.validate),
+        pytest.param(FULL.with_rows(LOOP), id="GPe->D2", marks=pytest.mark.validate),
         pytest.param(FULL.dopamine(1.1), id="dopamine", marks=pytest.mark.validate),
-        pytest.param(FULL.add(*COURSES), id="courses", marks=pytest.mark.validate),
+        pytest.param(FULL.edited(*COURSES), id="courses", marks=pytest.mark.validate),
         # A delay of one tick, for which the compiled loop is compiled once more.
         pytest.param(edited(0), id="loop", marks=pytest.mark.validate),
         pytest.param(edited(1), id="lesion"),
@@ -262,7 +262,7 @@ def test_an_edit_leaves_the_spiking_engines_with_the_same_spikes(circuit):
 
 def test_courses_act_through_connections_cell_by_cell_as_through_whole_blocks():
     """Sparse inputs are summed in another order by the compiled engine: now and then a spike."""
-    sparse = TABLE.with_connections(0.5).add(*COURSES)
+    sparse = TABLE.with_connections(0.5).edited(*COURSES)
     drive = np.repeat(CENTRED[:1, None], 1, axis=1)
     names = ("D1", "D2", "SNr")
     options = {"step_ms": 70, "settle_ms": 10, "spikes": names}
@@ -281,7 +281,7 @@ def test_courses_act_through_connections_cell_by_cell_as_through_whole_blocks():
     assert len(plain.spikes["D1"]) > 1.1 * len(without.spikes["D1"])
     # Synapses each for itself add up to the blocks' sums.
     blocks, each = (
-        all_of(TABLE.add(*COURSES), drive, "brian2", explicit=explicit, **options)
+        all_of(TABLE.edited(*COURSES), drive, "brian2", explicit=explicit, **options)
         for explicit in (False, True)
     )
     npt.assert_allclose(blocks.output_nats, each.output_nats, atol=1e-9)
@@ -290,7 +290,7 @@ def test_courses_act_through_connections_cell_by_cell_as_through_whole_blocks():
 @pytest.mark.parametrize("circuit", [anatomy.bogacz_gurney(3), TABLE], ids=["exact", "spiking"])
 def test_rates_under_courses_are_alike(circuit):
     """What passes rates on alone, and the spiking engines' rates where the tick is short."""
-    circuit = circuit.add("STN amount=-0.2 from_ms=20 to_ms=120 rise_ms=15 decay_ms=30")
+    circuit = circuit.add("STN", amount=-0.2, from_ms=20, to_ms=120, rise_ms=15, decay_ms=30)
     drive = np.repeat(CENTRED[:1, None], 3, axis=1)
     rows = tuple(replace(p, cell=Rate(signed=p.cell.lowest_hz < 0)) for p in circuit.populations)
     circuit = replace(circuit, populations=rows)

@@ -107,7 +107,7 @@ def decided(*thresholds, **options):
         (lambda: bg.Msprt().decide(SHORT), "posterior posterior=0.82"),
         (lambda: bg.load_circuit("macaque").plot(3), "ax"),
         (lambda: SHORT.plot(ax="x"), "ax"),
-        (lambda: bg.load_circuit("macaque").cut("GPe->STN", 0.5), 'source cut."GPe", "STN"'),
+        (lambda: bg.load_circuit("macaque").cut("GPe", "STN"), 'pathway "GPe->STN"'),
         (lambda: bg.load_circuit("macaque").edited(["lesion STN 10%"]), "edits unpack"),
         (lambda: bg.BasalGanglia("macaque").activity(SHORT).spike_table(), "spikes Ensemble"),
     ],

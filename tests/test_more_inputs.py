@@ -24,7 +24,7 @@ def test_an_input_from_one_time_on_is_a_course_of_that_trial_alone(engine):
     columns = np.zeros((2, STEPS, 1))
     columns[0, 2:] = 0.7
     out = driven(BASE.with_inputs("STN"), engine, columns)
-    course = BASE.add(f"STN amount=0.7 from_ms={2 * STEP_MS:g}")
+    course = BASE.edited(f"add STN amount=0.7 from_ms={2 * STEP_MS:g}")
     with_course, without = (
         run(table, DRIVE, engine=engine, step_ms=STEP_MS, seed=3, settle_ms=20).output_nats
         for table in (course, BASE)

@@ -152,7 +152,7 @@ def test_a_loop_that_has_no_rest_is_named_and_cured_by_weakening_it(weights):
     loop = " -> ".join([f"N{k}" for k in range(len(weights))] + ["N0"])
     with pytest.raises(ValueError, match=rf"loop {loop} has a gain of {gain:.3g}, more"):
         resting_state(circuit)
-    weaker = circuit.scale("N0", f"N{1 % len(weights)}", 0.9 / gain)
+    weaker = circuit.scale(f"N0->N{1 % len(weights)}", 0.9 / gain)
     assert np.isfinite(resting_state(weaker)[1]).all()
     assert not any("loop" in doubt for doubt in doubts(weaker))
 

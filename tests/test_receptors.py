@@ -35,7 +35,10 @@ KINDS = {"GPe": ("GABA-A", "GABA-B"), "D1": ("GABA-A", "GABA-B")}
 
 def split(circuit, source, target, share, **fields):
     """Return the circuit with a pathway through two receptors, the second with other fields."""
-    row, (first, second) = circuit.projection(source, target), KINDS.get(source, ("AMPA", "NMDA"))
+    row, (first, second) = (
+        circuit.projection(f"{source}->{target}"),
+        KINDS.get(source, ("AMPA", "NMDA")),
+    )
     one = replace(row, synapse=first, weight=row.weight * share)
     other = replace(row, synapse=second, weight=row.weight * (1 - share), **fields)
     rows = (two for p in circuit.projections for two in ((one, other) if p == row else (p,)))
@@ -99,13 +102,13 @@ def test_edits_of_the_pair_act_on_all_of_its_receptors(share):
             p.pair for p in one.projections
         ]
 
-    same(lambda c: c.scale("STN", "SNr", 0.8))
-    same(lambda c: c.scale("STN", "SNr", 0.8, channel=1))
-    same(lambda c: c.cut("STN", "SNr", 0.1))
+    same(lambda c: c.scale("STN->SNr", 0.8))
+    same(lambda c: c.scale("STN->SNr", 0.8, channel=1))
+    same(lambda c: c.cut("STN->SNr", 0.1))
     same(lambda c: c.edited("cut STN->SNr[0] 10%"))
     same(lambda c: c.edited("cut STN->SNr 10%", "lesion STN 5%", "compensate"))
     same(lambda c: c.dopamine(0.9), ("ctx", "STN"))
-    same(lambda c: c.scale("STN", "SNr", 0.7).balanced("STN"))
+    same(lambda c: c.scale("STN->SNr", 0.7).balanced("STN"))
     same(shuffled_stn)
     same(linear_stn, ("GPe", "STN"))
 
@@ -123,8 +126,8 @@ def test_dopamine_within_a_trial_scales_every_receptor():
 def test_a_blocked_receptor_is_a_missing_row_and_its_tone(path, share):
     source, target = path
     two = split(MACAQUE, source, target, share, tau_ms=80.0)
-    second = two.pathways(source, target)[1]
-    blocked = two.block(f"{source}->{target}", second.synapse)
+    second = two.pathways(f"{source}->{target}")[1]
+    blocked = two.block(second.name)
     without = replace(two, projections=tuple(p for p in two.projections if p != second))
     tone = second.weight * MACAQUE.pattern(second)[0].sum()
     of = MACAQUE.population(source)
@@ -136,7 +139,7 @@ def test_a_blocked_receptor_is_a_missing_row_and_its_tone(path, share):
             rtol=1e-6,
         )
     npt.assert_allclose(
-        resting_state(two.scale(source, target, 0, synapse=second.synapse))[1],
+        resting_state(two.scale(second.name, 0))[1],
         resting_state(without)[1],
         rtol=1e-7,
     )
@@ -146,7 +149,7 @@ def test_a_blocked_receptor_is_a_missing_row_and_its_tone(path, share):
 def test_without_tone_a_blocked_receptor_is_a_missing_row_in_every_engine(engine):
     table = split(SMALL, "ctx", "D1", 0.7, tau_ms=40.0).with_population("ctx", baseline_hz=0.0)
     without = replace(table, projections=tuple(p for p in table.projections if p.synapse != "NMDA"))
-    blocked = replace(table.block("D1", "NMDA"), chronic=True)
+    blocked = replace(table.block("D1 NMDA"), chronic=True)
     out, wanted = (ran(t, engine).output_nats for t in (blocked, without))
     npt.assert_allclose(out, wanted, rtol=0, atol=2e-4)
     assert np.abs(wanted - ran(table, engine).output_nats).max() > 1e-2
@@ -186,20 +189,20 @@ def test_receptors_are_kept_by_files_and_shown():
 @pytest.mark.parametrize(
     ("lines", "by_hand"),
     [
-        (["block STN->SNr NMDA"], lambda c: c.block("STN->SNr", "NMDA")),
-        (["block SNr NMDA 30%"], lambda c: c.cut("STN", "SNr", 0.3, synapse="NMDA")),
-        (["block STN -> SNr[1] NMDA 30 %"], lambda c: c.block("STN->SNr", "NMDA", 0.3, channel=1)),
-        (["cut STN->SNr NMDA 30%"], lambda c: c.cut("STN", "SNr", 0.3, synapse="NMDA")),
-        (["scale STN->SNr NMDA 0.5"], lambda c: c.scale("STN", "SNr", 0.5, synapse="NMDA")),
-        (["scale STN->SNr[0] NMDA 0.5"], lambda c: c.scale("STN", "SNr", 0.5, 0, synapse="NMDA")),
+        (["block STN->SNr NMDA"], lambda c: c.block("STN->SNr NMDA")),
+        (["block SNr NMDA 30%"], lambda c: c.cut("STN->SNr NMDA", 0.3)),
+        (["block STN -> SNr[1] NMDA 30 %"], lambda c: c.block("STN->SNr NMDA", 0.3, channel=1)),
+        (["cut STN->SNr NMDA 30%"], lambda c: c.cut("STN->SNr NMDA", 0.3)),
+        (["scale STN->SNr NMDA 0.5"], lambda c: c.scale("STN->SNr NMDA", 0.5)),
+        (["scale STN->SNr[0] NMDA 0.5"], lambda c: c.scale("STN->SNr NMDA", 0.5, 0)),
         (["set STN->SNr NMDA.tau_ms 60"],
-         lambda c: c.with_projection("STN", "SNr", "NMDA", tau_ms=60)),
+         lambda c: c.with_projection("STN->SNr NMDA", tau_ms=60)),
         (["set STN->SNr NMDA.tau_ms=60", "scale STN->SNr 0.5"],
-         lambda c: c.set("STN->SNr NMDA.tau_ms", 60).scale("STN", "SNr", 0.5)),
+         lambda c: c.set("STN->SNr NMDA.tau_ms", 60).scale("STN->SNr", 0.5)),
         (["add D1->GPe GABA-A weight=-0.1"],
-         lambda c: c.add(Projection("D1", "GPe", -0.1, synapse="GABA-A"))),
+         lambda c: c.with_rows(Projection("D1", "GPe", -0.1, synapse="GABA-A"))),
         (["add STN->GPe NMDA like=STN->GPe weight=0.1", "block GPe NMDA 50%"],
-         lambda c: c.add("STN->GPe NMDA like=STN->GPe weight=0.1").block("GPe", "NMDA", 0.5)),
+         lambda c: c.add("STN->GPe NMDA", like="STN->GPe", weight=0.1).block("GPe NMDA", 0.5)),
     ],
 )  # fmt: skip
 def test_edits_name_a_receptor_after_its_pathway(lines, by_hand):
@@ -212,7 +215,7 @@ def test_edits_name_a_receptor_after_its_pathway(lines, by_hand):
 
 def test_a_row_is_known_by_its_pair_and_its_receptor():
     two = split(MACAQUE, "STN", "SNr", 0.7)
-    assert two["STN->SNr NMDA"] == two.projection("STN", "SNr", "NMDA")
+    assert two["STN->SNr NMDA"] == two.projection("STN->SNr NMDA")
     assert two["STN->GPe"].name == "STN->GPe"
     named = MACAQUE.edited("set STN->SNr.synapse AMPA")
     assert named["STN->SNr"] == named["STN->SNr AMPA"]
@@ -236,18 +239,18 @@ def test_a_block_onto_a_nucleus_takes_every_pathway_through_the_receptor():
 @pytest.mark.parametrize(
     ("field", "edit"),
     [
-        ("synapse NMDA", lambda c: c.block("STN->SNr", "NMDA")),
+        ("synapse NMDA", lambda c: c.block("STN->SNr NMDA")),
         ("synapse GPe", lambda c: c.edited("block GPe GABA-A")),
-        ("synapse AMPA", lambda c: c.scale("STN", "GPe", 0.5, synapse="AMPA")),
+        ("synapse AMPA", lambda c: c.scale("STN->GPe AMPA", 0.5)),
         ("synapse NDMA", lambda c: c.edited("add STN->SNr NDMA weight=1")),
         ("synapse GABA-A", lambda c: c.edited("add STN->SNr GABA-A weight=1")),
         ("synapse", lambda c: split(c, "STN", "SNr", 0.5).set("STN->SNr.weight", 1)),
-        ("synapse", lambda c: c.add(c.projection("STN", "SNr"))),
+        ("synapse", lambda c: c.with_rows(c.projection("STN->SNr"))),
         ("add STN->SNr", lambda c: c.edited("add STN->SNr weight=1")),
-        ("nucleus", lambda c: c.block("GPi", "AMPA")),
-        ("pathway", lambda c: c.block("SNr->STN", "AMPA")),
-        ("channel", lambda c: split(c, "STN", "SNr", 0.5).block("SNr", "NMDA", channel=2)),
-        ("fraction", lambda c: split(c, "STN", "SNr", 0.5).block("SNr", "NMDA", 1.5)),
+        ("nucleus", lambda c: c.block("GPi AMPA")),
+        ("pathway", lambda c: c.block("SNr->STN AMPA")),
+        ("channel", lambda c: split(c, "STN", "SNr", 0.5).block("SNr NMDA", channel=2)),
+        ("fraction", lambda c: split(c, "STN", "SNr", 0.5).block("SNr NMDA", 1.5)),
         ("edits", lambda c: c.edited("block GPe 30%")),
         ("edits", lambda c: c.edited("cut STN->SNr 10%", "block STN->SNr NMDA")),
         ("edits", lambda c: c.edited("block SNr NMDA 10%", "block STN->SNr NMDA 10%")),

@@ -219,8 +219,8 @@ def test_two_levels_of_dopamine_are_doubted():
 
 
 def test_a_course_after_the_trials_is_doubted():
-    late = bg.load_circuit("macaque").add("dopamine amount=0.2 from_ms=2100")
-    soon = bg.load_circuit("macaque").add("dopamine amount=0.2 from_ms=1900")
+    late = bg.load_circuit("macaque").add("dopamine", amount=0.2, from_ms=2100)
+    soon = bg.load_circuit("macaque").add("dopamine", amount=0.2, from_ms=1900)
     readings = evidence(100)[:4]  # 40 readings, 50 ms each
     model = bg.BasalGanglia(late, "rate")
     for call in (model.run, lambda heard: model.decide(heard, posterior=0.8)):

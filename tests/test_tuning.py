@@ -52,7 +52,7 @@ def test_weights_follow_where_a_direction_changes_the_loop(at_the_fixed_point):
 
 
 def test_fields_of_a_circuit_outside_the_family_are_set_as_they_are(at_the_fixed_point):
-    circuit = load_circuit("macaque").scale("GPe", "STN", 1.1)
+    circuit = load_circuit("macaque").scale("GPe->STN", 1.1)
     free = {"SNr.baseline_hz": (0.0, 60.0)}
     tuned = tune(circuit, ["rest.snr"], free, held_out=["rest.gpe"], evaluations=40)
     assert resting_hz(tuned.model.circuit(2))["SNr"] == pytest.approx(69.3, abs=0.5)

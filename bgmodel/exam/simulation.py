@@ -107,7 +107,9 @@ class Simulation:
             circuit = self.model.circuit(channels)
             if not self.motifs or circuit.unit != NATS:
                 return circuit
-            return replace(circuit.add(*motifs), unedited=circuit.unedited)
+            return replace(
+                circuit.edited(*(f"add {name}" for name in motifs)), unedited=circuit.unedited
+            )
 
     @once
     def tuned(self, channels: int, motifs: tuple[str, ...] = ()) -> tuple[BasalGanglia, Tradeoff]:

@@ -99,7 +99,7 @@ def linear_gpe(channels: int = 2, *, slope: float = 1.0) -> Circuit:
     """
     require(slope > 0, "slope", "must be > 0", slope)
     exact = bogacz_gurney(channels)
-    linear = exact.with_projection("STN", "GPe", transfer="linear", weight=slope, cite=BG2007)
+    linear = exact.with_projection("STN->GPe", transfer="linear", weight=slope, cite=BG2007)
     # Up to a loop gain slope * Sigma of 4, as in the exact circuit; oscillations begin at 4.5.
     reach = (0.0, 4 + math.log(4 / slope))
     about = f"GPe linear in its input; {BG2007}"

@@ -169,18 +169,12 @@ class Edit:
     @property
     def arguments(self) -> list[Any]:
         """The positional arguments of the verb's method."""
-        if VERBS[self.verb].of == RECEPTOR:
-            return [*self.row.split(), self.value]
-        ends = self.row.partition(" ")[0]
-        return [*(ends.split("->") if ends else ()), self.value]
+        return [*([self.row] if self.row else ()), self.value]
 
     @property
     def named(self) -> dict[str, Any]:
-        """The named arguments of the verb's method: the channel, and the receptor of a pathway."""
-        arguments: dict[str, Any] = {} if self.channel is None else {"channel": self.channel}
-        if VERBS[self.verb].of == PATHWAY and " " in self.row:
-            arguments["synapse"] = self.row.partition(" ")[2]
-        return arguments
+        """The named arguments of the verb's method: the channel."""
+        return {} if self.channel is None else {"channel": self.channel}
 
     @property
     def is_course(self) -> bool:

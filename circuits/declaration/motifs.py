@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from typing import TypeVar
+from collections.abc import Callable
 
 from circuits.cells import Phase
 from circuits.declaration.courses import Course
@@ -11,7 +10,6 @@ from circuits.declaration.rows import GABA, Population, Projection
 from circuits.declaration.table import CircuitTable
 
 Row = Population | Projection | Course
-Given = TypeVar("Given")
 
 LIENARD = "Lienard & Girard 2014"
 FSI = f"rate {LIENARD}, macaque; CV, gain, cells, heterogeneity assumed"
@@ -87,13 +85,3 @@ MOTIFS: dict[str, Callable[[CircuitTable], tuple[Row, ...]]] = {
     "onset_transient": onset_transient,
 }
 """All motifs by name; each takes the circuit that it is added to."""
-
-
-def expanded(circuit: CircuitTable, rows: Iterable[Given]) -> Iterator[Given | Row]:
-    """Yield rows unchanged, and the rows of a motif in place of its name."""
-    for row in rows:
-        motif = MOTIFS.get(row.strip()) if isinstance(row, str) else None
-        if motif is None:
-            yield row
-        else:
-            yield from motif(circuit)

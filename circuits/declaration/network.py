@@ -70,24 +70,19 @@ class Network(Mapping[str, "Population | Projection"]):
             raise InputError(reason, "nucleus", name)
         return self._known[name]
 
-    def projection(self, source: str, target: str, synapse: str = "") -> Projection:
-        """Return a row by its ends, and receptor if several have one; ValueError lists names."""
-        rows = self.pathways(source, target, synapse)
-        exact = [p for p in rows if p.synapse == synapse] or rows
+    def projection(self, name: str) -> Projection:
+        """Return a row by name, with its receptor if several have one; ValueError lists names."""
+        rows = self.pathways(name)
+        exact = [p for p in rows if p.name == " ".join(name.split())] or rows
         must = f"must be one of {', '.join(p.synapse for p in rows)}"
-        require(len(exact) == 1, "synapse", must, synapse, owner=rows[0].pair)
+        require(len(exact) == 1, "synapse", must, "", owner=rows[0].pair)
         return exact[0]
 
-    def pathways(self, source: str, target: str, synapse: str = "") -> tuple[Projection, ...]:
-        """Return the rows that join two populations through a receptor, by default through all."""
-        if isinstance(source, str) and "->" in source:
-            ends = ", ".join(f'"{end.strip()}"' for end in source.split("->"))
-            must = f"must be one nucleus, got {shown(source)}"
-            reason = f"source {must}: give the two ends one by one, as in cut({ends}, 0.5)"
-            raise InputError(reason, "source", source)
-        require(isinstance(synapse, str), "synapse", "must be the name of a receptor", synapse)
-        pair, _, named = " ".join(f"{source}->{target}".split()).partition(" ")
-        synapse = synapse or named
+    def pathways(self, name: str) -> tuple[Projection, ...]:
+        """Return the rows of a pathway, ``"STN->SNr"``, or of its receptor, ``"STN->SNr NMDA"``."""
+        written = isinstance(name, str) and "->" in name
+        require(written, "pathway", 'must be written as in "GPe->STN"', name)
+        pair, _, synapse = " ".join(name.split()).partition(" ")
         rows = tuple(p for p in self.projections if p.pair == pair)
         joining = tuple(p for p in rows if synapse in ("", p.synapse))
         if joining:
@@ -100,8 +95,7 @@ class Network(Mapping[str, "Population | Projection"]):
         """Return a row by its name: ``"STN"``, ``"STN->GPe"`` or ``"STN->GPe NMDA"``."""
         if not isinstance(name, str) or "->" not in name:
             return self.population(name)
-        source, _, target = name.partition("->")
-        return self.projection(source, target)
+        return self.projection(name)
 
     def __getitem__(self, name: str) -> Population | Projection:
         """Return a row by its name; KeyError lists the known names."""

@@ -35,7 +35,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 from circuits.cells import CELLS, Cell
 from circuits.declaration.courses import DOPAMINE, Course
 from circuits.declaration.edits import Edit, row_of
-from circuits.declaration.motifs import MOTIFS, expanded
+from circuits.declaration.motifs import MOTIFS
 from circuits.declaration.rows import WHOLE, Population, Projection
 from circuits.declaration.table import CircuitTable
 from circuits.errors import InputError, require, within
@@ -77,61 +77,73 @@ def _changed(row: Row, edits: Sequence[Edit]) -> Row:
         return _row(type(row), row, {edit.field: str(edit.value) for edit in edits}, {})
 
 
-def new_rows(circuit: CircuitTable, rows: Iterable[Row | Course | str]) -> list[Row | Course]:
-    """Return the rows to add to a circuit, parsing those given as text.
+def new_rows(
+    circuit: CircuitTable, texts: Sequence[str], more: Mapping[str, object]
+) -> list[Row | Course]:
+    """Return the rows to add to a circuit.
 
-    A row given as text may be like an existing row or another new row, in any order. A population
-    like a lesioned one is itself intact. The name of a motif adds all of its rows.
+    A row may be like an existing row or another new row, in any order. A population like a lesioned
+    one is itself intact. The name of a motif adds all of its rows.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The circuit.
+    texts : sequence of str
+        The rows, as in edits.
+    more : dict of str to object
+        Values of further fields of each.
     """
-    wanted = list(expanded(circuit, rows))
-    known: dict[str, Row] = {row.name: row for row in circuit.populations}
-    known |= {row.name: row for row in circuit.projections}
-    known |= {row.name: row for row in wanted if isinstance(row, (Population, Projection))}
-    texts = {k: row for k, row in enumerate(wanted) if isinstance(row, str)}
-    likes = {k: _like(text) for k, text in texts.items()}
-    read: dict[int, Row | Course] = {}
-    while waiting := [k for k in texts if k not in read]:
-        names = {_new(texts[k])[0] for k in waiting} - known.keys()
-        ready = [k for k in waiting if likes[k] not in names]
+    known: dict[str, Row] = dict(circuit)
+    new: dict[str, tuple[str, dict[str, Any]]] = {}
+    read: dict[str, Sequence[Row | Course]] = {}
+    for text in texts:
+        with naming(text):
+            name, values = _new(text)
+            new[text] = name, {**more, **values}
+            require(not more.keys() & values, "add", "must have each field once", text)
+            if name in MOTIFS and not new[text][1]:
+                read[text] = MOTIFS[name](circuit)
+    known |= {row.name: row for motif in read.values() for row in motif
+              if not isinstance(row, Course)}  # fmt: skip
+    while waiting := {text: each for text, each in new.items() if text not in read}:
+        names = {name for name, _ in waiting.values()} - known.keys()
+        ready = [text for text, (_, each) in waiting.items() if each.get("like") not in names]
         if not ready:
-            with naming(*(texts[k] for k in waiting)):
+            with naming(*waiting):
                 reason = "rows that are like each other say nothing: give one its fields"
                 raise InputError(reason, "add")
-        for k in ready:
-            row = read[k] = _read(circuit, known, texts[k])
+        for text in ready:
+            with naming(text):
+                row = _read(circuit, known, *waiting[text])
+            read[text] = [row]
             if not isinstance(row, Course):
                 known[row.name] = row
-    return [read[k] if isinstance(row, str) else row for k, row in enumerate(wanted)]
+    return [row for text in texts for row in read[text]]
 
 
-def _like(text: str) -> str:
-    """Return the name in the ``like`` field of a new row, or ""."""
-    with naming(text):
-        return _new(text)[1].get("like", "")
-
-
-def _read(circuit: CircuitTable, known: Mapping[str, Row], text: str) -> Row | Course:
-    """Parse the text of a new row."""
-    with naming(text):
-        name, texts = _new(text)
-        if name == DOPAMINE or any(field in OF_COURSES for field in texts):
-            return _course(name, texts)
-        if name in known:
-            reason = f"{name} already exists: use set, or another name or receptor"
-            raise InputError(reason, "add", name)
-        source, arrow, target = name.partition(" ")[0].partition("->")
-        kind = Projection if arrow else Population
-        old = texts.pop("like", None)
-        like = None if old is None else known[old] if old in known else circuit.row(old)
-        if like is not None and not isinstance(like, kind):
-            raise InputError(f"{name} can't be like {like.name}: one of them is a pathway", "add")
-        identity = {"source": source, "target": target} if arrow else {"name": name}
-        if like is not None:
-            texts.setdefault("cite", _as(like, texts))
-            like = replace(like, cite_more="")
-        if isinstance(like, Population):
-            like = replace(like, **WHOLE, published_hz=())
-        return _row(kind, like, texts, identity)
+def _read(
+    circuit: CircuitTable, known: Mapping[str, Row], name: str, given: Mapping[str, Any]
+) -> Row | Course:
+    """Return a new row from its name and fields."""
+    if name == DOPAMINE or any(field in OF_COURSES for field in given):
+        return _course(name, given)
+    if name in known:
+        reason = f"{name} already exists: use set, or another name or receptor"
+        raise InputError(reason, "add", name)
+    source, arrow, target = name.partition(" ")[0].partition("->")
+    kind = Projection if arrow else Population
+    old, values = given.get("like"), {k: v for k, v in given.items() if k != "like"}
+    like = None if old is None else known[old] if old in known else circuit.row(old)
+    if like is not None and not isinstance(like, kind):
+        raise InputError(f"{name} can't be like {like.name}: one of them is a pathway", "add")
+    identity = {"source": source, "target": target} if arrow else {"name": name}
+    if like is not None:
+        values.setdefault("cite", _as(like, values))
+        like = replace(like, cite_more="")
+    if isinstance(like, Population):
+        like = replace(like, **WHOLE, published_hz=())
+    return _row(kind, like, values, identity)
 
 
 def _as(like: Row, names: Iterable[str]) -> str:
@@ -140,8 +152,8 @@ def _as(like: Row, names: Iterable[str]) -> str:
     return f"as {like.name}" + (f"; assumed: {edited}" if edited else "")
 
 
-def _course(what: str, texts: Mapping[str, str]) -> Course:
-    """Return a course from the texts of its fields."""
+def _course(what: str, texts: Mapping[str, Any]) -> Course:
+    """Return a course from its fields."""
     owner = f"a course of {what}"
     _check_names(texts, [f.name for f in fields(Course) if f.name != "what"], owner)
     course: Course = _made(Course, None, {"what": what, **_typed(Course, texts)}, owner)
@@ -157,7 +169,7 @@ def naming(*edits: str) -> Iterator[None]:
         raise within(", ".join(map(repr, edits)), error, "edits") from None
 
 
-def _new(text: str) -> tuple[str, dict[str, str]]:
+def _new(text: str) -> tuple[str, dict[str, Any]]:
     """Return the name and the fields of a new row."""
     tidied = re.sub(r"\s*(->|=)\s*", r"\1", text.strip())  # without blanks around -> and =
     tidied = re.sub(r"^([^\s=\[]+)\s*\[\s*", r"\1[", tidied)
@@ -165,25 +177,28 @@ def _new(text: str) -> tuple[str, dict[str, str]]:
     name = row_of(words)
     words += [f"synapse={receptor}" for receptor in name.split()[1:]]
     pairs = [word.partition("=") for word in words]
-    texts = {field: value for field, equals, value in pairs if equals}
+    texts: dict[str, Any] = {field: value for field, equals, value in pairs if equals}
     if not name or "=" in name or len(texts) < len(pairs):
         raise InputError(f"{A_ROW}, each field once; or one of {', '.join(MOTIFS)}", "add", text)
     return name, texts
 
 
 def _row(
-    kind: type[Row], old: Row | None, declared: Mapping[str, str], identity: Mapping[str, str]
+    kind: type[Row], old: Row | None, declared: Mapping[str, Any], identity: Mapping[str, str]
 ) -> Row:
-    """Return a row from the texts of its fields; other fields are those of the old row, if any."""
+    """Return a row from its fields, some as text; others are those of the old row, if any."""
     owner = "->".join(identity.values()) or (old.name if old else "")
     cell = type(old.cell) if isinstance(old, Population) else None
+    made = declared.get("cell")
     if kind is Population and "cell" in declared:
-        cell = _cell_type(declared["cell"], owner)
+        cell = type(made) if isinstance(made, Cell) else _cell_type(declared["cell"], owner)
     _check_names(declared, _names(kind, cell), owner)
     constants = {k.removeprefix(OF_CELL): v for k, v in declared.items() if k.startswith(OF_CELL)}
     texts = {k: v for k, v in declared.items() if k != "cell" and not k.startswith(OF_CELL)}
     values = {**_typed(kind, texts), **identity}
-    if cell:
+    if isinstance(made, Cell):
+        values["cell"] = made
+    elif cell:
         kept = old.cell if isinstance(old, Population) and "cell" not in declared else None
         values["cell"] = _made(cell, kept, _typed(cell, constants), f"{owner}: the cell")
     row: Row = _made(kind, old, values, owner)
@@ -206,8 +221,8 @@ def _cell_type(kind: str, owner: str) -> type[Cell]:
     return CELLS[kind]
 
 
-def _typed(kind: type, texts: Mapping[str, str]) -> dict[str, Any]:
-    """Convert texts to the types declared by a dataclass.
+def _typed(kind: type, texts: Mapping[str, Any]) -> dict[str, Any]:
+    """Convert texts to the types declared by a dataclass; other values stay as they are.
 
     A text that cannot be converted stays text; the dataclass rejects it and says what it expects.
     """
@@ -217,7 +232,8 @@ def _typed(kind: type, texts: Mapping[str, str]) -> dict[str, Any]:
     types, values = get_type_hints(kind), dict[str, Any](texts)
     for name, text in texts.items():
         with suppress(ValueError):
-            values[name] = TypeAdapter(types[name]).validate_python(_parts(types[name], text))
+            if isinstance(text, str):
+                values[name] = TypeAdapter(types[name]).validate_python(_parts(types[name], text))
     return values
 
 

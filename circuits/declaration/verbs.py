@@ -13,7 +13,7 @@ from typing import Any, Self
 from circuits.checks import check_channel, check_channels, check_positive, check_range
 from circuits.declaration.courses import Course
 from circuits.declaration.edits import Edit, Edits
-from circuits.declaration.row_edits import changed_rows, naming, new_rows, with_fields
+from circuits.declaration.row_edits import changed_rows, naming, with_fields
 from circuits.declaration.rows import OF_CELLS, OF_TIME, Population, Projection
 from circuits.declaration.table import EDITED, CircuitTable
 from circuits.errors import EditWarning, InputError, shown
@@ -36,9 +36,9 @@ class EditableTable(CircuitTable):
         cell = with_fields(self.population(name).cell, constants, f"the cell of {name}")
         return self.with_population(name, cell=cell)
 
-    def with_projection(self, source: str, target: str, via: str = "", /, **fields: object) -> Self:
+    def with_projection(self, name: str, /, **fields: object) -> Self:
         """Return the circuit with fields of a projection changed: ``delay_ms=4``."""
-        row = self.projection(source, target, via)
+        row = self.projection(name)
         return self._with(with_fields(row, fields, row.name), names=[row.name])
 
     def set(self, field: str, value: object) -> Self:
@@ -127,9 +127,7 @@ class EditableTable(CircuitTable):
             raise InputError(reason, "channel")
         check_channel(row.name, channel, self.channels)
 
-    def scale(
-        self, source: str, target: str, factor: float, channel: int | None = None, synapse: str = ""
-    ) -> Self:
+    def scale(self, pathway: str, factor: float, channel: int | None = None) -> Self:
         """Return the circuit with the weight of one pathway multiplied by a factor.
 
         A pathway transmits deviations from its source's ``baseline_hz``; the tone of the baseline
@@ -138,14 +136,12 @@ class EditableTable(CircuitTable):
 
         Parameters
         ----------
-        source, target : str
-            The two ends of the pathway.
+        pathway : str
+            ``"STN->SNr"``, with all its receptors, or ``"STN->SNr NMDA"``.
         factor : float
             At least 0.
         channel : int, optional
             The target's channel in which it is scaled; by default all.
-        synapse : str
-            The receptor whose row is scaled; by default all that join the two.
 
         Raises
         ------
@@ -153,14 +149,11 @@ class EditableTable(CircuitTable):
             For an unknown pathway, receptor or channel, a factor below 0, or, in one channel, a
             pathway that is not linear.
         """
-        rows = self.pathways(source, target, synapse)
+        rows = self.pathways(pathway)
         check_range(0, math.inf, factor=factor)
         return self._multiplied(rows, "weight", factor, channel)
 
-    def cut(
-        self, source: str, target: str, fraction: float = 1.0, channel: int | None = None,
-        synapse: str = "",
-    ) -> Self:  # fmt: skip
+    def cut(self, pathway: str, fraction: float = 1.0, channel: int | None = None) -> Self:
         """Return the circuit with a fraction of the axons of one pathway removed, 0..1.
 
         The target loses both the source's signal and its tone; ``scale`` keeps the tone. Cutting
@@ -168,23 +161,20 @@ class EditableTable(CircuitTable):
         parameters and errors are those of ``scale``; the last pathway from the input to the
         read-out cannot be cut.
         """
+        rows = self.pathways(pathway)
         check_range(0, 1, fraction=fraction)
-        rows = self.pathways(source, target, synapse)
         return self._multiplied(rows, "intact", 1 - fraction, channel)
 
-    def block(
-        self, place: str, synapse: str, fraction: float = 1.0, channel: int | None = None
-    ) -> Self:
+    def block(self, receptor: str, fraction: float = 1.0, channel: int | None = None) -> Self:
         """Return the circuit with a fraction of receptors blocked, as by an antagonist.
 
         The target loses the signal and the tone that they transmit, as after ``cut``.
 
         Parameters
         ----------
-        place : str
-            A pathway, ``"STN->SNr"``, or a nucleus, ``"GPe"``: all pathways onto it.
-        synapse : str
-            The receptor: ``"NMDA"``.
+        receptor : str
+            That of a pathway, ``"STN->SNr NMDA"``, or of all pathways onto a nucleus,
+            ``"GPe GABA-A"``.
         fraction : float
             Fraction blocked, 0..1.
         channel : int, optional
@@ -196,10 +186,11 @@ class EditableTable(CircuitTable):
             As ``cut``, and for a receptor that none of the pathways has.
         """
         check_range(0, 1, fraction=fraction)
-        source, arrow, target = str(place).rpartition("->")
-        into = self.population(target.strip()).name
+        place, _, synapse = " ".join(str(receptor).split()).partition(" ")
+        _, arrow, target = place.rpartition("->")
+        into = self.population(target).name
         onto = [p for p in self.projections if p.target == into]
-        rows = self.pathways(source, into) if arrow else onto
+        rows = self.pathways(place) if arrow else onto
         blocked = [p for p in rows if synapse and p.synapse == synapse]
         if not blocked:
             known = ", ".join(f"{p.name} ({p.synapse or 'none declared'})" for p in rows)
@@ -324,27 +315,17 @@ class EditableTable(CircuitTable):
         """
         return replace(self, more_inputs=names)
 
-    def add(self, *rows: Population | Projection | Course | str) -> Self:
-        """Return the circuit with new nuclei, pathways or courses.
-
-        Parameters
-        ----------
-        *rows : Population, Projection, Course or str
-            Rows to add. A row may be text: ``"D1->GPe weight=-0.1 delay_ms=4"``,
-            ``"TRN like=STN bias_nats=-1"``, ``"dopamine amount=0.5 to_ms=300"``, or the name of a
-            motif, ``"striatal_FSI"``.
-        """
+    def with_rows(self, *rows: Population | Projection | Course) -> Self:
+        """Return the circuit with further rows, of which ``add`` makes one from its fields."""
         for row in rows:
-            if not isinstance(row, (Population, Projection, Course, str)):
-                reason = f"a row must be a Population, Projection, Course or text, got {row!r}"
+            if not isinstance(row, (Population, Projection, Course)):
+                reason = f"a row must be a Population, Projection or Course, got {row!r}"
                 raise InputError(reason, "row")
-        new = new_rows(self, rows)
-        with naming(*(row for row in rows if isinstance(row, str))):
-            return self._with_tables(
-                self.populations + tuple(row for row in new if isinstance(row, Population)),
-                self.projections + tuple(row for row in new if isinstance(row, Projection)),
-                self.courses + tuple(row for row in new if isinstance(row, Course)),
-            )
+        return self._with_tables(
+            self.populations + tuple(row for row in rows if isinstance(row, Population)),
+            self.projections + tuple(row for row in rows if isinstance(row, Projection)),
+            self.courses + tuple(row for row in rows if isinstance(row, Course)),
+        )
 
     def _with(self, *rows: Population | Projection, names: Iterable[str] = ()) -> Self:
         """Return the circuit with rows in place of those of these names, by default their own."""

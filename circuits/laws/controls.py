@@ -28,7 +28,7 @@ def perturbed(circuit: Table, fraction: float = 0.2) -> dict[str, Table]:
     """
     changed: dict[str, Table] = {}
 
-    def put(row: Any, edit: Callable[..., Table], names: Iterable[str], *ends: str) -> None:
+    def put(row: Any, edit: Callable[..., Table], names: Iterable[str], name: str) -> None:
         for field in names:
             value = getattr(row, field)
             if not value or isinstance(value, bool):
@@ -36,14 +36,14 @@ def perturbed(circuit: Table, fraction: float = 0.2) -> dict[str, Table]:
             for sign in (1, -1):
                 new = value * (1 + sign * fraction)
                 new = round(new, 1) if field == "delay_ms" else new
-                key = f"{getattr(row, 'name', ends[0])} {field} {sign * fraction:+.0%}"
-                changed[key] = edit(*ends, **{field: new})
+                key = f"{name} {field} {sign * fraction:+.0%}"
+                changed[key] = edit(name, **{field: new})
 
     for row in circuit.populations:
         put(row, circuit.with_population, OF_POPULATIONS, row.name)
         put(row.cell, circuit.with_cell, [f.name for f in fields(row.cell)], row.name)
     for p in circuit.projections:
-        put(p, circuit.with_projection, OF_PROJECTIONS, p.source, p.target, p.synapse)
+        put(p, circuit.with_projection, OF_PROJECTIONS, p.name)
     for sign in (1, -1):
         tau_ms = circuit.readout_tau_ms * (1 + sign * fraction)
         key = f"read-out tau_ms {sign * fraction:+.0%}"
@@ -66,7 +66,7 @@ def correlated(circuit: Table, noise_nats: float, *, cells: int = 20, tau_ms: fl
     gain = np.sqrt(variance / cells) / noise_nats
     shared = Population("shared", Phase(1.0), rate_hz, gain, neurons=cells, cite="assumed")
     path = Projection("shared", circuit.input, 1, delay_ms=1, tau_ms=tau_ms, cite="assumed")
-    return circuit.add(shared, path)
+    return circuit.with_rows(shared, path)
 
 
 def linear_stn(circuit: Table) -> Table:
@@ -89,14 +89,14 @@ def linear_stn(circuit: Table) -> Table:
         "STN", cell=Rate(signed=True), transfer="linear", bias_nats=bias
     )
     for source in {p.source: None for p in circuit.projections if p.target == "STN"}:
-        edited = edited.scale(source, "STN", rest)
+        edited = edited.scale(f"{source}->STN", rest)
     return edited.with_population("SNr", bias_nats=spare)
 
 
 def shuffled_stn(circuit: Table) -> Table:
     """Return the circuit in which SNr receives N times the next channel's STN, not STN's sum."""
-    for p in circuit.pathways("STN", "SNr"):
+    for p in circuit.pathways("STN->SNr"):
         circuit = circuit.with_projection(
-            "STN", "SNr", p.synapse, pattern="neighbour", weight=circuit.channels * p.weight
+            p.name, pattern="neighbour", weight=circuit.channels * p.weight
         )
     return circuit

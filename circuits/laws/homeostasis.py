@@ -63,7 +63,7 @@ def balanced_factor(circuit: CircuitTable, source: str = "STN") -> float:
     read-out has no feedback, so its mean input is ``a + w b``, where neither a nor b depends on the
     weight w: at rest and to first order ``w = - da / db``.
     """
-    rows = circuit.pathways(source, circuit.readout)
+    rows = circuit.pathways(f"{source}->{circuit.readout}")
     for row in rows:
         if row.transfer != "linear" or row.pattern != "diffuse" or row.factors or not row.weight:
             must = "must be linear, diffuse and of a weight other than 0"

@@ -54,7 +54,7 @@ def directions(circuit: CircuitTable) -> list[Direction]:
     wiring = wired(circuit.steady)
     stn = wiring.blocks_of(reduced(circuit).stn)
     directions = [Direction(SIGMA0, float(np.exp(rest(wiring)[stn]).sum()), "nats of activity")]
-    bound = {p for pair in dependent(circuit).values() for p in circuit.pathways(*pair)}
+    bound = {p for pair in dependent(circuit).values() for p in circuit.pathways("->".join(pair))}
     rows: tuple[Population | Projection, ...] = (*circuit.populations, *circuit.projections)
     for row in rows:
         names = [name for name in FREE if hasattr(row, name)]
@@ -159,16 +159,16 @@ def _meeting(circuit: Table, name: str, source: str, target: str) -> Table:
         return next(one.fails_by for one in constraints(table) if one.name == name)
 
     # It is a straight line in the factor.
-    now, twice = fails_by(circuit), fails_by(circuit.scale(source, target, 2))
+    now, twice = fails_by(circuit), fails_by(circuit.scale(f"{source}->{target}", 2))
     if abs(now) < 1e-14:
         return circuit
     factor = 1 - now / (twice - now) if twice != now else -1.0
     if factor < 0:
         problem = f"no weight of {source}->{target} of its sign meets the constraint {name!r}"
         raise InputError(f"{circuit.name}: {problem}, which is off by {now:+.3g}", "weight")
-    for p in circuit.pathways(source, target):
+    for p in circuit.pathways(f"{source}->{target}"):
         weight = round(p.weight * factor, DIGITS)
-        circuit = circuit.with_projection(source, target, p.synapse, weight=weight)
+        circuit = circuit.with_projection(p.name, weight=weight)
     return circuit
 
 
@@ -186,9 +186,7 @@ def _resting(circuit: Table, reference: Table, sigma0: float) -> Table:
     for p in circuit.projections:
         # Where dopamine had no effect at rest, it still has none.
         if p.receptor and np.isclose(p.operating_point_nats, _at(before, p, old)):
-            circuit = circuit.with_projection(
-                p.source, p.target, p.synapse, operating_point_nats=_at(after, p, units)
-            )
+            circuit = circuit.with_projection(p.name, operating_point_nats=_at(after, p, units))
     return circuit
 
 

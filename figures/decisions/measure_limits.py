@@ -55,7 +55,7 @@ def with_times(table: Circuit, factor: float) -> Circuit:
     """Return the circuit with all delays and time constants times a factor."""
     for p in table.projections:
         times = {"delay_ms": factor * p.delay_ms, "tau_ms": factor * p.tau_ms}
-        table = table.with_projection(p.source, p.target, p.synapse, **times)
+        table = table.with_projection(p.name, **times)
     for row in table.populations:
         if row.tau_ms:
             table = table.with_population(row.name, tau_ms=factor * row.tau_ms)

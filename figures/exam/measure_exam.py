@@ -43,7 +43,7 @@ def noise_alone(table: Circuit) -> Circuit:
     """Return the circuit whose nuclei hear nothing of the evidence, and rest as before."""
     deaf = table
     for target in {row.target: None for row in table.projections if row.source == table.input}:
-        deaf = deaf.scale(table.input, target, FAINT)
+        deaf = deaf.scale(f"{table.input}->{target}", FAINT)
     return deaf.compensate(table)
 
 

@@ -12,7 +12,7 @@ from tests.circuits.helpers import run_rate
 
 def test_times_are_whole_ticks():
     assert whole_ticks("delay", 2.5, 0.1) == 25
-    circuit = anatomy.bogacz_gurney().with_projection("STN", "GPe", delay_ms=2.05)
+    circuit = anatomy.bogacz_gurney().with_projection("STN->GPe", delay_ms=2.05)
     with pytest.raises(
         ValueError, match=r"delay of STN->GPe of 2.05 ms is not a multiple of dt_ms = 0.1"
     ):

@@ -44,10 +44,10 @@ def test_a_circuit_is_one_line_that_tells_two_apart():
 
 def test_edits_that_change_nothing_return_the_circuit(circuit):
     assert circuit.lesion("STN", 0) is circuit
-    assert circuit.scale("STN", "GPe", 1) is circuit
-    assert circuit.cut("STN", "GPe", 0) is circuit
-    assert circuit.cut("STN", "GPe", 0, channel=0) is circuit
-    assert circuit.scale("STN", "GPe", 1, channel=0) is circuit
+    assert circuit.scale("STN->GPe", 1) is circuit
+    assert circuit.cut("STN->GPe", 0) is circuit
+    assert circuit.cut("STN->GPe", 0, channel=0) is circuit
+    assert circuit.scale("STN->GPe", 1, channel=0) is circuit
     assert circuit.dopamine(1) is circuit
     assert circuit.with_channels(circuit.channels).about == circuit.about
 
@@ -69,9 +69,9 @@ def test_one_channel_is_scaled_and_no_other(circuit):
     three = circuit.with_channels(3)
     each = three
     for channel in range(3):
-        each = each.scale("D1", "SNr", 0.5, channel).scale("D1", "SNr", 1.8, channel)
-    assert each.projection("D1", "SNr").factors == (0.9, 0.9, 0.9)
-    one, whole = (three.scale("D1", "SNr", 0.9, channel) for channel in (1, None))
+        each = each.scale("D1->SNr", 0.5, channel).scale("D1->SNr", 1.8, channel)
+    assert each.projection("D1->SNr").factors == (0.9, 0.9, 0.9)
+    one, whole = (three.scale("D1->SNr", 0.9, channel) for channel in (1, None))
     tables = {"unedited": three, "one": one, "each": each, "all": whole}
     out = {name: run_algebra(c, drive).output_nats[0, 0] for name, c in tables.items()}
     np.testing.assert_allclose(out["each"], out["all"], rtol=0, atol=1e-12)
@@ -134,9 +134,9 @@ def test_receptors_at_terminals_scale_their_pathway_and_keep_rest(level):
 
 
 def test_receptors_of_a_pathway_go_before_those_of_the_cells_that_it_reaches():
-    circuit = anatomy.macaque().with_projection("ctx", "D1", receptor="D2")
-    weight = circuit.projection("ctx", "D1").weight
-    assert circuit.dopamine(0.5).projection("ctx", "D1").weight == 1.5 * weight
+    circuit = anatomy.macaque().with_projection("ctx->D1", receptor="D2")
+    weight = circuit.projection("ctx->D1").weight
+    assert circuit.dopamine(0.5).projection("ctx->D1").weight == 1.5 * weight
 
 
 def test_an_edit_of_what_the_circuit_computes_takes_the_claim_to_exactness_away():
@@ -176,7 +176,7 @@ def test_the_largest_lead_is_kept_by_edits_that_leave_times_as_they_are_and_clea
 def test_a_circuit_is_a_mapping_of_its_rows():
     table = anatomy.load_circuit("macaque")
     assert table["STN"] == table.population("STN")
-    assert table["STN->GPe"] == table.projection("STN", "GPe")
+    assert table["STN->GPe"] == table.projection("STN->GPe")
     assert [row.name for row in table.values()] == list(table)
     assert len(table) == len(table.populations) + len(table.projections)
     assert "STN" in table

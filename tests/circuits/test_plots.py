@@ -30,7 +30,7 @@ def drawn(circuit, **options):
 
 def test_the_drawing_shows_every_nucleus_and_pathway():
     extra = Population("PPN", anatomy.bogacz_gurney().populations[0].cell, cite="test")
-    circuit = anatomy.spiking_msprt().add(extra, Projection("PPN", "STN", 1, cite="test"))
+    circuit = anatomy.spiking_msprt().with_rows(extra, Projection("PPN", "STN", 1, cite="test"))
     texts, arrows, _ = drawn(circuit)
     assert {row.name for row in circuit.populations} <= texts
     assert set(arrows) == {p.name for p in circuit.projections}
@@ -56,7 +56,7 @@ def test_no_pathway_passes_through_a_nucleus_or_another_pathway(name):
 
 def test_nuclei_lie_as_in_textbooks():
     """Cortex is drawn above striatum, GPe next to STN, SNr below, others at free places."""
-    placed = drawing.boxes(MACAQUE.add("TRN like=STN", "TRN->GPe weight=0.1"))
+    placed = drawing.boxes(MACAQUE.edited("add TRN like=STN", "add TRN->GPe weight=0.1"))
     y = {name: box.y for name, box in placed.items()}
     assert y["ctx"] > y["D1"] == y["D2"] > y["GPe"] == y["STN"] > y["SNr"]
     assert placed["D1"].x < placed["D2"].x < placed["STN"].x
@@ -71,7 +71,7 @@ def test_a_row_for_a_second_receptor_shares_the_box_of_its_nucleus():
 
 
 def test_lesions_and_edits_are_marked():
-    edited = MACAQUE.lesion("STN", 0.5).lesion("D2").clamp("GPe").scale("ctx", "D1", 0.5)
+    edited = MACAQUE.lesion("STN", 0.5).lesion("D2").clamp("GPe").scale("ctx->D1", 0.5)
     texts, _, ax = drawn(edited, reference=MACAQUE)
     assert {"STN\n50 % left", "D2\nsilenced", "GPe\nclamped"} <= texts
     assert sum(line.get_marker() == "*" for line in ax.lines) == 4

@@ -30,7 +30,7 @@ def test_edits_show_on_the_page_and_nothing_else_does():
     page = show.text(anatomy.spiking_msprt().clamp("GPe", 0.5).with_heterogeneity(0.1))
     assert "0.5, clamped" in page
     assert "heterogeneity" in page
-    assert "1 0.9" in show.text(anatomy.spiking_msprt().scale("ctx", "D1", 0.9, channel=1))
+    assert "1 0.9" in show.text(anatomy.spiking_msprt().scale("ctx->D1", 0.9, channel=1))
     assert "0.75 1" in show.text(anatomy.spiking_msprt().lesion("GPe", 0.25, channel=0))
     for idle in ("by_channel", "probability", "heterogeneity"):
         assert idle not in show.text(anatomy.spiking_msprt())
@@ -41,14 +41,14 @@ def test_edits_show_on_the_page_and_nothing_else_does():
 def test_the_page_says_whether_a_circuit_is_in_the_family_and_what_fails():
     circuit = anatomy.macaque(3)
     assert "in the family of OUT = -ln P: Sigma0 2.6, loop gain 0.72" in show.text(circuit)
-    page = show.text(circuit.scale("ctx", "D1", 0.9))
+    page = show.text(circuit.scale("ctx->D1", 0.9))
     assert "not in the family of OUT = -ln P:\n  direct: " in page
     assert "off by +0.12" in page  # a tenth of 1 + 0.1 * 0.55 + 0.15, rounded
     assert "family" not in show.text(anatomy.gpr())  # not in nats
 
 
 def test_a_row_without_a_source_is_assumed():
-    edited = anatomy.spiking_msprt().add("D1->GPe weight=-0.1", "D1 amount=0.1 to_ms=9")
+    edited = anatomy.spiking_msprt().edited("add D1->GPe weight=-0.1", "add D1 amount=0.1 to_ms=9")
     assert show.pathways(edited)["source"].iloc[-1] == "assumed"
     assert show.courses(edited)["source"].tolist() == ["assumed"]
 

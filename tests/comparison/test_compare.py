@@ -14,7 +14,7 @@ GIVEN = {"seed": 3, "accuracies": (0.9,), "resamples": 50}
 
 
 def test_a_model_and_a_circuit_that_runs_as_this_model_are_compared_alike():
-    edited = load_circuit("spiking_msprt").scale("D1", "SNr", 0.95)
+    edited = load_circuit("spiking_msprt").scale("D1->SNr", 0.95)
     comparison = compare(edited, EVIDENCE, **GIVEN)
     again = compare(BasalGanglia(edited, "population", seed=3), EVIDENCE, **GIVEN)
     pd.testing.assert_frame_equal(comparison.table, again.table)

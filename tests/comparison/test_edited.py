@@ -142,7 +142,7 @@ def test_accuracies_that_out_cannot_stand_for_are_refused_and_the_others_given()
 
 
 def test_a_lesion_gives_no_value_and_no_change_where_evidence_does_not_decide():
-    edited = {"blind": TABLE.scale("ctx", "STN", 0.5)}
+    edited = {"blind": TABLE.scale("ctx->STN", 0.5)}
     options = {"seed": SEED, "accuracies": (0.8, 0.95), "resamples": 20}
     with pytest.warns(RangeWarning, match="no comparison is possible at") as caught:
         edits = compare_edits(QUICK, edited, LONG, **options)
@@ -248,7 +248,7 @@ def test_each_seed_has_another_noise_of_its_own(monkeypatch):
 
 def test_an_edit_that_changes_nothing_is_warned_of():
     options = {"seed": SEED, "accuracies": (0.95,), "resamples": 100}
-    edited = {"D1->SNr=1": TABLE.scale("D1", "SNr", 1.0)}
+    edited = {"D1->SNr=1": TABLE.scale("D1->SNr", 1.0)}
     with pytest.warns(EditWarning):
         compare_edits(replace(QUICK, engine="rate"), edited, LONG, **options)
 
@@ -258,7 +258,7 @@ def test_an_edit_that_changes_nothing_is_warned_of():
     [
         load_circuit("spiking_msprt", 2),  # other channels
         load_circuit("macaque", 4),  # another table
-        TABLE.add("TRN like=STN", "TRN->GPe weight=0.1"),  # rows that the circuit lacks
+        TABLE.edited("add TRN like=STN", "add TRN->GPe weight=0.1"),  # rows that the circuit lacks
     ],
 )
 def test_what_a_circuit_is_no_edit_of_is_no_reference_of_it(other):

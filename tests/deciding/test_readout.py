@@ -153,7 +153,7 @@ def test_a_lesion_that_decides_nothing_is_warned_of_and_one_that_needs_no_eviden
     silent = replace(MODEL, circuit=table.lesion("GPe", 0.25))
     (warning,) = told(lambda: first_crossing(silent.run(EVIDENCE), posterior=0.9))
     assert warning.startswith("60 of 60 trials never meet the threshold")
-    eager = replace(MODEL, circuit=table.scale("ctx", "STN", 0.5))
+    eager = replace(MODEL, circuit=table.scale("ctx->STN", 0.5))
     with refused("thresholds would decide without evidence"):
         first_crossing(eager.run(EVIDENCE), posterior=0.9)
 

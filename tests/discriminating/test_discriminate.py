@@ -193,7 +193,7 @@ def test_the_map_the_figure_and_the_report_name_the_best_task(tests):
 def test_numbers_of_alternatives_that_a_file_does_not_have_are_left_out(tmp_path):
     """A circuit in a file has one; without any the error of the file remains."""
     path = tmp_path / "mine.toml"
-    path.write_text(text(bg.load_circuit("macaque", 2).scale("STN", "SNr", 0.8)), encoding="utf-8")
+    path.write_text(text(bg.load_circuit("macaque", 2).scale("STN->SNr", 0.8)), encoding="utf-8")
     models = model_of("macaque", ()), model_of(path, ())
     space = Space(channels=(2, 4), d_prime=(1.0,), accuracy=(0.8,))
     with pytest.warns(EditWarning, match="4 alternatives"):

@@ -116,7 +116,7 @@ def deaf(channels):
     broken = circuit
     for row in circuit.projections:
         if row.source == circuit.input:
-            broken = broken.scale(row.source, row.target, 1e-9)
+            broken = broken.scale(row.pair, 1e-9)
     return broken.compensate(circuit)
 
 

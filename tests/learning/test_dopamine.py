@@ -117,7 +117,7 @@ CIRCUIT = MODEL.circuit
         (lambda: decide_at_levels(MODEL, None, [], 0.3), "levels one or more numbers"),
         (lambda: decide_at_levels(MODEL, None, [1.0, 1.0], 0.3), "levels each once"),
         (lambda: decide_at_levels(MODEL, None, [1.0, -0.5], 0.3), r"levels must be within 0..2"),
-        (lambda: CIRCUIT.scale("ctx", "D1", 1.2, channel=0).dopamine(1.1), "dopamine ctx->D1"),
+        (lambda: CIRCUIT.scale("ctx->D1", 1.2, channel=0).dopamine(1.1), "dopamine ctx->D1"),
     ],
 )
 def test_levels_and_thresholds_that_cannot_be_are_refused(call, says):

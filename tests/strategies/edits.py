@@ -21,17 +21,19 @@ def edit(call, values=None):
 GOOD = [
     edit(lambda c, x: c.lesion("STN", x), numbers(0, 0.1)),
     edit(lambda c, x: c.clamp("GPe", x), numbers(0, 1)),
-    edit(lambda c, x: c.scale("STN", "GPe", x), numbers(0.9, 1.1)),
+    edit(lambda c, x: c.scale("STN->GPe", x), numbers(0.9, 1.1)),
     edit(lambda c, x: c.dopamine(x), numbers(0.8, 1.2)),
-    edit(lambda c, x: c.with_projection("STN", "GPe", delay_ms=x), st.integers(1, 19)),
-    edit(lambda c, x: c.with_projection("STN", "GPe", tau_ms=x), numbers(0, 20)),
+    edit(lambda c, x: c.with_projection("STN->GPe", delay_ms=x), st.integers(1, 19)),
+    edit(lambda c, x: c.with_projection("STN->GPe", tau_ms=x), numbers(0, 20)),
     edit(lambda c, _: c.with_population("D1", bias_nats=c.population("D1").bias_nats + 0.01)),
     edit(
-        lambda c, x: c.add(Population("TRN", x, 10.0), Projection("STN", "TRN", 2.0, delay_ms=2)),
+        lambda c, x: c.with_rows(
+            Population("TRN", x, 10.0), Projection("STN", "TRN", 2.0, delay_ms=2)
+        ),
         st.sampled_from([Rate(), Phase(1.0), Phase(0.3)]),
     ),
     edit(lambda c, x: c.edited(f"set STN->GPe.tau_ms {x}"), numbers(0, 20)),
-    edit(lambda c, x: c.add(f"STN->D1 weight={x}"), numbers(0, 1)),
+    edit(lambda c, x: c.edited(f"add STN->D1 weight={x}"), numbers(0, 1)),
     edit(lambda c, _: c.with_population("STN", cite="mine")),
 ]
 """Edits that leave a circuit that has a fixed point."""
@@ -53,7 +55,7 @@ def of_stn(name):
 
 
 def of_path(name):
-    return lambda c, x: c.with_projection("STN", "GPe", **{name: x})
+    return lambda c, x: c.with_projection("STN->GPe", **{name: x})
 
 
 def of_cell(name):
@@ -89,29 +91,30 @@ WRONG = [
     ),
     ("row", lambda c, x: replace(c, projections=(x,)), ["STN->GPe"]),
     ("row", lambda c, x: replace(c, courses=(x,)), ["x"]),
-    ("weight", lambda c, x: c.with_projection("D1", "SNr", weight=x), [0.5, 1]),
-    ("factors", lambda c, x: c.with_projection("ctx", "D1", factors=x),
+    ("weight", lambda c, x: c.with_projection("D1->SNr", weight=x), [0.5, 1]),
+    ("factors", lambda c, x: c.with_projection("ctx->D1", factors=x),
      ["ab", (-1, 1), (1, "x"), (1, True), (1, None), 3, {1.0, 2.0}]),
-    ("pathway", lambda c, x: c.with_projection("STN", x, weight=2), ["GPi"]),
+    ("pathway", lambda c, x: c.with_projection(f"STN->{x}", weight=2), ["GPi"]),
     ("input", lambda c, x: c.with_population("SNr", pooled=x), [True]),
     ("nucleus", lambda c, x: c.lesion(x), ["thalamus", "ctx", "SNr"]),
     ("fraction", lambda c, x: c.lesion("STN", x), [1.1, -0.1, NAN, "half", None]),
     ("channel", lambda c, x: c.lesion("GPe", 0.5, channel=x), [99, -1, "0"]),
-    ("channel", lambda c, x: c.scale("D1", "SNr", 1.1, channel=x), [99, -1, "0"]),
-    ("pathway", lambda c, x: c.scale(x, "STN", 1.1), ["SNr"]),
-    ("factor", lambda c, x: c.scale("STN", "GPe", x), [-1, NAN, INF, "2"]),
-    ("factor", lambda c, x: c.scale("ctx", "D1", x, channel=0), [-1]),
+    ("channel", lambda c, x: c.scale("D1->SNr", 1.1, channel=x), [99, -1, "0"]),
+    ("pathway", lambda c, x: c.scale(f"{x}->STN", 1.1), ["SNr"]),
+    ("factor", lambda c, x: c.scale("STN->GPe", x), [-1, NAN, INF, "2"]),
+    ("factor", lambda c, x: c.scale("ctx->D1", x, channel=0), [-1]),
     ("factor", lambda c, x: c.with_neurons_times(x), [0, -1, INF]),
     ("level", lambda c, x: c.dopamine(x), [-0.1, 2.1, NAN, "1"]),
     ("x", lambda c, x: c.edited(x), ["set STN.x 1"]),
     ("edits", lambda c, x: c.edited(x), ["set STN.bias_nats", "", 3, "lesoin STN", "STN=0.1"]),
-    ("add", lambda c, x: c.add(x), ["X", "STN"]),
-    ("row", lambda c, x: c.add(x), [None, 3, {"name": "a"}]),
-    ("nucleus", lambda c, x: c.add(x), ["D1->X weight=-1", "X like=Y"]),
-    ("nucleus", lambda c, x: c.add(Projection("STN", x, 1.0)), ["thalamus"]),
-    ("populations", lambda c, x: c.add(c.population(x)), ["STN"]),
-    ("synapse", lambda c, x: c.add(c.projection("STN", x)), ["GPe"]),
-    ("name", lambda c, x: c.add(Population(x, Rate())), ["", " ", "a->b", 3]),
+    ("add", lambda c, x: c.add(x), ["X", "STN", "TRN like=STN", None, 3]),
+    ("row", lambda c, x: c.with_rows(x), [None, "X like=STN", {"name": "a"}]),
+    ("nucleus", lambda c, x: c.add(x, weight=-1), ["D1->X"]),
+    ("nucleus", lambda c, x: c.add("X", like=x), ["Y"]),
+    ("nucleus", lambda c, x: c.with_rows(Projection("STN", x, 1.0)), ["thalamus"]),
+    ("populations", lambda c, x: c.with_rows(c.population(x)), ["STN"]),
+    ("synapse", lambda c, x: c.with_rows(c.projection(f"STN->{x}")), ["GPe"]),
+    ("name", lambda c, x: c.with_rows(Population(x, Rate())), ["", " ", "a->b", 3]),
     ("channels", lambda c, x: c.with_channels(x), CHANNELS),
     ("neurons", lambda c, x: c.with_neurons(x), [0, 2.5, "3", -1, NAN]),
     ("heterogeneity", lambda c, x: c.with_heterogeneity(x), [5, -1, "a", NAN]),

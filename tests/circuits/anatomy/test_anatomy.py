@@ -68,7 +68,7 @@ def test_the_source_of_a_weight_is_shown_and_belongs_to_no_hash_and_to_no_row_li
     table = anatomy.macaque(2)
     row = table["D1->SNr"]
     assert row.cite_more in show.text(table)
-    assert digest(table.with_projection("D1", "SNr", cite_more="")) == digest(table)
+    assert digest(table.with_projection("D1->SNr", cite_more="")) == digest(table)
     assert table.edited("add D1->GPe like=D1->SNr")["D1->GPe"].cite_more == ""
 
 

@@ -210,7 +210,7 @@ def test_integrate_and_fire_cells_are_no_exponential():
 
 def test_gpe_is_s_minus_log_s_within_a_tenth_of_a_nat_near_its_set_point():
     """GPe of the spiking circuit is a line through S - ln S at s0: its error, in nats."""
-    row, path = SPIKING.population("GPe"), SPIKING.projection("STN", "GPe")
+    row, path = SPIKING.population("GPe"), SPIKING.projection("STN->GPe")
     assert isinstance(row.cell, Lif)
     s0 = -row.bias_nats / path.weight
     total = np.linspace(0.5, 5, 19)

@@ -15,7 +15,7 @@ from circuits.show import courses, html, text
 TABLE = anatomy.spiking_msprt()
 PULSE = Course("dopamine", 0.5, 20, 120, rise_ms=10, decay_ms=40, cite="assumed")
 DRIVE = Course("STN", -0.2, to_ms=50)
-TIMED = TABLE.add(PULSE, DRIVE)
+TIMED = TABLE.with_rows(PULSE, DRIVE)
 TIMES = st.floats(0, 300).map(lambda t: round(t, 2))
 TAUS = st.sampled_from([0.0, 0.01, 3.0, 40.0, 5000.0])
 
@@ -97,49 +97,51 @@ def test_extremes_are_those_of_the_sum(rows):
 
 def test_the_level_is_that_of_all_rows_together():
     first = Course("dopamine", 0.8, 0, 100)
-    assert TABLE.add(first, replace(first, from_ms=100, to_ms=200))
-    assert TABLE.add(first, replace(first, from_ms=50), Course("dopamine", -0.7, 50))
+    assert TABLE.with_rows(first, replace(first, from_ms=100, to_ms=200))
+    assert TABLE.with_rows(first, replace(first, from_ms=50), Course("dopamine", -0.7, 50))
     slow = Course("dopamine", 5.0, 0, 10, rise_ms=100)
     assert slow.reached < 1
-    assert TABLE.add(slow)
+    assert TABLE.with_rows(slow)
 
 
 def test_text_and_python_give_equal_courses():
-    told = TABLE.add(
-        "dopamine amount=0.5 from_ms=20 to_ms=120 rise_ms=10 decay_ms=40 cite=assumed",
-        "STN amount=-0.2 to_ms=50",
+    told = TABLE.edited(
+        "add dopamine amount=0.5 from_ms=20 to_ms=120 rise_ms=10 decay_ms=40 cite=assumed",
+        "add STN amount=-0.2 to_ms=50",
     )
     assert told == TIMED
     assert told.courses == (PULSE, DRIVE)
-    assert TABLE.add("TRN like=STN", "TRN amount=1").courses == (Course("TRN", 1.0),)
+    assert TABLE.edited("add TRN like=STN", "add TRN amount=1").courses == (Course("TRN", 1.0),)
 
 
 def test_text_and_python_give_equal_courses_of_one_channel(tmp_path):
     course = Course("STN[1]", -2.0, 200, 400)
     line = "add STN[1] amount=-2 from_ms=200 to_ms=400"
-    circuit = TABLE.add(course)
+    circuit = TABLE.with_rows(course)
     for text_ in (line, line.replace("[1]", " [ 1]"), line.replace("=", " = ")):
         assert TABLE.edited(text_) == circuit
     assert table_reader.parse(table_writer.text(circuit), "mine.toml") == circuit
     assert list(courses(circuit)["course"]) == ["STN[1]"]
-    hashes = {table_writer.digest(TABLE.add(f"STN{k} amount=-2")) for k in ("", "[0]", "[1]")}
+    hashes = {
+        table_writer.digest(TABLE.edited(f"add STN{k} amount=-2")) for k in ("", "[0]", "[1]")
+    }
     assert len(hashes) == 3
 
 
 def test_courses_go_through_edits_and_are_taken_off():
-    edited = TIMED.lesion("STN", 0.2).scale("D1", "SNr", 0.9).dopamine(1.1).with_neurons(20)
+    edited = TIMED.lesion("STN", 0.2).scale("D1->SNr", 0.9).dopamine(1.1).with_neurons(20)
     assert edited.courses == TIMED.courses
     assert TIMED.steady == TABLE
     assert TABLE.steady is TABLE
     assert edited.unlesioned.courses == TIMED.courses
     exact = anatomy.bogacz_gurney()
     assert exact.exact
-    assert not exact.add(DRIVE).exact
+    assert not exact.with_rows(DRIVE).exact
 
 
 @given(st.lists(drawn_courses(), max_size=3))
 def test_courses_come_back_from_a_file(rows):
-    circuit = TABLE.add(*rows)
+    circuit = TABLE.with_rows(*rows)
     restored = table_reader.parse(table_writer.text(circuit), "mine.toml")
     assert restored == circuit
     assert table_writer.digest(restored) == table_writer.digest(circuit)
@@ -150,7 +152,7 @@ def test_a_page_shows_courses_where_there_are_some():
     train = Course("STN", 2.0, rate_hz=130, pulse_ms=1)
     assert list(courses(TIMED)["course"]) == ["dopamine", "STN"]
     assert "rate_hz" not in courses(TIMED)
-    assert courses(TIMED.add(train))[["rate_hz", "pulse_ms"]].values.tolist()[-1] == [130, 1]
+    assert courses(TIMED.with_rows(train))[["rate_hz", "pulse_ms"]].values.tolist()[-1] == [130, 1]
     assert "assumed" in text(TIMED)
     for page in (text, html):
         assert "decay_ms" in page(TIMED)

@@ -62,7 +62,7 @@ def test_a_file_the_terminal_and_python_say_the_same():
     lines = ("lesion STN 10%", "set STN->GPe.delay_ms 4", *ADDED)
     file = toml_files.decoded({"edits": [*lines]}, File, "mine.toml").edits
     assert file == at_the_terminal(*lines) == Edits(lines) == lines
-    by_hand = TABLE.add(*(line.removeprefix("add ") for line in ADDED))
+    by_hand = TABLE.add("TRN", like="STN", bias_nats=-1).add("TRN->GPe", weight=0.1)
     by_hand = by_hand.set("STN->GPe.delay_ms", 4).lesion("STN", 0.1)
     assert TABLE.edited(*file) == by_hand
 
@@ -78,13 +78,13 @@ def test_a_file_the_terminal_and_python_say_the_same():
         ("lesion D2[0]", TABLE.lesion("D2", channel=0)),
         ("clamp GPe 50%", TABLE.clamp("GPe", 0.5)),
         ("clamp GPe[0]", TABLE.clamp("GPe", channel=0)),
-        ("cut GPe->STN 30%", TABLE.cut("GPe", "STN", 0.3)),
-        ("cut D1 -> SNr[1]", TABLE.cut("D1", "SNr", channel=1)),
-        ("scale STN->GPe 0.5", TABLE.scale("STN", "GPe", 0.5)),
-        ("scale ctx -> D1[0] 1.1", TABLE.scale("ctx", "D1", 1.1, channel=0)),
+        ("cut GPe->STN 30%", TABLE.cut("GPe->STN", 0.3)),
+        ("cut D1 -> SNr[1]", TABLE.cut("D1->SNr", channel=1)),
+        ("scale STN->GPe 0.5", TABLE.scale("STN->GPe", 0.5)),
+        ("scale ctx -> D1[0] 1.1", TABLE.scale("ctx->D1", 1.1, channel=0)),
         ("set STN.cell.cv 0.2", TABLE.with_cell("STN", cv=0.2)),
         ("set ctx->D1.factors 1,0.9", TABLE.set("ctx->D1.factors", (1, 0.9))),
-        ("add dopamine amount=0.2", TABLE.add(Course("dopamine", 0.2))),
+        ("add dopamine amount=0.2", TABLE.with_rows(Course("dopamine", 0.2))),
         ("add striatal_FSI", TABLE.add("striatal_FSI")),
         ("dopamine 0.9", TABLE.dopamine(0.9)),
         ("neurons 1e2", TABLE.with_neurons(100)),
@@ -107,11 +107,11 @@ def test_the_order_in_which_edits_are_written_does_not_matter(lines):
 
 def test_edits_of_all_nuclei_come_first_then_rows_then_factors():
     by_hand = TABLE.with_neurons(20).with_heterogeneity(0.1)
-    by_hand = by_hand.add(*(line.removeprefix("add ") for line in ADDED), keep_rest=True)
+    by_hand = by_hand.edited(*ADDED, "keep rest")
     by_hand = by_hand.set("STN.neurons", 50).set("STN->GPe.delay_ms", 4)
-    by_hand = by_hand.set("D1->SNr.synapse", "GABA-A").block("D1->SNr", "GABA-A", 0.2)
-    by_hand = by_hand.lesion("TRN", 0.5).lesion("D1", 0.1, channel=1).cut("GPe", "STN", 0.3)
-    by_hand = by_hand.scale("TRN", "GPe", 0.5).dopamine(1.1)
+    by_hand = by_hand.set("D1->SNr.synapse", "GABA-A").block("D1->SNr GABA-A", 0.2)
+    by_hand = by_hand.lesion("TRN", 0.5).lesion("D1", 0.1, channel=1).cut("GPe->STN", 0.3)
+    by_hand = by_hand.scale("TRN->GPe", 0.5).dopamine(1.1)
     assert TABLE.edited(*ALL[:-2]) == by_hand
     assert TABLE.edited(*ALL) == by_hand.compensate(TABLE, rebound_nats={"SNr": 0.2})
 
@@ -284,7 +284,9 @@ def test_a_rebound_compensates_the_others_too():
 
 
 def test_keep_rest_needs_a_row_that_is_added():
-    rows = [line.removeprefix("add ") for line in ADDED]
-    assert TABLE.edited(*ADDED, "keep rest") == TABLE.add(*rows, keep_rest=True) != TABLE.add(*rows)
+    added, kept = TABLE.edited(*ADDED), TABLE.edited(*ADDED, "keep rest")
+    nucleus = TABLE.add("TRN", like="STN", bias_nats=-1)
+    assert added == nucleus.add("TRN->GPe", weight=0.1)
+    assert added != kept == nucleus.add("TRN->GPe", weight=0.1, keep_rest=True)
     with refused("edits"):
         TABLE.edited("keep rest")

@@ -32,10 +32,10 @@ def test_adding_striatal_interneurons_leaves_all_rates_resting_hz(name, channels
 def test_a_motif_is_added_by_its_name_as_by_its_rows():
     table = anatomy.macaque_small(2)
     added = table.add(INTERNEURONS)
-    assert added == table.add(*MOTIFS[INTERNEURONS](table))
+    assert added == table.with_rows(*MOTIFS[INTERNEURONS](table))
     assert added == table.edited(f"add {INTERNEURONS}")
     assert added != table
-    like = table.add(INTERNEURONS, "other like=FSI", "ctx->other like=ctx->FSI")
+    like = table.edited(f"add {INTERNEURONS}", "add other like=FSI", "add ctx->other like=ctx->FSI")
     assert like.population("other").baseline_hz == added.population("FSI").baseline_hz
     for wrong in (added, anatomy.macaque(2), anatomy.gpr(2)):
         with pytest.raises(ValueError, match=INTERNEURONS):

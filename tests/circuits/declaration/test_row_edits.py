@@ -1,5 +1,6 @@
 """Edits in text: they say what Python says, and what they name is there or is refused."""
 
+import inspect
 from dataclasses import fields, replace
 
 import pytest
@@ -16,6 +17,10 @@ TABLES = [anatomy.load_circuit(name) for name in anatomy.CIRCUITS]
 ROWS = [*(p.name for p in TABLE.populations), *(p.name for p in TABLE.projections)]
 NAMES = st.text("abcDGNST_19", min_size=1, max_size=5)
 NUMBERS = st.floats(0, 1000).map(lambda x: round(x, 3))
+
+
+def with_texts(*rows):
+    return TABLE.edited(*(f"add {row}" for row in rows))
 
 
 @st.composite
@@ -38,7 +43,7 @@ def circuit_or_refusal(edit):
 
 def in_python(circuit, row, **values):
     if isinstance(row, Projection):
-        return circuit.with_projection(row.source, row.target, **values)
+        return circuit.with_projection(row.pair, **values)
     return circuit.with_population(row.name, **values)
 
 
@@ -95,18 +100,18 @@ def test_unknown_names_raise_and_give_no_circuit(row, other, field):
     with pytest.raises(ValueError, match=f"STN has no 'cell.{field}': .*, cell.cv$"):
         TABLE.edited(f"set STN.cell.{field}=1")
     with pytest.raises(ValueError, match=f"D1->GPe has no '{field}': weight, "):
-        TABLE.add(f"D1->GPe weight=-1 {field}=1")
+        TABLE.edited(f"add D1->GPe weight=-1 {field}=1")
 
 
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("set STN->GPe.delay_ms=4", TABLE.with_projection("STN", "GPe", delay_ms=4)),
-        (" set STN -> GPe.delay_ms = 4 ", TABLE.with_projection("STN", "GPe", delay_ms=4)),
+        ("set STN->GPe.delay_ms=4", TABLE.with_projection("STN->GPe", delay_ms=4)),
+        (" set STN -> GPe.delay_ms = 4 ", TABLE.with_projection("STN->GPe", delay_ms=4)),
         ("set STN.neurons=1e3", TABLE.with_population("STN", neurons=1000)),
         ("set STN.cite=Kita & Kitai 1991", TABLE.with_population("STN", cite="Kita & Kitai 1991")),
         ("set common.pooled=true", TABLE),
-        ("set ctx->D1.factors=1,0.9", TABLE.with_projection("ctx", "D1", factors=(1, 0.9))),
+        ("set ctx->D1.factors=1,0.9", TABLE.with_projection("ctx->D1", factors=(1, 0.9))),
         ("set ctx->D1.factors=", TABLE),
         ("set STN.cell=Rate", TABLE.with_population("STN", cell=Rate())),
         ("set GPe.cell.tau_ms=12", TABLE.with_cell("GPe", tau_ms=12)),
@@ -143,12 +148,12 @@ ADDED = {
 
 @pytest.mark.parametrize(("text", "row"), ADDED.items(), ids=[*ADDED])
 def test_a_row_in_text_is_the_row_in_python(text, row):
-    assert TABLE.add(text) == TABLE.add(row)
+    assert TABLE.edited(f"add {text}") == TABLE.with_rows(row)
 
 
 def test_a_row_like_another_does_not_cite_its_source_for_numbers_that_are_new():
     rows = ("TRN like=STN", "X like=GPe baseline_hz=10 cell.tau_ms=9", "Y like=GPe cite='my data'")
-    edited = TABLE.add(*rows)
+    edited = with_texts(*rows)
     cited = [edited.population(name).cite for name in ("TRN", "X", "Y")]
     assert cited == ["as STN", "as GPe; assumed: baseline_hz, cell.tau_ms", "my data"]
 
@@ -157,29 +162,45 @@ def test_a_row_may_be_like_one_that_is_added_with_it_in_any_order():
     nucleus = "Arky cell=Rate transmitter=GABA"
     paths = "Arky->D1 weight=-0.1 delay_ms=6", "Arky->D2 like=Arky->D1"
     rows = (nucleus, "B like=Arky baseline_hz=3", "C like=B", *paths)
-    forth, back = TABLE.add(*rows), TABLE.add(*reversed(rows))
+    forth, back = with_texts(*rows), with_texts(*reversed(rows))
     first, second = (forth.projection("Arky", name) for name in ("D1", "D2"))
     assert second == replace(first, target="D2", cite="as Arky->D1")
     assert (forth["C"].baseline_hz, forth["C"].transmitter) == (3, "GABA")
     assert set(back.populations) == set(forth.populations)
     assert set(back.projections) == set(forth.projections)
     assert back.populations[-3:] == forth.populations[:-4:-1]  # in their original order
-    python = Projection("Arky", "D1", -0.1, delay_ms=6)
-    assert TABLE.add(nucleus, python, paths[1]).projection("Arky", "D2") == second
+    python = TABLE.edited(f"add {nucleus}").add("Arky->D1", weight=-0.1, delay_ms=6)
+    assert python.add("Arky->D2", like="Arky->D1").projection("Arky->D2") == second
     with refused("add rows that are like each other"):
-        TABLE.add("B like=C", "C like=B", nucleus)
-    with refused("add 'Arky like=STN'"):
-        TABLE.add(nucleus, "Arky like=STN")
+        with_texts("B like=C", "C like=B", nucleus)
+    with refused("edits 'add Arky like=STN'"):
+        with_texts(nucleus, "Arky like=STN")
 
 
 @given(st.floats(0.01, 1), st.sampled_from([None, 0, 1]), st.sampled_from(["lesion", "clamp"]))
 def test_a_row_like_a_lesioned_one_is_like_the_intact_one(fraction, channel, verb):
     lesioned = getattr(TABLE, verb)("STN", fraction, channel=channel)
-    assert lesioned.add("PPN like=STN").row("PPN") == TABLE.add("PPN like=STN").row("PPN")
-    assert lesioned.add("PPN like=STN intact=0.3").population("PPN").intact == 0.3
+    assert lesioned.add("PPN", like="STN").row("PPN") == TABLE.add("PPN", like="STN").row("PPN")
+    assert lesioned.add("PPN", like="STN", intact=0.3).population("PPN").intact == 0.3
 
 
 def test_a_nucleus_like_another_has_no_published_rates_of_that_one():
-    table = anatomy.macaque().add("TRN like=STN")
+    table = anatomy.macaque().add("TRN", like="STN")
     assert table.population("STN").published_hz
     assert table.population("TRN").published_hz == ()
+
+
+def test_a_new_row_in_keywords_is_that_in_text_and_its_signature_lists_the_fields():
+    cell = Phase(0.2)
+    by_hand = TABLE.add("TRN", cell=cell, neurons=3).add("TRN->STN AMPA", weight=0.1, delay_ms=2)
+    text = "add TRN cell=Phase cell.cv=0.2 neurons=3", "add TRN->STN AMPA weight=0.1 delay_ms=2"
+    assert by_hand == TABLE.edited(*text)
+    known = inspect.signature(TABLE.add).parameters
+    assert {"like", "cell", "bias_nats", "weight", "delay_ms", "amount", "to_ms"} <= known.keys()
+    assert not {"fields", "source", "what"} & known.keys()
+    with refused("add each field once"):
+        TABLE.add("STN->D1 NMDA", weight=0.1, synapse="AMPA")
+    with refused("wieght"):
+        TABLE.add("STN->D1", wieght=0.1)
+    with refused("weight"):
+        TABLE.add("STN->D1", weight="heavy")

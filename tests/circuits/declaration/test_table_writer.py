@@ -24,12 +24,12 @@ NAMES = st.from_regex(r"[^\s\[\]=/>]{1,8}", fullmatch=True).filter(
 EDITS = [
     st.builds(lambda x: lambda c: c.lesion("STN", x), st.floats(0, 0.99)),
     st.builds(lambda x: lambda c: c.clamp("GPe", x), st.floats(0, 0.99)),
-    st.builds(lambda x: lambda c: c.scale("D1", "SNr", x, 1), st.floats(0.01, 9)),
-    st.builds(lambda x: lambda c: c.cut("GPe", "STN", x), st.floats(0, 0.99)),
-    st.builds(lambda x: lambda c: c.cut("D1", "SNr", x, 1), st.floats(0, 0.99)),
-    st.builds(lambda x: lambda c: c.scale("ctx", "D1", x), st.floats(0.01, 9)),
+    st.builds(lambda x: lambda c: c.scale("D1->SNr", x, 1), st.floats(0.01, 9)),
+    st.builds(lambda x: lambda c: c.cut("GPe->STN", x), st.floats(0, 0.99)),
+    st.builds(lambda x: lambda c: c.cut("D1->SNr", x, 1), st.floats(0, 0.99)),
+    st.builds(lambda x: lambda c: c.scale("ctx->D1", x), st.floats(0.01, 9)),
     st.builds(lambda x: lambda c: c.with_population("STN", bias_nats=x), NUMBERS),
-    st.builds(lambda x: lambda c: c.with_projection("STN", "GPe", delay_ms=x, cite="mine"), SIZES),
+    st.builds(lambda x: lambda c: c.with_projection("STN->GPe", delay_ms=x, cite="mine"), SIZES),
     st.builds(
         lambda x: lambda c: c.with_population("GPe", cell=Phase(x), tau_ms=1), st.floats(0, 1)
     ),
@@ -40,7 +40,7 @@ EDITS = [
     st.builds(lambda x: lambda c: replace(c, default_gain=x), st.floats(1e-9, 1e9)),
     st.builds(
         lambda name, w: (
-            lambda c: c.add(Population(name, Rate(signed=True)), Projection(name, "STN", w))
+            lambda c: c.with_rows(Population(name, Rate(signed=True)), Projection(name, "STN", w))
         ),
         NAMES.filter(lambda name: name not in ("ctx", "common", "D1", "D2", "STN", "GPe", "SNr")),
         SIZES,
@@ -80,7 +80,7 @@ def test_equal_circuits_have_one_hash_and_others_another():
     for other in (
         circuit.with_population("STN", tau_ms=5.1),
         circuit.with_cell("STN", cv=0.31),
-        circuit.with_projection("STN", "GPe", cite="mine"),
+        circuit.with_projection("STN->GPe", cite="mine"),
         replace(circuit, unit="salience"),
         anatomy.spiking_msprt(3),
     ):
@@ -128,7 +128,7 @@ def test_a_file_of_ones_own_needs_no_more_than_what_differs():
     circuit = table_reader.parse(text, "mine.toml")
     assert circuit.name == "mine"
     assert circuit.population("ctx") == Population("ctx", Phase(0.5), cite="mine")
-    assert circuit.projection("D1", "SNr") == Projection("D1", "SNr", -1)
+    assert circuit.projection("D1->SNr") == Projection("D1", "SNr", -1)
     # Where rows share lines they are counted.
     with refused(r"transmitter ^mine\.toml, populations, row 3"):
         table_reader.parse(text.replace('"Rate", "GABA"', '"Rate", "gaba"'), "mine.toml")

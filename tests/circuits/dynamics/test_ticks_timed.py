@@ -38,7 +38,7 @@ def agree(actual, expected, atol=SINGLE):
 @pytest.mark.parametrize("amount", [-0.15, 0.15])
 @pytest.mark.parametrize("table", TABLES.values(), ids=list(TABLES))
 def test_a_level_that_is_held_settles_at_the_fixed_point_of_that_level(table, amount):
-    with_course = settled(table.add(Course("dopamine", amount)))
+    with_course = settled(table.with_rows(Course("dopamine", amount)))
     level = table.dopamine(1 + amount)
     exact = run(level, HELD[:, :1], engine="algebra", step_ms=1)
     agree(with_course, (exact.output_nats[0, 0], {k: v[0, 0] for k, v in exact.rates_hz.items()}))
@@ -47,8 +47,8 @@ def test_a_level_that_is_held_settles_at_the_fixed_point_of_that_level(table, am
 
 def test_a_course_of_dopamine_is_relative_to_the_level_of_the_edited_circuit():
     table = TABLES["macaque"]
-    before = table.add(Course("dopamine", 0.1)).dopamine(1.1)
-    after = table.dopamine(1.1).add(Course("dopamine", 0.1))
+    before = table.with_rows(Course("dopamine", 0.1)).dopamine(1.1)
+    after = table.dopamine(1.1).with_rows(Course("dopamine", 0.1))
     assert before == after
     agree(settled(before), settled(table.dopamine(1.1).dopamine(1.1)))
 
@@ -60,7 +60,7 @@ def test_a_course_of_the_input_is_a_drive_of_all_channels(engine):
     options = {"engine": engine, "step_ms": 20.0, "settle_ms": 10.0, "seed": 4}
     pushed = drive + np.array([0, 0.3, 0])[:, None] / table.drive_gain
     expected = run(table, pushed, **options).output_nats
-    out = run(table.add(Course(table.input, 0.3, 20, 40)), drive, **options).output_nats
+    out = run(table.with_rows(Course(table.input, 0.3, 20, 40)), drive, **options).output_nats
     np.testing.assert_allclose(
         out, expected, rtol=0, atol=1e-12 if ENGINES[engine].spiking else 1e-4
     )
@@ -116,7 +116,7 @@ def test_a_pulse_through_a_linear_population_has_its_closed_form(engine, course,
     """The source is at 1.5 nats, its weight 0.8, so that a level of 1 + a adds 1.2 a."""
     options = {"step_ms": 200.0, "dt_ms": 0.1, "sample_ms": 0.2, "settle_ms": 20.0}
     options |= {"seed": 1} if engine == "plain" else {}
-    circuit = relay().add(replace(course, what=what))
+    circuit = relay().with_rows(replace(course, what=what))
     ran = run(circuit, np.zeros((1, 1, 2)), engine=engine, **options)
     filtered = ran.rates_hz["SNr"][0] / 10 - 1.2
     ticks = adds * response(np.arange(1, 2001) / 10, course, 20.0)
@@ -126,13 +126,13 @@ def test_a_pulse_through_a_linear_population_has_its_closed_form(engine, course,
 
 def test_a_pivot_stays_where_it_is_while_dopamine_turns_the_gain():
     """A source at its pivot adds what it added."""
-    circuit = relay().with_population("SNr", operating_point_nats=1.5).add("dopamine amount=0.8")
+    circuit = relay().with_population("SNr", operating_point_nats=1.5).add("dopamine", amount=0.8)
     ran = run(circuit, np.zeros((1, 1, 2)), engine="rate", step_ms=200.0)
     np.testing.assert_allclose(ran.decoded_nats("SNr"), 1.2, atol=1e-5)
 
 
 def test_rest_holds_before_the_drive_and_the_tables_are_of_the_receptors():
-    table = TABLES["macaque"].add("dopamine amount=0.25 from_ms=10 to_ms=30")
+    table = TABLES["macaque"].add("dopamine", amount=0.25, from_ms=10, to_ms=30)
     clock = Clock(2, 50, settle_ms=40)
     course = timed(wire(table), clock)
     times = (np.arange(clock.ticks) + 0.5) * clock.dt_ms - 40
@@ -154,7 +154,9 @@ def test_rest_holds_before_the_drive_and_the_tables_are_of_the_receptors():
 def test_a_course_of_nothing_changes_no_byte(engine):
     table = TABLES["macaque"].with_neurons(20)
     options = {"engine": engine, "step_ms": 10.0, "settle_ms": 5.0, "seed": 4}
-    nothing = table.add("dopamine amount=0 to_ms=9", "STN amount=-0.0", "GPe amount=0")
+    nothing = table.edited(
+        "add dopamine amount=0 to_ms=9", "add STN amount=-0.0", "add GPe amount=0"
+    )
     one, two = (run(circuit, HELD[:, :2], **options) for circuit in (table, nothing))
     np.testing.assert_array_equal(one.output_nats, two.output_nats)
     for name, rates in one.rates_hz.items():
@@ -180,15 +182,15 @@ def window(name, channel, amount, from_ms, lasts_ms):
 @settings(max_examples=30)
 def test_a_window_on_all_channels_is_the_sum_of_those_on_each(windows, dopamine):
     """Every block receives the same bytes, with a level of dopamine that changes or without."""
-    level = ("dopamine amount=0.1 to_ms=30",) if dopamine else ()
+    level = ("add dopamine amount=0.1 to_ms=30",) if dopamine else ()
     each = [
         window(name, k, *rest)
         for name, channel, *rest in windows
         for k in (range(3) if channel is None else [channel])
     ]
-    table, clock = TABLES["macaque"].add(*level), Clock(2, 50)
+    table, clock = TABLES["macaque"].edited(*level), Clock(2, 50)
     one, two = (
-        timed(wire(table.add(*rows)), clock) for rows in ((window(*w) for w in windows), each)
+        timed(wire(table.with_rows(*rows)), clock) for rows in ((window(*w) for w in windows), each)
     )
     np.testing.assert_array_equal(one.nats[one.of_block], two.nats[two.of_block])
     np.testing.assert_array_equal(one.factors[one.of_unit], two.factors[two.of_unit])
@@ -202,5 +204,5 @@ def test_a_window_on_one_channel_is_that_channel_s_own_input_in_every_trial(engi
     column[:, 2:4] = 0.7
     drive = np.tile(SPREAD, (1, 6, 1))
     told = run(table.with_inputs("STN[2]"), np.concatenate([drive, column], axis=2), **options)
-    course = run(table.add("STN[2] amount=0.7 from_ms=10 to_ms=20"), drive, **options)
+    course = run(table.add("STN[2]", amount=0.7, from_ms=10, to_ms=20), drive, **options)
     np.testing.assert_allclose(told.output_nats, course.output_nats, atol=2e-6)

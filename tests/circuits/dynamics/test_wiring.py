@@ -12,7 +12,7 @@ from circuits.dynamics.wiring import fan_in, wire
 
 def test_sparse_connections_have_one_in_degree_and_belong_to_the_circuit():
     circuit = anatomy.spiking_msprt().with_neurons(40).with_connections(0.25)
-    p = circuit.projection("D1", "SNr")
+    p = circuit.projection("D1->SNr")
     wires = fan_in(circuit, p, 0, 0)
     assert wires.shape == (40, 10)
     assert all(len(set(row)) == 10 for row in wires.tolist())

@@ -196,7 +196,7 @@ def test_the_common_mode_holds_stn_near_its_set_point_and_leaves_out_as_it_is():
 
 
 def test_a_loop_without_fixed_point_says_so():
-    runaway = anatomy.spiking_msprt(4).add(Projection("STN", "STN", 3.0, "diffuse"))
+    runaway = anatomy.spiking_msprt(4).with_rows(Projection("STN", "STN", 3.0, "diffuse"))
     with pytest.raises(ValueError, match="spiking_msprt has no fixed point at drive"):
         run_algebra(runaway, np.zeros((1, 1, 4)))
     # The bounded one of the table stops at silence.

@@ -15,7 +15,7 @@ TABLES = {
     "lesioned": anatomy.spiking_msprt(2).with_neurons(40).lesion("STN", 0.3),
     "sparse": anatomy.spiking_msprt(2).with_neurons(40).with_connections(0.5),
     "macaque": anatomy.macaque(3).with_neurons(40),
-    "course": anatomy.macaque(2).with_neurons(40).add("dopamine amount=0.2 from_ms=30"),
+    "course": anatomy.macaque(2).with_neurons(40).add("dopamine", amount=0.2, from_ms=30),
 }
 
 

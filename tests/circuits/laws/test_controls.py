@@ -19,7 +19,7 @@ def test_every_number_is_varied_once_each_way():
     assert len({str(each) for each in made.values()} | {str(table)}) == len(made) + 1
     assert perturbed(table) == made  # a fifth unless told otherwise
     assert made["STN cv +20%"].population("STN").cell.cv == pytest.approx(0.36)
-    assert made["ctx->STN delay_ms -20%"].projection("ctx", "STN").delay_ms == 2.0
+    assert made["ctx->STN delay_ms -20%"].projection("ctx->STN").delay_ms == 2.0
     assert made["GPe tau_ms +20%"].population("GPe").cell.tau_ms == pytest.approx(12)
     assert made["read-out tau_ms -20%"].readout_tau_ms == pytest.approx(22.4)
 
@@ -43,7 +43,7 @@ def test_shared_noise_has_the_size_that_was_asked():
 def test_shared_noise_has_its_size_in_closed_form(options, cells, tau_ms):
     """Power of renewal spikes through an exponential filter, summed over all frequencies."""
     noisy = correlated(TABLE, 0.2, **options)
-    row, path = noisy.population("shared"), noisy.projection("shared", "ctx")
+    row, path = noisy.population("shared"), noisy.projection("shared->ctx")
     assert (row.neurons, path.tau_ms, path.delay_ms) == (cells, tau_ms, 1)
     frequency = np.concatenate([[0.0], np.geomspace(1e-3, 1e5, 4000)]) + 1e-6
     power = phase_spectrum(row.cell, [row.baseline_hz], frequency)[0] / cells

@@ -85,9 +85,7 @@ def test_the_noise_of_few_cells_is_in_the_fixed_point():
     [
         (TABLE.with_connections(0.25), "ctx->D1 connects 25%"),
         (
-            TABLE.with_projection("STN", "GPe", delay_ms=20).with_projection(
-                "GPe", "STN", delay_ms=20
-            ),
+            TABLE.with_projection("STN->GPe", delay_ms=20).with_projection("GPe->STN", delay_ms=20),
             "is unstable",
         ),
     ],
@@ -101,7 +99,7 @@ def test_frequencies_are_added_near_a_resonance_until_no_step_turns_too_far():
     table = anatomy.spiking_msprt()
     most = []
     for times, more in ((1.0, False), (1.8, True)):
-        wiring, x = state(table.scale("STN", "GPe", times))
+        wiring, x = state(table.scale("STN->GPe", times))
         frequency, response = swept(wiring, x[None])
         turns = np.abs(np.log(response.det[:, 1:] / response.det[:, :-1]))
         assert (np.diff(frequency) > 0).all()

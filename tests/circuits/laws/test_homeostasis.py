@@ -47,7 +47,7 @@ def test_rates_at_rest_are_those_of_the_reference_after_any_edit(
     circuit = anatomy.load_circuit(name, channels)
     path = circuit.projections[row % len(circuit.projections)]
     cells = circuit.populations[row % len(circuit.populations)]
-    edited = circuit.lesion("STN", lesion).scale(path.source, path.target, factor)
+    edited = circuit.lesion("STN", lesion).scale(path.pair, factor)
     edited = edited.with_population(cells.name, gain_hz_per_nat=cells.gain_hz_per_nat * gain)
     edited = edited.dopamine(level)
     np.testing.assert_allclose(rest_hz(edited.compensate(circuit)), rest_hz(circuit), atol=CLOSE)
@@ -121,7 +121,7 @@ def test_the_rule_ends_where_the_closed_form_says(name, edit, channels):
 
 def test_channels_that_differ_have_a_rule_and_no_closed_form():
     circuit = anatomy.macaque(2)
-    edited = circuit.scale("ctx", "D1", 1.1, channel=0)
+    edited = circuit.scale("ctx->D1", 1.1, channel=0)
     with pytest.raises(ValueError, match=r"^D1 has one bias but a different resting input in each"):
         edited.compensate(circuit)
     end = recovery(edited, circuit).groupby("population").last()["rate_hz"]
@@ -150,8 +150,8 @@ def test_a_rate_that_a_population_cannot_have_is_one_sentence():
 def test_a_transfer_without_an_inverse_takes_the_input_of_the_reference():
     bent = "s_minus_log_s"
     circuit = anatomy.bogacz_gurney(2).with_population("GPe", transfer=bent)
-    circuit = circuit.with_projection("STN", "GPe", transfer="linear")
-    edited = circuit.scale("STN", "GPe", 0.9)
+    circuit = circuit.with_projection("STN->GPe", transfer="linear")
+    edited = circuit.scale("STN->GPe", 0.9)
     np.testing.assert_allclose(rest_hz(edited.compensate(circuit)), rest_hz(circuit), atol=CLOSE)
     with pytest.raises(ValueError, match=f"no input to its transfer '{bent}' is known"):
         edited.compensate(circuit, rebound_nats={"GPe": 0.1})
@@ -161,17 +161,17 @@ def test_a_transfer_without_an_inverse_takes_the_input_of_the_reference():
 def test_a_balanced_circuit_is_the_table_and_any_weight_onto_the_read_out_comes_back(channels):
     """OUT is ln N whatever all channels share, so the table is balanced as it stands."""
     table = anatomy.macaque(channels)
-    weight = table.projection("STN", "SNr").weight
+    weight = table.projection("STN->SNr").weight
     for factor in (0.5, 0.8, 1.0, 1.3):
-        balanced = table.scale("STN", "SNr", factor).balanced()
-        assert balanced.projection("STN", "SNr").weight == pytest.approx(weight, abs=1e-6)
+        balanced = table.scale("STN->SNr", factor).balanced()
+        assert balanced.projection("STN->SNr").weight == pytest.approx(weight, abs=1e-6)
 
 
 @given(st.sampled_from(["ctx->D1", "D1->SNr", "STN->GPe", "GPe->STN"]), st.floats(0.85, 1.15))
 @settings(max_examples=30)
 def test_after_both_rules_what_all_channels_share_leaves_out_alone(name, factor):
     table = anatomy.macaque(4)
-    edited = table.scale(*name.split("->"), factor).compensate(table)
+    edited = table.scale(name, factor).compensate(table)
     compensated = edited.balanced().compensate(table)
 
     def moved(circuit):
@@ -213,7 +213,7 @@ def test_rows_that_are_added_with_rest_kept_leave_the_rates_of_all_that_was_ther
         f"TRN->TRN weight=-{self_weight} delay_ms=2",
         f"D2->SNr weight=-{sent}",
     )
-    kept = table.add(*rows, keep_rest=True)
+    kept = table.edited(*(f"add {row}" for row in rows), "keep rest")
     before, after = rest_hz(table), rest_hz(kept)
     np.testing.assert_allclose(after[: len(before)], before, atol=CLOSE)
     assert kept.chronic == table.chronic
@@ -224,6 +224,5 @@ def test_rows_that_are_added_with_rest_kept_leave_the_rates_of_all_that_was_ther
 
 def test_rest_is_kept_where_nothing_changes_it():
     table = anatomy.macaque_small(2)
-    assert table.add(keep_rest=True) is table
     motif = table.add("striatal_FSI", keep_rest=True)
     assert own_biases(motif) == pytest.approx(own_biases(table.add("striatal_FSI")))

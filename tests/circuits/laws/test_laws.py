@@ -31,13 +31,13 @@ REST, FAVOURED = (0.0, 0.0), (0.85, -0.85)
 def spiking(channels=2, neurons=300):
     """Return the spiking table with S - ln S itself on the way to GPe, not its tangent."""
     table = anatomy.spiking_msprt(channels).with_neurons(neurons)
-    table = table.with_projection("STN", "GPe", weight=1.0, transfer="s_minus_log_s")
+    table = table.with_projection("STN->GPe", weight=1.0, transfer="s_minus_log_s")
     return table.with_population("GPe", bias_nats=-float(LAW(S0)))
 
 
 def uncommon(neurons=300):
     """Return the same without the common mode, so that S goes where the evidence takes it."""
-    table = spiking(neurons=neurons).with_projection("STN", "common", weight=0.0)
+    table = spiking(neurons=neurons).with_projection("STN->common", weight=0.0)
     return table.edited("set common.bias_nats=0", "set ctx.bias_nats=0")
 
 
@@ -67,12 +67,12 @@ def at_point(table, drive):
 def straightened(table, drive):
     """Return the circuit with the tangent of what bends on the way to GPe."""
     wiring, _, activity = at_point(table, drive)
-    path = table.projection("STN", "GPe")
+    path = table.projection("STN->GPe")
     unit = next(u for u in range(wiring.units) if wiring.projection(u) == path)
     s = activity[0, unit]
     slope = float(LAW.slope(s))
     bias = table.population("GPe").bias_nats + float(LAW(s)) - slope * s
-    table = table.with_projection("STN", "GPe", weight=slope, transfer="linear")
+    table = table.with_projection("STN->GPe", weight=slope, transfer="linear")
     return table.with_population("GPe", bias_nats=bias)
 
 
@@ -84,7 +84,7 @@ def without_bends(table):
     slope, row = np.exp(here), table.population("STN")
     for p in table.projections:
         if p.target == "STN":
-            table = table.with_projection(p.source, "STN", weight=p.weight * slope)
+            table = table.with_projection(p.pair, weight=p.weight * slope)
     bias = np.exp(here) - slope * (here - row.bias_nats)
     table = table.with_population("STN", transfer="linear", bias_nats=float(bias))
     return table.with_population("ctx", transfer="linear")
@@ -123,7 +123,7 @@ def test_many_cells_make_out_scatter_as_the_tangents_of_all_that_bends():
 def test_a_rectified_pathway_above_zero_is_a_line():
     """STN -> GPe of the shipped table never falls silent."""
     line = anatomy.spiking_msprt()
-    table = line.with_projection("STN", "GPe", transfer="rectified")
+    table = line.with_projection("STN->GPe", transfer="rectified")
     rectified, known = (out_variance(of, FAVOURED) for of in (table, line))
     for name in known:
         np.testing.assert_allclose(rectified[name], known[name], rtol=1e-9)

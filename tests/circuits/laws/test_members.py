@@ -37,7 +37,7 @@ def test_random_members_compute_the_posterior(channels, seed):
     assert np.abs(off_nats(member)).max() < 1e-3  # the readable range
     assert np.abs(above(member, drives(channels, seed))).max() < 1e-3
     # A weight moved off the family, as a negative control.
-    off = member.scale("GPe", "STN", 1.2)
+    off = member.scale("GPe->STN", 1.2)
     assert {"log", "sum"} <= {one.name for one in constraints(off) if not one.holds}
     assert np.ptp(above(off, drives(channels, seed))) > 1e-3
     here = {one.name: one.value for one in directions(member)}
@@ -96,7 +96,7 @@ def test_exact_circuits_move_too_and_stay_exact():
 def test_only_members_move_and_only_along_free_directions():
     circuit = load_circuit("macaque", 2)
     with refused("circuit"):
-        moved(circuit.scale("STN", "SNr", 0.5), {SIGMA0: 2.6})
+        moved(circuit.scale("STN->SNr", 0.5), {SIGMA0: 2.6})
     with refused("to"):
         moved(circuit, {"STN->SNr.weight": 0.5})  # it follows from the others
     with refused("to"):

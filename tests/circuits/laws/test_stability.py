@@ -40,8 +40,8 @@ def loop(stn_ms, gpe_ms, delay_ms):
         .with_population("STN", tau_ms=stn_ms)
         .with_population("GPe", tau_ms=gpe_ms)
     )
-    circuit = circuit.with_projection("STN", "GPe", delay_ms=delay_ms[0])
-    return circuit.with_projection("GPe", "STN", delay_ms=delay_ms[1])
+    circuit = circuit.with_projection("STN->GPe", delay_ms=delay_ms[0])
+    return circuit.with_projection("GPe->STN", delay_ms=delay_ms[1])
 
 
 def closed_form(stn_ms, gpe_ms, delay_ms):
@@ -158,7 +158,7 @@ def test_a_drive_of_another_shape_and_a_loop_that_is_never_stable_are_refused():
     circuit = anatomy.bogacz_gurney()
     with refused("drive"):
         stability.growth(circuit, np.zeros(3))
-    unstable = circuit.with_projection("STN", "GPe", transfer="linear", weight=400, delay_ms=50)
+    unstable = circuit.with_projection("STN->GPe", transfer="linear", weight=400, delay_ms=50)
     with pytest.raises(ValueError, match=r"already unstable at S = 0.25 nats"):
         stability.onset(unstable)
 

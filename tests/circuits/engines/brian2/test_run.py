@@ -80,9 +80,9 @@ def both(circuit, drive=DRIVE, **options):
         WHOLE.clamp("D2", 0.5).lesion("GPe"),
         small(),
         pytest.param(
-            replace(small(), wiring_seed=3).scale("ctx", "SNr", 0), marks=pytest.mark.validate
+            replace(small(), wiring_seed=3).scale("ctx->SNr", 0), marks=pytest.mark.validate
         ),
-        small().scale("ctx", "STN", 0.5, 0).scale("SNr", "SNr", 2, 1),
+        small().scale("ctx->STN", 0.5, 0).scale("SNr->SNr", 2, 1),
     ],
     ids=[
         "whole",

@@ -26,8 +26,9 @@ WHOLE = anatomy.spiking_msprt().with_neurons(12)
 CIRCUITS = {
     "whole": WHOLE,
     "cells that differ, sparse": WHOLE.with_connections(0.3).with_heterogeneity(0.1),
-    "courses and a lesion": WHOLE.lesion("GPe", 0.5).add(
-        "dopamine amount=0.2 from_ms=2 to_ms=7 decay_ms=4", "STN amount=-1 from_ms=5 to_ms=10"
+    "courses and a lesion": WHOLE.lesion("GPe", 0.5).edited(
+        "add dopamine amount=0.2 from_ms=2 to_ms=7 decay_ms=4",
+        "add STN amount=-1 from_ms=5 to_ms=10",
     ),
     "more inputs": WHOLE.with_inputs("STN", "GPe[0]"),
     "rates": anatomy.bogacz_gurney(),

@@ -37,7 +37,7 @@ def both(circuit, drive, **options):
     [
         BASE,
         BASE.clamp("GPe", 0.5),
-        BASE.scale("STN", "GPe", 0.5),
+        BASE.scale("STN->GPe", 0.5),
         BASE.with_heterogeneity(0.1),
         BASE.with_heterogeneity(0.3),
     ],
@@ -56,7 +56,7 @@ def test_cells_spike_as_in_the_plain_scheme(circuit):
     [
         pytest.param(BASE.with_connections(0.25), id="sparse", marks=pytest.mark.validate),
         pytest.param(
-            BASE.with_connections(0.25).scale("ctx", "D1", 0.9, 0).scale("STN", "GPe", 0, 1),
+            BASE.with_connections(0.25).scale("ctx->D1", 0.9, 0).scale("STN->GPe", 0, 1),
             id="one channel",
             marks=pytest.mark.validate,
         ),
@@ -118,7 +118,7 @@ def test_what_lies_downstream_never_changes_what_lies_upstream():
     edits = [
         BASE.with_population("SNr", neurons=10).with_cell("SNr", noise_mv=1.0),
         BASE.lesion("D1", 0.5),
-        BASE.scale("STN", "SNr", 0.2),
+        BASE.scale("STN->SNr", 0.2),
     ]
     for edited in edits:
         for name, table in run_ensemble(edited, drive, **settings).spikes.items():
@@ -134,12 +134,12 @@ def test_more_spikes_than_room_are_all_there(monkeypatch):
 
 
 def test_strong_inhibition_is_not_taken_for_a_refractory_period():
-    fast, plain = both(BASE.scale("D1", "SNr", 60), ramp(2, 3, top=3.0))
+    fast, plain = both(BASE.scale("D1->SNr", 60), ramp(2, 3, top=3.0))
     assert spike_set(fast.spikes["SNr"]) == spike_set(plain.spikes["SNr"])
 
 
 def test_an_edit_without_a_state_of_rest_warns():
-    runaway = BASE.add(Projection("STN", "STN", 0.5, "diffuse", delay_ms=2)).lesion("common")
+    runaway = BASE.with_rows(Projection("STN", "STN", 0.5, "diffuse", delay_ms=2)).lesion("common")
     with pytest.warns(EditWarning, match="has no resting state after these edits"):
         run_ensemble(runaway, ramp(1, 1), step_ms=20, seed=1, settle_ms=10)
 

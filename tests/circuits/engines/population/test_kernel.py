@@ -73,7 +73,7 @@ def by_the_scheme(circuit, drive, clock):
 @pytest.mark.parametrize("fastest_ms", [0.0, 0.5, 2.0])
 def test_every_tick_follows_the_scheme(name, fastest_ms):
     """However many ticks are computed together: that depends on the shortest delay."""
-    circuit = anatomy.load_circuit(name, 3).with_projection("STN", "SNr", delay_ms=fastest_ms)
+    circuit = anatomy.load_circuit(name, 3).with_projection("STN->SNr", delay_ms=fastest_ms)
     circuit = replace(circuit.clamp("GPe", 0.3), readout_tau_ms=10)
     drive = evidence(2, 3, 3)
     clock = Clock(3, 6.0, dt_ms=0.25, sample_ms=1.5, settle_ms=4.0)

@@ -26,7 +26,7 @@ def test_the_tick_is_the_longest_that_all_delays_and_times_are_multiples_of(
     delay_ms, times_ms, tick
 ):
     """One of 1/2, 1/4, 1/5 and 1/10 ms; the other delays of the table are whole milliseconds."""
-    circuit = anatomy.load_circuit("macaque", 2).with_projection("STN", "GPe", delay_ms=delay_ms)
+    circuit = anatomy.load_circuit("macaque", 2).with_projection("STN->GPe", delay_ms=delay_ms)
     assert tick_ms(wire(circuit), Population.ticks_ms, *times_ms) == tick
 
 

@@ -209,10 +209,10 @@ def test_rates_that_run_away_anywhere_are_said():
     side = Population("side", Rate(signed=True), 0.0, 10.0)
     paths = (Projection("ctx", "side", 1.0), Projection("side", "side", 3.0, delay_ms=1))
     for circuit in (
-        source(Rate(), 1.0).add(side, *paths),
+        source(Rate(), 1.0).with_rows(side, *paths),
         source(Rate(), 1.0)
-        .add(Projection("ctx", "ctx", 3.0, delay_ms=2))
-        .scale("ctx", "ctx", 0.0, channel=0),
+        .with_rows(Projection("ctx", "ctx", 3.0, delay_ms=2))
+        .scale("ctx->ctx", 0.0, channel=0),
     ):
         with pytest.raises(ValueError, match=r"rates of source run away, \d+ ms after onset"):
             run(circuit, np.ones((1, 5, 2)), engine="rate", step_ms=500)

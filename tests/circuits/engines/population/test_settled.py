@@ -117,7 +117,7 @@ def test_without_noise_there_is_one_state_and_without_settling_none():
 
 
 def test_courses_act_from_the_onset_on_and_share_the_states():
-    course = FULL.add(Course("STN", 1.0, from_ms=50, to_ms=80))
+    course = FULL.with_rows(Course("STN", 1.0, from_ms=50, to_ms=80))
     before, after = (populations(each).output_nats for each in (FULL, course))
     assert len(settled._BANKS) == 1
     np.testing.assert_array_equal(before[:, :40], after[:, :40])
