@@ -47,32 +47,14 @@ def is_events(path: Path) -> bool:
 
 
 def read_events(path: Path, columns: Mapping[str, str] | None = None) -> pd.DataFrame:
-    """Return the stop-signal trials of BIDS events.
+    """Return the stop-signal trials of BIDS events: of a file, or of a folder and those below it.
 
-    Parameters
-    ----------
-    path : path
-        One file of events, or a folder that holds files in and below it. If names of files have a
-        task with "stop" in it, only those are read.
-    columns : mapping, optional
-        The set's names of trial_type, rt and ssd, where they are not among ``NAMES``.
-
-    Returns
-    -------
-    DataFrame
-        participant_id (``sub-...``), trial, rt and ssd (s); rt is NaN without a response (n/a or 0
-        in the file), ssd in go trials. Runs of a participant follow one another.
-
-    Raises
-    ------
-    ValueError
-        If there are no such files, a column is missing, a stop trial has no delay, or there are no
-        go or no stop trials.
-
-    Warns
-    -----
-    UserWarning
-        If trials are neither go nor stop trials by their type; they are left out.
+    If names of files have a task with "stop" in it, only those are read. ``columns`` are the set's
+    names of trial_type, rt and ssd, where they are not among ``NAMES``. The table has
+    participant_id (``sub-...``), trial, rt and ssd (s); rt is NaN without a response (n/a or 0 in
+    the file), ssd in go trials. Runs of a participant follow one another. ValueError if there are
+    no such files, a column is missing, a stop trial has no delay, or there are no go or no stop
+    trials; trials of another type are left out with a warning.
     """
     unknown = sorted({*(columns or {})} - {*NAMES})
     require(not unknown, "columns", f"must name columns of {', '.join(NAMES)}", unknown)

@@ -95,26 +95,14 @@ LASTING_MS = 1000.0
 
 @dataclass(frozen=True, eq=False)
 class StopModel:
-    """How OUT responds to a stop signal of 1 nat.
+    """How OUT responds to a stop signal of 1 nat."""
 
-    Parameters
-    ----------
-    name : str
-        "constant_gap" for the test, or the name of a circuit.
-    noise_nats : float, optional
-        Standard deviation of the log odds after one second, nats. That of the test, by default, is
-        twice the drift.
-    time_ms, added : array (ticks,)
-        c, as a proportion of the strength, and its times. By default c is a step.
-    circuit : Circuit, optional
-        The circuit that responds so.
-    """
-
-    name: str
+    name: str  # "constant_gap" for the test, or the name of a circuit
+    # Standard deviation of the log odds after one second; that of the test is twice the drift.
     noise_nats: float | None = None
-    time_ms: Array | None = None
-    added: Array | None = None
-    circuit: Circuit | None = None
+    time_ms: Array | None = None  # (ticks,)
+    added: Array | None = None  # (ticks,), c as a proportion of the strength; by default a step
+    circuit: Circuit | None = None  # the circuit that responds so
 
     def noise(self, sensitivity: float) -> float:
         """Return the noise of the log odds of a participant, nats per root second."""
@@ -153,13 +141,7 @@ def circuit_stop(circuit: str | Circuit = "macaque", noise_nats: float = NOISE_N
 
 
 def stop_model(model: str | Circuit | StopModel, noise_nats: float = NOISE_NATS) -> StopModel:
-    """Return the stop process of the test, ``constant_gap``, or of a circuit.
-
-    Raises
-    ------
-    ValueError
-        For another test, or an unknown circuit.
-    """
+    """Return the stop process of ``constant_gap``, the test, or of a circuit; others raise."""
     if isinstance(model, StopModel):
         return model
     if isinstance(model, str) and model in GAPS:
@@ -182,30 +164,15 @@ GO = ("sensitivity", "bound", "t0_s", "t0_sd_s")
 
 @dataclass(frozen=True, eq=False)
 class StopData:
-    """The stop trials of one person, and the go times that race with them.
+    """The stop trials of one person, and the go times that race with them."""
 
-    Parameters
-    ----------
-    go_ms, go_response : array (go trials,)
-        Time of each go trial without the slowing after stop trials, ms, NaN without a response; and
-        the response.
-    slower_ms : array (trials,), ms
-        How much slower go responses are after the kind of trial that came before.
-    stop : int array (stop trials,)
-        Places of the stop trials.
-    ssd_ms, rt_ms : array (stop trials,), ms
-        Their delays; their response times, NaN without a response.
-    end_ms : float
-        The deadline, or the longest time of a response or, by 1 ms, of a signal.
-    """
-
-    go_ms: Array
-    go_response: Integers
-    slower_ms: Array
-    stop: Integers
-    ssd_ms: Array
-    rt_ms: Array
-    end_ms: float
+    go_ms: Array  # (go trials,), without the slowing after stop trials; NaN without a response
+    go_response: Integers  # (go trials,)
+    slower_ms: Array  # (trials,), by how much go responses are slower after such a trial as before
+    stop: Integers  # (stop trials,), their places
+    ssd_ms: Array  # (stop trials,)
+    rt_ms: Array  # (stop trials,), NaN without a response
+    end_ms: float  # the deadline, or the longest time of a response or, by 1 ms, of a signal
 
     @cached_property
     def times_ms(self) -> Array:
@@ -233,18 +200,9 @@ class StopData:
 def laid(trials: Trials, slowing_ms: tuple[float, float] | None = None) -> StopData:
     """Lay out one person's trials, in the order in which they were run.
 
-    Parameters
-    ----------
-    trials : Trials
-        The trials.
-    slowing_ms : (float, float), ms, optional
-        How much slower go responses are after failed and after successful stops; by default the
-        person's own slowing, or 0 where it is unknown.
-
-    Raises
-    ------
-    ValueError
-        Without stop trials, with fewer than 10 go responses, and as for ``StopTrials``.
+    ``slowing_ms`` is how much slower go responses are after failed and after successful stops; by
+    default the person's own slowing, or 0 where it is unknown. ValueError without stop trials, with
+    fewer than 10 go responses, and as for ``StopTrials``.
     """
     one = StopTrials.of(trials)
     go, stop = ~one.stop, np.flatnonzero(one.stop)
@@ -265,11 +223,8 @@ def laid(trials: Trials, slowing_ms: tuple[float, float] | None = None) -> StopD
 def go_process(trials: Trials) -> dict[str, float]:
     """Fit a diffusion between constant bounds to one person's go trials, by maximum likelihood.
 
-    Returns
-    -------
-    dict
-        ``GO``; NaN where it is unknown which responses are correct, where fewer are correct than by
-        chance, and with fewer than 10 go responses.
+    The result, ``GO``, is NaN where it is unknown which responses are correct, where fewer are
+    correct than by chance, and with fewer than 10 go responses.
     """
     unknown = dict.fromkeys(GO, np.nan)
     one = StopTrials.of(trials)
