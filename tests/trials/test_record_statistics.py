@@ -4,8 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.trials.record import Trials
-from bgmodel.trials.statistics import statistics
+from bgmodel.trials.record import Trials, statistics
 
 
 def test_each_cell_has_its_own_accuracy_and_times():
