@@ -63,48 +63,26 @@ def matched_measures(
 ) -> pd.DataFrame:
     """Compare two integrators on the same evidence at equal expected accuracy.
 
-    Parameters
-    ----------
-    test, other : Tradeoff
-        The reference, and the integrator compared with it.
-    rng : numpy.random.Generator
-        Random numbers of the bootstrap.
-    truth : int array (trials,), optional
-        For the observed accuracy, error trials of the test, and chance, which shuffles trials
-        within each truth, or all trials if omitted.
-    minus : Tradeoff, optional
-        A third: measures are then the other's minus this one's, with intervals of the difference.
-    again : Tradeoff, optional
-        The other with noise of another seed, for r_noise_corrected.
-    latency_ms : float, optional
-        Non-decision time to subtract before accuracies are compared in equal time: 0 for an
-        abstract integrator; by default the mean extra time over accuracies 0.85 to 0.98.
-    accuracies : sequence of float
-        Accuracies at which the threshold of the test is set.
-    resamples : int
-        Number of bootstrap resamples.
-    groups : array (trials,), optional
-        As for ``resampled``.
+    ``other`` is compared with ``test``, whose threshold is set at each of the accuracies. ``truth``
+    is for the observed accuracy, error trials of the test, and chance, which shuffles trials within
+    each truth, or all trials if omitted. ``minus`` is a third: measures are then the other's minus
+    this one's, with intervals of the difference. ``again`` is the other with noise of another seed,
+    for r_noise_corrected. ``latency_ms`` is the non-decision time to subtract before accuracies are
+    compared in equal time: 0 for an abstract integrator; by default the mean extra time over
+    accuracies 0.85 to 0.98. ``resamples`` and ``groups`` are as for ``resampled``.
 
-    Returns
-    -------
-    DataFrame
-        One row per accuracy and measure: accuracy, measure, value, low, high (95 % interval).
-        Measures: threshold; accuracy, test_accuracy (observed); agreement, error_agreement (on
-        trials that the test gets wrong) and within_50_ms (share of times within 50 ms of the
-        median lag), each also as NAME_chance, for trials shuffled within a truth, and
-        NAME_corrected, (share - chance) / (1 - chance); pearson_r (of decision times) and
-        pearson_r_chance, spearman_r; residual_sd_ms (of the lag); test_ms, extra_ms; accuracy_gap
-        (in equal time); forced; with ``again`` r_noise_corrected, r over the square root of the
-        other's r with itself (Spearman 1904: an estimate of r without the other's noise). All are
-        NaN if one does not reach the accuracy within ``margin``, or if the deadline decides most
-        trials of one; intervals of trial-by-trial measures are for the matched thresholds. With
-        accuracy NaN: offset_ms and slope of ``latency``.
+    One row per accuracy and measure: accuracy, measure, value, low, high (95 % interval). Measures:
+    threshold; accuracy, test_accuracy (observed); agreement, error_agreement (on trials that the
+    test gets wrong) and within_50_ms (share of times within 50 ms of the median lag), each also as
+    NAME_chance, for trials shuffled within a truth, and NAME_corrected, (share - chance) / (1 -
+    chance); pearson_r (of decision times) and pearson_r_chance, spearman_r; residual_sd_ms (of the
+    lag); test_ms, extra_ms; accuracy_gap (in equal time); forced; with ``again`` r_noise_corrected,
+    r over the square root of the other's r with itself (Spearman 1904: an estimate of r without the
+    other's noise). All are NaN if one does not reach the accuracy within ``margin``, or if the
+    deadline decides most trials of one; intervals of trial-by-trial measures are for the matched
+    thresholds. With accuracy NaN: offset_ms and slope of ``latency``.
 
-    Raises
-    ------
-    ValueError
-        If the tradeoffs do not hold the same trials, or are too few for an interval.
+    ValueError if the tradeoffs do not hold the same trials, or are too few for an interval.
     """
     for one in (other, minus or other, again or other):
         same = f"must have the {test.trials} trials of the test"
