@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import whole
-from bgmodel.support.memory import check_memory
+from bgmodel.support.processes import check_memory
 from bgmodel.support.seeds import generator, stream
 from circuits.errors import NoiseWarning, require
 

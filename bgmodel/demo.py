@@ -56,36 +56,16 @@ TEST, CIRCUIT = "MSPRT", "circuit"
 
 @dataclass(frozen=True)
 class Demo:
-    """A threshold learned from reward, and one trial decided with it by spikes and by the test.
+    """A threshold learned from reward, and one trial decided with it by spikes and by the test."""
 
-    Parameters
-    ----------
-    learned : FromReward
-        The boundary separation that reward taught the optimal test.
-    evidence : Evidence
-        Readings of one trial of taps, log-likelihoods.
-    spikes : dict of DataFrame
-        Spikes by nucleus: channel, neuron and time_ms.
-    traces : dict of Trace
-        OUT of "circuit" and "MSPRT", nats.
-    decisions : dict of Decision
-        Decisions of both; they may be undecided at the end of the readings.
-    threshold_nats : float
-        The threshold on OUT of both: the learned boundary separation, at the circuit's gain.
-    readable_nats : float
-        Highest OUT within the range of the read-out.
-    gain : float
-        Nats in the circuit per nat of evidence; the same for the test.
-    """
-
-    learned: FromReward
-    evidence: Evidence
-    spikes: dict[str, pd.DataFrame]
-    traces: dict[str, Trace]
-    decisions: dict[str, Decision]
-    threshold_nats: float
-    readable_nats: float
-    gain: float
+    learned: FromReward  # the boundary separation that reward taught the optimal test
+    evidence: Evidence  # readings of one trial of taps
+    spikes: dict[str, pd.DataFrame]  # by nucleus: channel, neuron and time_ms
+    traces: dict[str, Trace]  # OUT of "circuit" and "MSPRT", nats
+    decisions: dict[str, Decision]  # of both; they may be undecided at the end of the readings
+    threshold_nats: float  # on OUT of both: the learned separation, at the circuit's gain
+    readable_nats: float  # highest OUT within the range of the read-out
+    gain: float  # nats in the circuit per nat of evidence; the same for the test
 
     def summary(self) -> str:
         """Return a description of the chain in a few sentences."""

@@ -43,52 +43,28 @@ ModelName = str | Path | Circuit | TrialModel
 
 @dataclass(frozen=True)
 class Kind:
-    """How trials of one kind are fitted.
+    """How trials of one kind are fitted."""
 
-    Parameters
-    ----------
-    model : function
-        Takes a question, a name or record of a model, and a folder for simulated trials; returns
-        the model.
-    likelihoods : function
-        Takes settings, a question and a model; returns the likelihood of each person's trials.
-    defaults : tuple of str
-        Models that the command compares by default; the last one is that of ``fit``.
-    unused : tuple of str
-        Settings without effect.
-    estimates : function, optional
-        Takes everyone's trials; returns estimates without a model, one row per person.
-    """
-
+    # The model of a name or record; the folder keeps simulated trials.
     model: Callable[[Question, Any, Path | None], AnyModel]
+    # The likelihood of each person's trials under a model.
     likelihoods: Callable[[FitSettings, Question, Any], dict[str, Likelihood]]
-    defaults: tuple[str, ...]
-    unused: tuple[str, ...]
+    defaults: tuple[str, ...]  # models that the command compares; the last is that of ``fit``
+    unused: tuple[str, ...]  # settings without effect
+    # Estimates without a model, one row per person.
     estimates: Callable[[dict[str, Trials]], pd.DataFrame] | None = None
 
 
 @dataclass(frozen=True)
 class Question:
-    """Trials that have been read, and the models that are to be fitted to them.
+    """Trials that have been read, and the models that are to be fitted to them."""
 
-    Parameters
-    ----------
-    asked : FitSettings
-        Settings, without formulas of what differs between people.
-    trials : Trials
-        All trials.
-    between : list of Formula
-        Formulas of what differs between people.
-    versions : dict of str to (FitSettings, AnyModel, Kind)
-        Models by name, each with its settings.
-    lacking : list of str
-        Parameters that are asked for and that a model does not have, as sentences.
-    """
-
-    asked: FitSettings
+    asked: FitSettings  # without formulas of what differs between people
     trials: Trials
-    between: list[Formula] = field(default_factory=list)
+    between: list[Formula] = field(default_factory=list)  # of what differs between people
+    # Models by name, each with its settings.
     versions: dict[str, tuple[FitSettings, AnyModel, Kind]] = field(default_factory=dict)
+    # Parameters that are asked for and that a model does not have, as sentences.
     lacking: list[str] = field(default_factory=list)
 
     @cached_property
@@ -132,26 +108,12 @@ def question(
     *,
     alone: bool = False,
 ) -> Question:
-    """Read trials, and find the models that are asked for.
+    """Read trials, and find the models that are asked for, by default those of the kind of trials.
 
-    Parameters
-    ----------
-    asked : FitSettings
-        The settings.
-    data : str, path, DataFrame or Trials
-        As for ``fit``.
-    models : sequence of models, optional
-        As for ``fit``; by default those of the kind of trials.
-    folder : path, optional
-        Folder that keeps simulated trials for other fits.
-    alone : bool
-        Whether a single model is fitted, to one person or to a group.
-
-    Raises
-    ------
-    ValueError
-        For trials that can't be read, unknown models and parameters, and settings without effect
-        on these trials.
+    ``data`` and ``models`` are as for ``fit``; ``folder`` keeps simulated trials for other fits,
+    and ``alone`` says that a single model is fitted, to one person or to a group. ValueError for
+    trials that can't be read, unknown models and parameters, and settings without effect on these
+    trials.
     """
     try:
         trials = asked.read(data)

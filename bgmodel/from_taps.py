@@ -23,15 +23,22 @@ from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.deciding import CIRCUIT, DECODER
 from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
-from bgmodel.learning.as_learned import POPULATIONS, SPIKES, TEST, decide_as_learned
-from bgmodel.learning.dopamine_learner import CRITERION, CircuitLearned, learn_in_circuit
+from bgmodel.learning.dopamine_learner import (
+    CRITERION,
+    POPULATIONS,
+    SPIKES,
+    TEST,
+    CircuitLearned,
+    decide_as_learned,
+    learn_in_circuit,
+)
 from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.arrays import Array
 from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
-from bgmodel.tactile.grating import PERIODS_MM
+from bgmodel.tactile.pressing import PERIODS_MM
 from bgmodel.tactile.source import Folds, Source, Tactile, load_taps
 from bgmodel.tactile.source import folds as folds_of
 from bgmodel.tactile.task import SameDifferent

@@ -8,7 +8,7 @@ import numpy as np
 
 from bgmodel.evidence import Evidence, check_evidence, whole_steps
 from bgmodel.support.checks import check_finite, check_positive, check_range, whole
-from bgmodel.support.memory import check_evidence_memory
+from bgmodel.support.processes import check_evidence_memory
 from bgmodel.support.seeds import generator
 
 
@@ -80,20 +80,10 @@ def separated_evidence(
     ``2 separation**2``, so the discriminability of two alternatives by one reading is
     ``d' = sqrt(2) separation``.
 
-    Parameters
-    ----------
-    trials, steps, hypotheses : int
-        Shape of the result.  Truth is balanced: trial ``k`` belongs to hypothesis ``k mod N``.
-    separation : float
-        (mu+ - mu-) / sigma of one channel, > 0.
-    rng : numpy.random.Generator or int
-        Source of all random numbers, or the seed of ``stream(seed)``.
-    step_ms : float
-        Time between readings, ms.
-    conflict : float
-        Mean of one competitor, the channel after the true one, as a fraction of the true one's. The
-        likelihoods remain those of the problem without a competitor, and are then overconfident.
-        Terms common to all channels cancel and are left out.
+    Truth is balanced: trial ``k`` belongs to hypothesis ``k mod N``. ``conflict`` is the mean of
+    one competitor, the channel after the true one, as a fraction of the true one's. The likelihoods
+    remain those of the problem without a competitor, and are then overconfident. Terms common to
+    all channels cancel and are left out.
     """
     trials, steps = whole("trials", trials, 1), whole("steps", steps, 1)
     hypotheses = whole("hypotheses", hypotheses, 2)
@@ -113,23 +103,8 @@ def expecting(
 ) -> Evidence:
     """Return evidence with a foreperiod over which expectancy rises linearly.
 
-    At the onset it is R nats, drawn for each trial from a uniform distribution on [0, most_nats].
-
-    Parameters
-    ----------
-    evidence : Evidence
-        The readings that follow the foreperiod.
-    most_nats : float
-        Highest R, in nats of evidence.
-    foreperiod_ms : float
-        Length of the foreperiod, a multiple of the evidence's ``step_ms``.
-    rng : numpy.random.Generator or int
-        Source of the values of R, or a seed.
-
-    Raises
-    ------
-    ValueError
-        If ``most_nats`` is negative, or the foreperiod is not a whole number of steps.
+    At the onset it is R nats, drawn for each trial from a uniform distribution on [0, most_nats];
+    the foreperiod is a multiple of the evidence's ``step_ms``.
     """
     check_evidence(evidence)
     check_range(0, np.inf, most_nats=most_nats)

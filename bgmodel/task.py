@@ -13,7 +13,7 @@ import numpy as np
 from bgmodel.evidence import Evidence, whole_steps
 from bgmodel.simulated_evidence import expecting, gaussian_evidence
 from bgmodel.support import toml_files
-from bgmodel.support.memory import check_evidence_memory
+from bgmodel.support.processes import check_evidence_memory
 from bgmodel.support.seeds import generator, stream
 from circuits.checks import check_positive, check_range, check_types
 from circuits.errors import InputError, require

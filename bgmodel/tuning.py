@@ -46,25 +46,14 @@ BEFORE, AFTER = "before", "after"
 
 @dataclass(frozen=True, repr=False)
 class Tuning(Facts):
-    """A tuned circuit and its scores.
+    """A tuned circuit and its scores."""
 
-    Parameters
-    ----------
-    model : Model
-        The tuned circuit; ``model.circuit(channels)`` builds it.
-    values : dict
-        The values of the free directions.
-    table : DataFrame
-        One row per number, seed and circuit: id, part ("tuned" or "held out"), circuit ("before" or
-        "after"), seed, use ("tuning" or "scoring"), published, value, z, outcome.
-    evaluations : int
-        How many circuits were tried.
-    """
-
-    model: Model
-    values: dict[str, float]
+    model: Model  # the tuned circuit; ``model.circuit(channels)`` builds it
+    values: dict[str, float]  # of the free directions
+    # One row per number, seed and circuit: id, part ("tuned" or "held out"), circuit ("before" or
+    # "after"), seed, use ("tuning" or "scoring"), published, value, z, outcome.
     table: pd.DataFrame
-    evaluations: int
+    evaluations: int  # how many circuits were tried
 
     def facts(self) -> dict[str, str]:
         """Return the values, and the numbers that agree before and after."""

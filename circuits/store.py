@@ -36,34 +36,16 @@ _MOST_WAITING_S = 120.0
 
 @dataclass(frozen=True)
 class Entry(Generic[Value]):
-    """A value and its place in the store, an .npz file; without a folder, it is not kept.
+    """A value and its place in the store, an .npz file; without a folder, it is not kept."""
 
-    Parameters
-    ----------
-    folder : path or None
-        The folder, which is created with the first file.
-    version : str
-        Version of the code that computes the value.
-    key : anything that JSON has
-        All that the value depends on.
-    pack, unpack : function
-        Return a value as arrays by name, and a value from these.
-    title : str
-        Beginning of the file's name, for people.
-    most : int, optional
-        Largest number of files in the folder: the oldest are removed.
-    spare : bool
-        Whether a file that can't be written costs only time. Otherwise it raises InputError.
-    """
-
-    folder: Path | None
-    version: str
-    key: Any
+    folder: Path | None  # created with the first file
+    version: str  # of the code that computes the value
+    key: Any  # all that the value depends on, as JSON has it
     pack: Callable[[Value], Arrays]
     unpack: Callable[[Arrays], Value]
-    title: str = ""
-    most: int | None = None
-    spare: bool = False
+    title: str = ""  # beginning of the file's name, for people
+    most: int | None = None  # largest number of files in the folder: the oldest are removed
+    spare: bool = False  # whether a file that can't be written costs only time, and raises nothing
 
     @cached_property
     def text(self) -> str:

@@ -23,7 +23,7 @@ from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
 from bgmodel.support.files import replacing
-from bgmodel.tactile.grating import PERIODS_MM
+from bgmodel.tactile.pressing import PERIODS_MM
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.declaration.table_writer import identity
 from figures.rooms import Caption, origin, rooms

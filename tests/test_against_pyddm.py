@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.gaps import EXPONENTIAL, WEIBULL
+from bgmodel.fitting.exact.algorithms import EXPONENTIAL, WEIBULL, GapModel
 from bgmodel.fitting.exact.responses import BIN_S
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.trials.design import design_of

@@ -8,8 +8,7 @@ import pytest
 import bgmodel as bg
 from bgmodel.fits import question
 from bgmodel.fitting.fit import Fit
-from bgmodel.fitting.hierarchy.group import priors_of
-from bgmodel.fitting.hierarchy.scale import Scale
+from bgmodel.fitting.hierarchy.group import Scale, priors_of
 from bgmodel.fitting.known.circuit import KnownCircuit
 from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT

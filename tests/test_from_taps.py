@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 from bgmodel import from_taps
 from bgmodel.from_taps import Touched, page, touch
-from bgmodel.learning.as_learned import POPULATIONS, SPIKES, TEST
+from bgmodel.learning.dopamine_learner import POPULATIONS, SPIKES, TEST
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.files import checksum, read_table
 from bgmodel.tactile.decoder import EDGE

@@ -19,8 +19,8 @@ from circuits.differences import differences
 from circuits.dynamics.fixed_point import resting_state
 from circuits.engines import ENGINES, run
 from circuits.laws.controls import linear_stn, perturbed, shuffled_stn
+from circuits.laws.fluctuation import out_variance, rate_spectrum
 from circuits.laws.homeostasis import recovery
-from circuits.laws.spectra import out_variance, rate_spectrum
 from circuits.laws.stability import growth, ringing
 from tests.helpers import refused
 

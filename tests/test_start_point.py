@@ -5,8 +5,7 @@ import pandas as pd
 import pytest
 
 import bgmodel as bg
-from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.gaps import GAPS
+from bgmodel.fitting.exact.algorithms import GAPS, GapModel
 from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum

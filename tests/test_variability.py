@@ -8,8 +8,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from bgmodel.fitting.exact import passage
-from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.gaps import CONSTANT, EXPONENTIAL
+from bgmodel.fitting.exact.algorithms import CONSTANT, EXPONENTIAL, GapModel
 from bgmodel.fitting.exact.responses import Grid
 from tests.test_start_point import drawn, fitted
 

@@ -22,7 +22,7 @@ STRONG = gaussian_evidence(4, d_prime=3.0, t_max=10, seed=1)
 WAIT_S = 300
 FILTERS = {"catch_warnings", "simplefilter", "filterwarnings", "resetwarnings", "showwarning"}
 """What changes the filters of the whole process, so that no thread may use it."""
-ALONE = {"bgmodel/tactile/onnx_file.py", "circuits/compiled_code.py"}
+ALONE = {"bgmodel/tactile/networks.py", "circuits/compiled_code.py"}
 """The module that silences another library, in a command that starts no thread; and the one that
 keeps another library from doing so."""
 DIRECT = {"circuits/errors.py", "circuits/store.py"}

@@ -15,11 +15,10 @@ from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
 from bgmodel.fitting.known.trials import known_trials
 from bgmodel.fitting.likelihood import likelihood_of
-from bgmodel.fitting.predicted import predicted
+from bgmodel.fitting.model_comparison import predicted
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.trials.design import FAVOURS, design_of
-from bgmodel.learning.values.diffusion import LAPSES
-from bgmodel.learning.values.models import MODELS, likelihood
+from bgmodel.learning.values.models import LAPSES, MODELS, likelihood
 from circuits.errors import DataWarning, FitWarning
 from tests.drawn import choices, drawn
 from tests.helpers import refused, told, unwarned

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import Msprt, stream
-from bgmodel.deciding.tally import tally
+from bgmodel.deciding.reward import tally
 from bgmodel.evidence import Evidence
 from bgmodel.learning.reinforce import exhaustive_search
 from bgmodel.simulated_evidence import separated_evidence

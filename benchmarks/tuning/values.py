@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from bgmodel.learning.values.bandit import Bandit, ideal_of
+from bgmodel.learning.values.bandit import Bandit, ideal_of, play, relative_regret
 from bgmodel.learning.values.learners import (
     Confidence,
     Learner,
@@ -22,7 +22,6 @@ from bgmodel.learning.values.learners import (
     QLearning,
     Reinforce,
 )
-from bgmodel.learning.values.play import play, relative_regret
 
 TUNING_SEED = 45_001
 """Seed of all tuning."""

@@ -113,7 +113,7 @@ def _show_rest(table: Circuit) -> None:
 def _scatter(table: Circuit, posterior: float) -> str:
     """Return one line on the noise of the favoured channel's OUT."""
     from bgmodel.integrators.steady import leader_drive
-    from circuits.laws.spectra import out_variance
+    from circuits.laws.fluctuation import out_variance
 
     table.check_nats("a posterior (--noise)")
     # Within the range of the read-out, and above chance.

@@ -9,7 +9,7 @@ import pandas as pd
 from bgmodel.commands.options import FLAT, MANY, OFF, record, task
 from bgmodel.commands.output import Output, options_of
 from bgmodel.integrators.sprt import Msprt, Sprt, threshold_from_posterior
-from bgmodel.support.memory import check_evidence_memory
+from bgmodel.support.processes import check_evidence_memory
 from bgmodel.support.seeds import stream
 from bgmodel.tables import named as tables
 from bgmodel.tables.given import trials_of

@@ -13,7 +13,7 @@ from bgmodel.learning import from_reward
 from bgmodel.learning.dopamine_learner import LEVELS, CircuitLearned
 from bgmodel.learning.from_reward import DOPAMINE, WEIGHTS, planned
 from bgmodel.learning.reinforce import Learner, LearningStopped, course
-from bgmodel.learning.weights.feedback import Feedback, WeightLearner
+from bgmodel.learning.weights.deciders import Feedback, WeightLearner
 from bgmodel.names import MACAQUE, CircuitName, EngineName
 from bgmodel.support import files
 from bgmodel.tactile.task import SameDifferent
@@ -78,8 +78,7 @@ def learn(
         half_episodes, baseline_rate, carried, last; of weights trials, rate, half_trials,
         gain_plus, gain_minus, trace_decay, averaged, keep.
     feedback
-        How reliable feedback is while weights are learned, name=value: right, wrong, valid, given,
-        reversal.
+        How reliable feedback is while weights are learned, name=value: right, wrong, valid, given.
     """
     by_circuit = circuit is not None or what == DOPAMINE
     what = what or ("dopamine" if by_circuit else "threshold")

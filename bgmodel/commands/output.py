@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bgmodel.support import files, progress
+from bgmodel.support import files, processes
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -333,7 +333,7 @@ def bar(total: int, unit: str = "trial") -> Iterator[None]:
     """Show a progress bar, on a terminal, of the trials that circuits decide within the block."""
     from tqdm import tqdm
 
-    with tqdm(total=total, unit=unit, disable=None) as shown, progress.shown_by(shown.update):
+    with tqdm(total=total, unit=unit, disable=None) as shown, processes.shown_by(shown.update):
         yield
 
 

@@ -32,12 +32,11 @@ from bgmodel.commands.touch_steps import (
 )
 from bgmodel.support import files
 from bgmodel.support.checks import whole
-from bgmodel.tactile.grating import PERIODS_MM
+from bgmodel.tactile.pressing import PERIODS_MM
 from bgmodel.tactile.sensor import Nuisance
-from bgmodel.tactile.skin import Skin
+from bgmodel.tactile.skin import Skin, Tip
 from bgmodel.tactile.source import Tactile
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
-from bgmodel.tactile.tips import Tip
 from bgmodel.task import Task
 from bgmodel.version import __version__
 from circuits.errors import InputError, require

@@ -23,10 +23,9 @@ from bgmodel.tactile.decoder import (
 )
 from bgmodel.tactile.networks import OwnNetwork
 from bgmodel.tactile.sensor import Nuisance
-from bgmodel.tactile.skin import Skin
+from bgmodel.tactile.skin import Skin, Tip
 from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.task import SameDifferent
-from bgmodel.tactile.tips import Tip
 from bgmodel.task import Task
 from circuits.errors import InputError, require
 
@@ -110,7 +109,7 @@ def train(
     path = _needed(output, ENDINGS, taps=taps)
     check_device(device)
     if path.suffix == ".onnx":
-        from bgmodel.tactile.onnx_file import import_onnx
+        from bgmodel.tactile.networks import import_onnx
 
         import_onnx()
     how = record_of(EDGE if options["edge"] else Training(), training)

@@ -11,7 +11,6 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.bootstrap import RESAMPLES, check_resamples, check_trials, resampled
-from bgmodel.comparison.cautions import warn_of_missed, warn_of_readings
 from bgmodel.comparison.edited import check_edit_of
 from bgmodel.comparison.matched import (
     ACCURACIES,
@@ -20,6 +19,8 @@ from bgmodel.comparison.matched import (
     checked_accuracies,
     matched_measures,
     paired,
+    warn_of_missed,
+    warn_of_readings,
 )
 from bgmodel.comparison.thresholds import (
     MSPRT,

@@ -27,7 +27,7 @@ from bgmodel.integrators.criterion import check_threshold
 from bgmodel.integrators.sprt import Integrator, Msprt
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import reals
-from bgmodel.support.progress import advance
+from bgmodel.support.processes import advance
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
 from circuits.errors import InputError, RangeWarning, quiet, require
@@ -112,28 +112,10 @@ def designed_circuit(
 ) -> pd.DataFrame:
     """Return decision times of a circuit on designed trials minus those of theories.
 
-    Parameters
-    ----------
-    model : BasalGanglia
-        The circuit, its engine and its noise.
-    thresholds : sequence of float
-        Thresholds on OUT, in the circuit's unit.
-    trials : int
-        Number of trials per design, with independent noise that is the same in all designs; 1 for
-        an engine without noise.
-    leader : int
-        Index of the rising channel.
-
-    Returns
-    -------
-    DataFrame
-        As from ``designed``; the MSPRT is that at the circuit's gain.
-
-    Raises
-    ------
-    ValueError
-        If the circuit has two channels, a threshold is outside the range of its read-out, there is
-        no fixed point or it never reaches a threshold, or trials are too few for an interval.
+    The table is that of ``designed``, with the MSPRT at the circuit's gain. ``trials`` of a design
+    have independent noise that is the same in all designs; there is 1 for an engine without noise.
+    ValueError if the circuit has two channels, a threshold is outside the range of its read-out,
+    there is no fixed point or it never reaches a threshold, or trials are too few for an interval.
     """
     trials, _ = size(model, thresholds, trials)
     model = model.unadapted  # the designs are in nats of drive

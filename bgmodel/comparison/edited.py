@@ -10,8 +10,13 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.bootstrap import RESAMPLES, check_resamples, check_trials
-from bgmodel.comparison.cautions import warn_of_missed, warn_of_readings
-from bgmodel.comparison.matched import ACCURACIES, checked_accuracies, matched_measures
+from bgmodel.comparison.matched import (
+    ACCURACIES,
+    checked_accuracies,
+    matched_measures,
+    warn_of_missed,
+    warn_of_readings,
+)
 from bgmodel.comparison.thresholds import (
     MSPRT,
     decided_by_evidence,
@@ -54,41 +59,18 @@ def compare_edits(
 ) -> pd.DataFrame:
     """Compare edited circuits with the MSPRT and the unedited circuit on the same evidence.
 
-    Parameters
-    ----------
-    model : BasalGanglia
-        The circuit before the edits.
-    edited : mapping from names to circuits
-        The edited circuits; noise and evidence are the same.
-    evidence : Evidence
-        Readings of all trials.
-    accuracies, resamples, groups :
-        As in ``comparison.matched.matched_measures``.
-    highest : float
-        Accuracy up to which thresholds are tried; a lower one takes less time.
-    before : str
-        Name of ``model`` in the table; it may be edited itself.
+    Noise and evidence are the same for ``model``, the circuit before the edits, named ``before`` in
+    the table, and for all of ``edited``. Other arguments are as for ``matched_measures``;
+    ``highest`` is the accuracy up to which thresholds are tried, and a lower one takes less time.
 
-    Returns
-    -------
-    DataFrame
-        The columns of ``comparison.matched.matched_measures``, and variant and kind: "value",
-        against the MSPRT at the circuit's gain, thresholds matched again to equal accuracy;
-        "change", that minus the value of ``model``; "fixed", at the threshold of ``model``
-        (accuracy, expected_accuracy, mean_ms, premature, forced and without_evidence, 1 if most
-        trials decide before their first reading; without intervals).
+    The table has the columns of ``matched_measures``, and variant and kind: "value", against the
+    MSPRT at the circuit's gain, thresholds matched again to equal accuracy; "change", that minus
+    the value of ``model``; "fixed", at the threshold of ``model`` (accuracy, expected_accuracy,
+    mean_ms, premature, forced and without_evidence, 1 if most trials decide before their first
+    reading; without intervals).
 
-    Raises
-    ------
-    ValueError
-        As for ``compare``, or if ``edited`` is not a mapping to circuits that are edits of the
-        model's circuit.
-
-    Warns
-    -----
-    UserWarning
-        As for ``compare``, for ``model`` and for each edited circuit. If an edited circuit equals
-        that of ``model``.
+    Raises and warns as ``compare``, for each circuit; ValueError if ``edited`` is not a mapping to
+    circuits that are edits of the model's. Warns of an edit that changes nothing.
     """
     check_trials(check_evidence(evidence).trials)
     accuracies = checked_accuracies(accuracies, evidence.hypotheses)

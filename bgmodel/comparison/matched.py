@@ -8,7 +8,7 @@ trials, so that one expression gives the value and its resamples.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -16,10 +16,11 @@ import pandas as pd
 
 from bgmodel.bootstrap import RESAMPLES, check_trials, interval, resampled
 from bgmodel.comparison.pairs import side_by_side
-from bgmodel.deciding.tradeoff import MARGIN, Tradeoff, curve, time_at
+from bgmodel.deciding.tradeoff import MARGIN, Tradeoff, curve, margin, time_at
+from bgmodel.evidence import Evidence
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import reals
-from circuits.errors import InputError, require
+from circuits.errors import DeadlineWarning, InputError, RangeWarning, require
 
 ACCURACIES = (0.90, 0.95, 0.97)
 # Range of accuracies over which a line is fitted to the extra time.
@@ -62,48 +63,26 @@ def matched_measures(
 ) -> pd.DataFrame:
     """Compare two integrators on the same evidence at equal expected accuracy.
 
-    Parameters
-    ----------
-    test, other : Tradeoff
-        The reference, and the integrator compared with it.
-    rng : numpy.random.Generator
-        Random numbers of the bootstrap.
-    truth : int array (trials,), optional
-        For the observed accuracy, error trials of the test, and chance, which shuffles trials
-        within each truth, or all trials if omitted.
-    minus : Tradeoff, optional
-        A third: measures are then the other's minus this one's, with intervals of the difference.
-    again : Tradeoff, optional
-        The other with noise of another seed, for r_noise_corrected.
-    latency_ms : float, optional
-        Non-decision time to subtract before accuracies are compared in equal time: 0 for an
-        abstract integrator; by default the mean extra time over accuracies 0.85 to 0.98.
-    accuracies : sequence of float
-        Accuracies at which the threshold of the test is set.
-    resamples : int
-        Number of bootstrap resamples.
-    groups : array (trials,), optional
-        As for ``resampled``.
+    ``other`` is compared with ``test``, whose threshold is set at each of the accuracies. ``truth``
+    is for the observed accuracy, error trials of the test, and chance, which shuffles trials within
+    each truth, or all trials if omitted. ``minus`` is a third: measures are then the other's minus
+    this one's, with intervals of the difference. ``again`` is the other with noise of another seed,
+    for r_noise_corrected. ``latency_ms`` is the non-decision time to subtract before accuracies are
+    compared in equal time: 0 for an abstract integrator; by default the mean extra time over
+    accuracies 0.85 to 0.98. ``resamples`` and ``groups`` are as for ``resampled``.
 
-    Returns
-    -------
-    DataFrame
-        One row per accuracy and measure: accuracy, measure, value, low, high (95 % interval).
-        Measures: threshold; accuracy, test_accuracy (observed); agreement, error_agreement (on
-        trials that the test gets wrong) and within_50_ms (share of times within 50 ms of the
-        median lag), each also as NAME_chance, for trials shuffled within a truth, and
-        NAME_corrected, (share - chance) / (1 - chance); pearson_r (of decision times) and
-        pearson_r_chance, spearman_r; residual_sd_ms (of the lag); test_ms, extra_ms; accuracy_gap
-        (in equal time); forced; with ``again`` r_noise_corrected, r over the square root of the
-        other's r with itself (Spearman 1904: an estimate of r without the other's noise). All are
-        NaN if one does not reach the accuracy within ``margin``, or if the deadline decides most
-        trials of one; intervals of trial-by-trial measures are for the matched thresholds. With
-        accuracy NaN: offset_ms and slope of ``latency``.
+    One row per accuracy and measure: accuracy, measure, value, low, high (95 % interval). Measures:
+    threshold; accuracy, test_accuracy (observed); agreement, error_agreement (on trials that the
+    test gets wrong) and within_50_ms (share of times within 50 ms of the median lag), each also as
+    NAME_chance, for trials shuffled within a truth, and NAME_corrected, (share - chance) / (1 -
+    chance); pearson_r (of decision times) and pearson_r_chance, spearman_r; residual_sd_ms (of the
+    lag); test_ms, extra_ms; accuracy_gap (in equal time); forced; with ``again`` r_noise_corrected,
+    r over the square root of the other's r with itself (Spearman 1904: an estimate of r without the
+    other's noise). All are NaN if one does not reach the accuracy within ``margin``, or if the
+    deadline decides most trials of one; intervals of trial-by-trial measures are for the matched
+    thresholds. With accuracy NaN: offset_ms and slope of ``latency``.
 
-    Raises
-    ------
-    ValueError
-        If the tradeoffs do not hold the same trials, or are too few for an interval.
+    ValueError if the tradeoffs do not hold the same trials, or are too few for an interval.
     """
     for one in (other, minus or other, again or other):
         same = f"must have the {test.trials} trials of the test"
@@ -232,3 +211,60 @@ def _row_means(values: Array) -> Array:
     means = np.full(len(values), np.nan)
     np.divide(sums, counts, out=means, where=counts > 0)
     return means
+
+
+def accuracy_after(evidence: Evidence, readings: int | None = None) -> float:
+    """Return the expected accuracy of the most probable hypothesis after some readings, or all.
+
+    No integrator with the same likelihoods is more accurate after them, whatever its threshold.
+    """
+    count = evidence.readings if readings is None else np.minimum(readings, evidence.readings)
+    return float(evidence.posterior[np.arange(evidence.trials), count].max(axis=1).mean())
+
+
+def warn_of_readings(evidence: Evidence, accuracies: Sequence[float]) -> list[float]:
+    """Warn about accuracies that one reading exceeds or all do not allow, and return the others."""
+    one, top = accuracy_after(evidence, 1), accuracy_after(evidence)
+    hasty = [accuracy for accuracy in accuracies if one - accuracy > margin(accuracy)]
+    lost = [accuracy for accuracy in accuracies if accuracy - top > margin(accuracy)]
+    if hasty:
+        RangeWarning.warn(
+            f"the test has no accuracy of {listed(hasty)}: one reading alone gives {one:.3f}, and "
+            "no decision takes fewer; ask for a higher accuracy, or give weaker evidence"
+        )
+    if lost:
+        DeadlineWarning.warn(
+            f"no threshold reaches an accuracy of {listed(lost)}: all readings of a trial, "
+            f"{evidence.steps} at most, allow {top:.3f}; give more readings (t_max) or ask for a "
+            "lower accuracy"
+        )
+    return [accuracy for accuracy in accuracies if accuracy not in hasty + lost]
+
+
+def warn_of_missed(name: str, swept: Tradeoff, accuracies: Sequence[float]) -> list[float]:
+    """Warn about accuracies at which a model cannot be compared, and return the others."""
+    low, high = swept.reached[[0, -1]]
+    within = [accuracy for accuracy in accuracies if swept.reaches(accuracy)]
+    late = {a: share for a in within if (share := swept.at_accuracy(a).forced.mean()) > MOST_FORCED}
+    if lost := [accuracy for accuracy in accuracies if accuracy > high and accuracy not in within]:
+        DeadlineWarning.warn(
+            f"{name} reaches no accuracy of {listed(lost)}: at the best of its thresholds it has "
+            f"{high:.3f}, and the deadline decides {swept.forced[-1].mean():.0%} of its trials "
+            "there"
+        )
+    if hasty := [accuracy for accuracy in accuracies if accuracy < low and accuracy not in within]:
+        RangeWarning.warn(
+            f"{name} has no accuracy of {listed(hasty)}: at the hastiest of its thresholds it has "
+            f"{low:.3f}; ask for a higher accuracy"
+        )
+    if late:
+        DeadlineWarning.warn(
+            f"{name} is not compared at an accuracy of {listed(late)}: the deadline decides "
+            f"{max(late.values()):.0%} of its trials there; give more readings (t_max)"
+        )
+    return [accuracy for accuracy in within if accuracy not in late]
+
+
+def listed(values: Iterable[float]) -> str:
+    """Return numbers as text."""
+    return ", ".join(f"{value:.3g}" for value in values)

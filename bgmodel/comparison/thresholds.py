@@ -1,4 +1,4 @@
-"""Choice of the thresholds at which circuits and tests are compared, and its limits."""
+"""Thresholds and gains at which circuits and tests are compared, and their limits."""
 
 from __future__ import annotations
 
@@ -7,19 +7,24 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pandas as pd
 
-from bgmodel.comparison.cautions import listed
-from bgmodel.comparison.matched import MOST_FORCED
+from bgmodel.comparison.matched import MOST_FORCED, listed
 from bgmodel.deciding.calibration import warn_of_calibration
-from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
+from bgmodel.deciding.tradeoff import Tradeoff, curve, time_at, tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia
 from bgmodel.integrators.criterion import deciding_thresholds, rest_out
-from bgmodel.integrators.deciding import thresholds_of, without_noise_alone
+from bgmodel.integrators.deciding import (
+    CIRCUIT,
+    decide_at_thresholds,
+    thresholds_of,
+    without_noise_alone,
+)
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.integrators.steady import out_shift
 from bgmodel.support.arrays import Array
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
+from circuits.engines import Engine
 from circuits.errors import InputError, RangeWarning
 
 MSPRT_AT_GAIN, MSPRT = "MSPRT at its gain", "MSPRT"
@@ -136,3 +141,54 @@ def moved(before: Circuit, after: Circuit, levels: Array) -> Array:
     """Return the shift of OUT by an edit at each level; 0 if unknown."""
     known = before.unit == NATS
     return np.nan_to_num(out_shift(before, after, levels)) if known else np.zeros_like(levels)
+
+
+GAINS = (0.05, 0.1, 0.2, 0.4, 0.8)
+"""Gains that are tried for a circuit that does not work in nats."""
+ACCURACY = 0.9
+"""The gain is that at which this accuracy is reached fastest."""
+
+
+def swept(model: BasalGanglia, evidence: Evidence, test: Tradeoff | None = None) -> Tradeoff:
+    """Return a circuit's decisions at thresholds that noise at rest hardly ever crosses."""
+    test = tradeoff(Msprt(model.gain).run(evidence), evidence) if test is None else test
+    levels = without_noise_alone(model, thresholds_of(model.circuit, test))
+    if not levels.size:
+        raise InputError(
+            f"noise alone takes {model.circuit.name} below every threshold within half a second",
+            "circuit",
+        )
+    return decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+
+
+def fastest_gain(
+    circuit: Circuit,
+    engine: Engine | str,
+    evidence: Evidence,
+    seed: int,
+    gain: float | None = None,
+) -> tuple[BasalGanglia, Tradeoff]:
+    """Return a circuit at its gain, and its decisions at many thresholds.
+
+    A circuit has its default gain, adapted to the evidence, or 1 if it is exact. One without is
+    given the gain of ``GAINS`` at which it reaches ``ACCURACY`` fastest on this evidence.
+    """
+    known = gain is not None or circuit.default_gain is not None
+    known |= (circuit.unedited or circuit).exact
+    gains = (gain,) if known else GAINS
+    once = np.ones((1, evidence.trials))
+    tried: list[tuple[float, BasalGanglia, Tradeoff]] = []
+    refused: list[ValueError] = []
+    for each in gains:
+        model = BasalGanglia(circuit, engine, each, seed)  # type: ignore[arg-type]
+        model = model.adapted_to(evidence)
+        try:
+            decided = swept(model, evidence)
+        except ValueError as error:
+            refused.append(error)
+            continue
+        tried.append((float(time_at([ACCURACY], curve(decided, once))[0, 0]), model, decided))
+    if not tried:
+        raise refused[0]
+    _, model, decided = min(tried, key=lambda one: np.inf if np.isnan(one[0]) else one[0])
+    return model, decided

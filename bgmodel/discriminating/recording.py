@@ -10,7 +10,7 @@ from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import check_range, whole
 from circuits.circuit import Circuit
 from circuits.errors import InputError, require
-from circuits.laws.spectra import count_ratio
+from circuits.laws.fluctuation import count_ratio
 
 MOST_CELLS = 1000
 

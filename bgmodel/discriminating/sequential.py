@@ -13,8 +13,7 @@ from bgmodel.discriminating.information import Information
 from bgmodel.discriminating.trials import Trials
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
-from bgmodel.theory.empirical import Empirical
-from bgmodel.theory.first_passage import walk
+from bgmodel.theory.first_passage import Empirical, walk
 from bgmodel.theory.sprt import OVERSHOOT
 from circuits.errors import InputError
 

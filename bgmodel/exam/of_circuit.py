@@ -25,7 +25,7 @@ from circuits.circuit import Circuit
 from circuits.declaration.rows import GLUTAMATE, Projection
 from circuits.dynamics.fixed_point import rest, wired
 from circuits.errors import quiet
-from circuits.laws.spectra import rate_spectrum
+from circuits.laws.fluctuation import rate_spectrum
 from circuits.store import once
 
 FREQUENCIES_HZ = np.arange(4.0, 60.25, 0.25)

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import FEWEST_TRIALS
-from bgmodel.comparison.tuned import fastest_gain
+from bgmodel.comparison.thresholds import fastest_gain
 from bgmodel.deciding.measures import Behaviour
 from bgmodel.deciding.tradeoff import Tradeoff, decides_without_evidence
 from bgmodel.evidence import Evidence

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from bgmodel.learning.weights.critics import CRITICS
-from bgmodel.learning.weights.feedback import Feedback, WeightLearner
+from bgmodel.learning.weights.deciders import Feedback, WeightLearner
 from bgmodel.learning.weights.rules import RULES
 from bgmodel.learning.weights.sources import UNITS, GaussianFeatures, tap_features
 from bgmodel.support import toml_files
 from bgmodel.support.checks import check_range, whole
-from bgmodel.support.memory import check_memory
+from bgmodel.support.processes import check_memory
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.source import Tactile
 from bgmodel.task import Gaussian, Task

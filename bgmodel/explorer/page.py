@@ -14,8 +14,7 @@ from panel.custom import JSComponent
 
 from bgmodel.explorer.controls import TABLE, WIDE, Controls
 from bgmodel.explorer.panels import CIRCUIT, MEASURES, TIMES, TITLES, TRADEOFF, TRIAL, Panel
-from bgmodel.explorer.ranking import RANKING
-from bgmodel.explorer.runs import Runs
+from bgmodel.explorer.runs import RANKING, Runs
 from bgmodel.explorer.state import History, State
 from circuits.errors import quiet
 

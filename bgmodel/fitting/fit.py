@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.checks.binned import resolved
-from bgmodel.fitting.checks.cautions import cautions
+from bgmodel.fitting.checks.cautions import cautions, resolved, warn_of_slow
 from bgmodel.fitting.checks.misfit import Misfit, misfit
-from bgmodel.fitting.checks.slow import warn_of_slow
 from bgmodel.fitting.exact.responses import QUANTILES, TINY, moments
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.likelihood import Likelihood

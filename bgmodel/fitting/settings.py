@@ -319,8 +319,7 @@ class FitSettings:
         kept in ``folder``.
         """
         from bgmodel.fitting.alternatives.models import MODELS, check_many, circuit_model
-        from bgmodel.fitting.exact.algorithms import GapModel
-        from bgmodel.fitting.exact.gaps import GAPS
+        from bgmodel.fitting.exact.algorithms import GAPS, GapModel
         from bgmodel.fitting.likelihood import TrialModel
         from bgmodel.fitting.simulated.mechanisms import MECHANISMS
         from circuits.anatomy import CIRCUITS, checked_circuit

@@ -29,8 +29,7 @@ from bgmodel.integrators.criterion import (
 from bgmodel.integrators.session import Reader, Session
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_flag, check_positive, whole
-from bgmodel.support.memory import check_memory
-from bgmodel.support.progress import advance
+from bgmodel.support.processes import advance, check_memory
 from bgmodel.support.saved import Facts
 from circuits.activity import RateMeans, beyond_range, checked_drive, warn_beyond_range
 from circuits.anatomy import checked_circuit

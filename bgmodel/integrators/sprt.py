@@ -12,7 +12,7 @@ from bgmodel.deciding.calibration import warn_of_decisions
 from bgmodel.deciding.decision import Decision, first_crossing
 from bgmodel.deciding.readout import LOG_ODDS, ReadOut, meant
 from bgmodel.deciding.readout import threshold_from_posterior as threshold_from_posterior
-from bgmodel.deciding.tally import Tally
+from bgmodel.deciding.reward import Tally
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import (
     Evidence,

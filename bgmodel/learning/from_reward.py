@@ -24,11 +24,9 @@ from bgmodel.learning.dopamine_learner import (
     learn_in_circuit,
 )
 from bgmodel.learning.gap import check_start, increments, learn_gap
-from bgmodel.learning.policies import GaussianPolicy
-from bgmodel.learning.reinforce import Learner
+from bgmodel.learning.reinforce import GaussianPolicy, Learner
 from bgmodel.learning.weights.critics import critic_of
-from bgmodel.learning.weights.deciders import FixedPoint
-from bgmodel.learning.weights.feedback import Feedback, WeightLearner
+from bgmodel.learning.weights.deciders import Feedback, FixedPoint, WeightLearner
 from bgmodel.learning.weights.in_circuit import InCircuit, learn_weights_in_circuit
 from bgmodel.learning.weights.learn import learn_weights
 from bgmodel.learning.weights.learned import LearnedWeights
@@ -36,7 +34,7 @@ from bgmodel.learning.weights.rules import rule_of
 from bgmodel.learning.weights.sources import GaussianFeatures, tap_features
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_positive, whole
-from bgmodel.support.memory import check_learning_memory, check_memory
+from bgmodel.support.processes import check_learning_memory, check_memory
 from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable

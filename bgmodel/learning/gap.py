@@ -12,8 +12,16 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.deciding.reward import reward_of
-from bgmodel.learning.policies import SEPARATIONS, GaussianPolicy
-from bgmodel.learning.reinforce import Learned, Learner, course, exhaustive_search, learn, smoothed
+from bgmodel.learning.reinforce import (
+    SEPARATIONS,
+    GaussianPolicy,
+    Learned,
+    Learner,
+    course,
+    exhaustive_search,
+    learn,
+    smoothed,
+)
 from bgmodel.learning.worlds import trials_of
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream

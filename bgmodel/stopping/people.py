@@ -1,16 +1,26 @@
-"""Stop-signal trials of people, and the estimates of each of them."""
+"""People in the stop-signal task: trials, estimates, violations of an independent race, slowing.
+
+In an independent race (Logan & Cowan 1984) responses on stop trials are those go responses that are
+faster than the stop-signal delay (SSD) plus the stop-signal reaction time (SSRT). Their times are
+then the go times truncated at SSD + SSRT. Slower failed stops violate independence, as they do at
+short delays (Bissett et al. 2021). A race of single trials has no memory either; people respond
+more slowly after stop trials.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.trials import StopTrials
+from bgmodel.support.arrays import Array
 from bgmodel.tables.shipped import STOP_SET
 from bgmodel.trials.reading import OURS, Columns, read_trials
-from circuits.errors import DataWarning, InputError, collected, within
+from circuits.errors import DataWarning, InputError, collected, quiet, require, within
 
 SHIPPED = STOP_SET
 """126 healthy adults, UCLA Consortium for Neuropsychiatric Phenomics (Poldrack et al. 2016)."""
@@ -61,3 +71,109 @@ def estimates_of(people: dict[str, StopTrials]) -> pd.DataFrame:
         share = f"{few} of {len(people)} participants have too few stop trials"
         DataWarning.warn(f"{share}: their estimates are unreliable, their mean is less so")
     return pd.DataFrame(rows)
+
+
+WIDTH_MS = 50.0
+"""Width of the bins of delays; each is centred at a multiple of it."""
+AFTER = ("failed stop", "successful stop")
+"""Outcomes after which go responses are compared with those after a go response."""
+
+
+def violations(trials: StopTrials, ssrt_ms: float, width_ms: float = WIDTH_MS) -> pd.DataFrame:
+    """Return how much slower failed stops are than an independent race predicts, by delay.
+
+    One row per bin of delays (ssd_ms is its centre): numbers of stop trials and failed stops,
+    failed_ms (their mean time), race_ms (mean of go times truncated at SSD + SSRT, over the same
+    failed stops), violation_ms (their difference), and impossible (failed stops at delays at which
+    no go time is that short, which are left out of the times).
+    """
+    require(width_ms > 0, "width_ms", "must be > 0", width_ms)
+    go = trials.rt_ms[~trials.stop & trials.responded]
+    ssd, rt = trials.ssd_ms[trials.stop], trials.rt_ms[trials.stop]
+    race = truncated_means(go, ssd + ssrt_ms)
+    centre = width_ms * np.floor(ssd / width_ms + 0.5)
+    rows = []
+    for each in np.unique(centre):
+        here = (centre == each) & ~np.isnan(rt)
+        used = here & ~np.isnan(race)
+        means = (rt[used].mean(), race[used].mean()) if used.any() else (np.nan, np.nan)
+        counts = (int((centre == each).sum()), int(here.sum()))
+        rows.append((each, *counts, *means, means[0] - means[1], int((here & ~used).sum())))
+    names = ["ssd_ms", "trials", "failed", "failed_ms", "race_ms", "violation_ms", "impossible"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def truncated_means(times_ms: Array, limits_ms: Array) -> Array:
+    """Return the mean of the times up to each limit; NaN for a limit below all of them."""
+    ordered = np.sort(times_ms)
+    sums = np.cumsum(ordered)
+    count = np.searchsorted(ordered, limits_ms, side="right")
+    return np.where(count > 0, sums[np.maximum(count, 1) - 1] / np.maximum(count, 1), np.nan)
+
+
+def violations_of(people: Mapping[str, StopTrials], width_ms: float = WIDTH_MS) -> pd.DataFrame:
+    """Return violations of independence by delay, over participants.
+
+    The stop-signal reaction time of each participant is that of the integration method;
+    participants of whom the consensus guide accepts no estimate are left out. Counts are sums over
+    participants, times means over them; ``people`` counts those with failed stops at these delays.
+    """
+    tables = []
+    for trials in people.values():
+        ssrt = _accepted_ssrt(trials)
+        if ssrt is not None:
+            tables.append(violations(trials, ssrt, width_ms))
+    if not tables:
+        raise InputError("no participant has an accepted stop-signal reaction time", "people")
+    rows = []
+    for ssd, table in pd.concat(tables).groupby("ssd_ms"):
+        known = table["violation_ms"].dropna()
+        counts = table[["trials", "failed", "impossible"]].sum()
+        means = table[["failed_ms", "race_ms", "violation_ms"]].mean()
+        rows.append({"ssd_ms": ssd, "people": len(known), **counts,
+                     "p_respond": counts["failed"] / counts["trials"], **means,
+                     "violation_se_ms": standard_error(known.to_numpy())})  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def _accepted_ssrt(trials: StopTrials) -> float | None:
+    """Return the stop-signal reaction time by the guide; None if it accepts none."""
+    with quiet():
+        try:
+            return estimate_ssrt(trials).ssrt_ms
+        except InputError:
+            return None
+
+
+def slowing(trials: StopTrials) -> dict[str, float]:
+    """Return how much slower go responses are after stop trials than after go trials, ms.
+
+    ``after_go_ms`` is the mean go time after a go response; ``after_failed_stop_ms`` and
+    ``after_successful_stop_ms`` are those after such trials minus it; NaN without such trials.
+    Trials are in the order in which they were run.
+    """
+    before, response = trials.outcome[:-1], trials.rt_ms[1:]
+    go = ~trials.stop[1:] & ~np.isnan(response)
+
+    def mean(outcome: str) -> float:
+        chosen = go & (before == outcome)
+        return float(response[chosen].mean()) if chosen.any() else np.nan
+
+    base = mean("response")
+    slowed_ms = {f"after_{name.replace(' ', '_')}_ms": mean(name) - base for name in AFTER}
+    return {"after_go_ms": base, **slowed_ms}
+
+
+def standard_error(values: Array) -> float:
+    """Return the standard error of a mean; NaN for fewer than two values."""
+    return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else np.nan
+
+
+def slowing_of(people: Mapping[str, StopTrials]) -> pd.DataFrame:
+    """Return the mean slowing after stop trials: measure, value, se and people (their number)."""
+    table = pd.DataFrame([slowing(trials) for trials in people.values()])
+    rows = [
+        (name, known.mean(), standard_error(known.to_numpy()), len(known))
+        for name, known in ((name, table[name].dropna()) for name in table)
+    ]
+    return pd.DataFrame(rows, columns=["measure", "value", "se", "people"])

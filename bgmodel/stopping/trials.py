@@ -150,23 +150,12 @@ class StopTrials(Facts):
 
 
 def stop_trials(decision: Decision, ssd_ms: npt.ArrayLike, responses: int) -> StopTrials:
-    """Return a model's decisions as stop-signal trials.
+    """Return a model's decisions at one threshold as stop-signal trials.
 
-    Parameters
-    ----------
-    decision : Decision
-        Decisions at one threshold. The response is withheld in undecided trials, and where the
-        index of the choice is ``responses`` or more.
-    ssd_ms : array (trials,), ms
-        Stop-signal delays from the onset of evidence; NaN in go trials.
-    responses : int
-        Number of responses, which is that of the go task's hypotheses.
-
-    Raises
-    ------
-    ValueError
-        If a signal comes after the end of its trial, which would count as a successful stop, or as
-        for ``StopTrials``.
+    The response is withheld in undecided trials, and where the index of the choice is
+    ``responses``, the number of the go task's hypotheses, or more. Delays, (trials,) ms from the
+    onset of evidence, are NaN in go trials. ValueError if a signal comes after the end of its
+    trial, which would count as a successful stop.
     """
     made = (decision.choice != UNDECIDED) & (decision.choice < responses)
     rt_ms = np.where(made, np.maximum(decision.time_ms, 0.0), np.nan)
@@ -179,18 +168,7 @@ def stop_trials(decision: Decision, ssd_ms: npt.ArrayLike, responses: int) -> St
 
 
 def check_delays(delays_ms: npt.ArrayLike) -> Array:
-    """Return a grid of delays as an array, ms.
-
-    Raises
-    ------
-    ValueError
-        If the grid is empty, or a delay is negative or not finite.
-
-    Warns
-    -----
-    UserWarning
-        If they look like seconds.
-    """
+    """Return a grid of delays, ms, as an array; ValueError unless all are numbers >= 0."""
     delays = np.atleast_1d(np.asarray(reals("delays_ms", delays_ms), dtype=np.float64))
     fits = delays.ndim == 1 and delays.size and np.isfinite(delays).all() and (delays >= 0).all()
     require(fits, "delays_ms", "must be numbers >= 0", delays_ms)
@@ -206,23 +184,9 @@ def _warn_of_seconds(name: str, latest_ms: float) -> None:
 def drawn_delays(
     trials: int, delays_ms: npt.ArrayLike, share: float, rng: np.random.Generator | int
 ) -> Array:
-    """Draw a stop-signal delay for each trial, uniformly from a grid; NaN in go trials.
+    """Draw a stop-signal delay for each trial, uniformly from a grid (K,) ms; NaN in go trials.
 
-    Parameters
-    ----------
-    trials : int
-        Number of trials.
-    delays_ms : array (K,), ms
-        The grid.
-    share : float
-        Probability of a stop signal, 0..1.
-    rng : Generator or int
-        Random numbers, or a seed.
-
-    Raises
-    ------
-    ValueError
-        For a share outside 0..1, or delays that are negative or not finite.
+    ``share`` is the probability of a stop signal.
     """
     delays, rng = check_delays(delays_ms), generator(rng)
     require(0 <= share <= 1, "share", "must be within 0..1", share)

@@ -19,7 +19,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from bgmodel.support.checks import path_of
-from bgmodel.support.memory import NoMemoryError, check_table_memory
+from bgmodel.support.processes import NoMemoryError, check_table_memory
 from bgmodel.version import __version__
 from circuits import arrays
 from circuits.errors import InputError
@@ -53,22 +53,10 @@ def provenance(seed: int | None = None, **parameters: Any) -> dict[str, Any]:
 def write_table(
     table: pd.DataFrame, path: str | Path, *, seed: int | None = None, **parameters: Any
 ) -> Path:
-    """Write a table atomically, with its provenance.
+    """Write a table atomically, with its provenance: inside ``.parquet``, beside ``.csv``.
 
-    Parameters
-    ----------
-    table : DataFrame
-        The table to write.
-    path : path
-        ``.parquet`` keeps the provenance inside; ``.csv`` has it in the file ``<name>.csv.json``.
-    seed, parameters :
-        See ``provenance``.
-
-    Raises
-    ------
-    ValueError
-        If the ending is neither, the folder can't be written, or a file ``<name>.csv.json`` exists
-        that is not a provenance.
+    ValueError if the ending is neither, the folder can't be written, or a file ``<name>.csv.json``
+    exists that is not a provenance.
     """
     path = path_of(path)
     if path.suffix not in (".parquet", ".csv"):

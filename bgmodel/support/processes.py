@@ -1,4 +1,4 @@
-"""Pools of processes for work whose results do not depend on their number."""
+"""Resources of a run: memory, pools of processes, and progress of long loops."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import partial
 from multiprocessing import active_children, current_process, get_context, parent_process
 from multiprocessing.synchronize import Event
+from pathlib import Path
 from threading import Lock, Thread
 from typing import Any
+from zipfile import ZipFile
 
 from circuits.errors import InputError
 
@@ -124,3 +127,85 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
         os._exit(1)
+
+
+_LISTENER: ContextVar[Callable[[int], object] | None] = ContextVar("listener", default=None)
+
+
+@contextmanager
+def shown_by(listener: Callable[[int], object]) -> Iterator[None]:
+    """Call a listener with the number of trials of each batch decided within the block."""
+    token = _LISTENER.set(listener)
+    try:
+        yield
+    finally:
+        _LISTENER.reset(token)
+
+
+def advance(trials: int) -> None:
+    """Report a number of decided trials to the listener, if there is one."""
+    if (listener := _LISTENER.get()) is not None:
+        listener(trials)
+
+
+SMALL_BYTES = 1e8
+"""Smaller runs skip the check."""
+CELL_BYTES, TEXT_TIMES = 24, 2
+"""Memory for reading, per cell of a parquet file, and at least per byte of a text file, bytes;
+measured."""
+
+
+class NoMemoryError(InputError):
+    """A run needs more memory than is free."""
+
+
+def check_memory(needed_bytes: float, what: str, field: str = "trials") -> None:
+    """Raise NoMemoryError if a run needs more than is free; ``field`` is the argument to reduce."""
+    if needed_bytes < SMALL_BYTES:
+        return
+    import psutil
+
+    free = psutil.virtual_memory().available
+    if needed_bytes > free:
+        reason = f"{what} need {_size(needed_bytes)} of memory, {_size(free)} are free"
+        raise NoMemoryError(reason, field)
+
+
+def check_evidence_memory(trials: int, steps: int, hypotheses: int) -> None:
+    """Raise ValueError if evidence of this shape and derived arrays do not fit into memory."""
+    # Eight bytes per number: as drawn, summed, as OUT, and one intermediate array.
+    needed = 4 * 8.0 * trials * steps * hypotheses
+    check_memory(needed, f"{trials} trials of up to {steps} readings")
+
+
+def check_learning_memory(runs: int, episodes: int) -> None:
+    """Raise ValueError if the records of learning (per run and episode) do not fit."""
+    check_memory(10 * 8 * float(runs) * episodes, f"{runs} runs of {episodes} episodes", "runs")
+
+
+def check_table_memory(path: Path) -> None:
+    """Raise NoMemoryError, before a table is read, if it does not fit into memory."""
+    if path.suffix == ".npz":
+        with ZipFile(path) as file:
+            size = sum(each.file_size for each in file.infolist())
+        check_memory(size, f"the arrays of {path.name!r}", "path")
+        return
+    if path.suffix != ".parquet":
+        check_memory(TEXT_TIMES * path.stat().st_size, f"the rows of {path.name!r}", "path")
+        return
+    import pyarrow.parquet as pq
+
+    about = pq.read_metadata(path)
+    check_memory(
+        float(CELL_BYTES) * about.num_rows * about.num_columns,
+        f"{about.num_rows} rows of {about.num_columns} columns in {path.name!r}",
+        "path",
+    )
+
+
+def _size(count: float) -> str:
+    for unit in ("bytes", "kB", "MB", "GB", "TB"):
+        if count < 1000:
+            return f"{count:.3g} {unit}"
+        count /= 1000
+    return f"{count:.3g} PB"

@@ -19,7 +19,7 @@ import numpy as np
 
 from bgmodel.deciding.decision import Decision
 from bgmodel.deciding.measures import Behaviour
-from bgmodel.support.memory import NoMemoryError
+from bgmodel.support.processes import NoMemoryError
 from bgmodel.sweeps.plan import BLOCK, Point, Shard
 from bgmodel.version import __version__
 from circuits.arrays import Arrays

@@ -18,7 +18,7 @@ from bgmodel.readings import warn_of_copies
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import path_of
 from bgmodel.support.files import read_table, unreadable
-from bgmodel.support.memory import check_evidence_memory, check_table_memory
+from bgmodel.support.processes import check_evidence_memory, check_table_memory
 from bgmodel.tables.columns import check_alike, check_numeric, check_spelt, names_once
 from bgmodel.tables.foreign import SEPARATORS, separated
 from bgmodel.tables.named import RESULT, NamedEvidence

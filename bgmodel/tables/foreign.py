@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.support.files import read_table, unreadable
-from bgmodel.support.memory import check_table_memory
+from bgmodel.support.processes import check_table_memory
 from bgmodel.tables.columns import names_once
 from circuits.errors import InputError, require
 

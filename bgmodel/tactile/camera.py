@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bgmodel.support.arrays import Array, Image
-from bgmodel.tactile.tips import Tip
+from bgmodel.tactile.skin import Tip
 from circuits.errors import InputError, require
 
 _DARK, _BRIGHT = 18.0, 225.0

@@ -14,8 +14,15 @@ import numpy as np
 from bgmodel.support.arrays import Integers, Reals, Truths
 from bgmodel.support.checks import path_of
 from bgmodel.support.files import check_writable, checksum, provenance, replacing
-from bgmodel.tactile.networks import NETWORKS, Network, OwnNetwork, import_torch, set_scale
-from bgmodel.tactile.onnx_file import OnnxNetwork, onnx_bytes
+from bgmodel.tactile.networks import (
+    NETWORKS,
+    Network,
+    OnnxNetwork,
+    OwnNetwork,
+    import_torch,
+    onnx_bytes,
+    set_scale,
+)
 from bgmodel.tactile.taps import Taps
 from circuits.errors import InputError, require
 

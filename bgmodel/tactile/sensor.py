@@ -11,12 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from bgmodel.support.arrays import Array, Singles
 from bgmodel.support.checks import check_range, whole
-from bgmodel.support.memory import check_memory
+from bgmodel.support.processes import check_memory
 from bgmodel.support.seeds import stream
-from bgmodel.tactile.grating import PERIODS_MM
-from bgmodel.tactile.skin import Skin
+from bgmodel.tactile.pressing import PERIODS_MM
+from bgmodel.tactile.skin import Skin, Tip
 from bgmodel.tactile.taps import Taps
-from bgmodel.tactile.tips import Tip
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:

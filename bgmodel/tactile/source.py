@@ -12,13 +12,16 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from bgmodel.evidence import Evidence
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum, read_provenance, read_table
 from bgmodel.support.seeds import generator
+from bgmodel.tactile.decoder import EDGE, train
 from bgmodel.tactile.likelihood import Density, Likelihood, Pool, fit_likelihood
+from bgmodel.tactile.recordings import read_taps
 from bgmodel.task import Drawn
 from circuits.errors import CalibrationWarning, DataWarning, InputError, require
 
@@ -325,3 +328,15 @@ def folds(taps: pd.DataFrame, task: Tactile, count: int = FOLDS) -> Folds:
     """Return the readings of all folds; an interval over folds needs ten or more."""
     every = range(whole("folds", count, 2))
     return Folds([source(taps, task, fold=fold, count=count) for fold in every])
+
+
+# A 40 mm tip spans about 122 px of the 128; only the scale of displacements depends on this.
+MM_PER_PX = 0.33
+
+
+def decoded_edges(seed: int, recordings: Path) -> pd.DataFrame:
+    """Train on ``csv_train``; return true and decoded yaw (yaw_deg, edge_deg) of ``csv_val``."""
+    taps = read_taps(recordings / "csv_train", mm_per_px=MM_PER_PX)
+    decoder = train(taps, seed=seed, training=EDGE)
+    held = read_taps(recordings / "csv_val", mm_per_px=MM_PER_PX, rest=taps.rest_mm)
+    return decoder.decode(held)[["yaw_deg", "edge_deg"]]

@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike
 
 from bgmodel.deciding.reward import reward_of
 from bgmodel.support.arrays import Array
-from bgmodel.theory.empirical import Empirical
-from bgmodel.theory.first_passage import Gaussian, Increments, Walk, gaussian_pair, walk
+from bgmodel.theory.first_passage import Empirical, Gaussian, Increments, Walk, gaussian_pair, walk
 from circuits.errors import require
 
 __all__ = [

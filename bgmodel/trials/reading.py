@@ -52,10 +52,9 @@ from bgmodel.tables.columns import (
 )
 from bgmodel.tables.foreign import read_rows, renamed
 from bgmodel.tables.shipped import CELLS_SET, SETS, STOP_SET, shipped_table
-from bgmodel.trials.events import is_events, read_events
+from bgmodel.trials.events import is_events, read_events, restored_delays
 from bgmodel.trials.readings import Source, answered, read_readings, seen_sums
 from bgmodel.trials.record import Trials, is_covariate
-from bgmodel.trials.restored import restored_delays
 from bgmodel.trials.spikes import clicks_of, in_sessions, is_nwb, read_nwb, spikes_of
 from circuits.errors import DataWarning, InputError, require, within
 

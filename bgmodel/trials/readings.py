@@ -34,34 +34,16 @@ Source = str | Path | pd.DataFrame
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """The readings of each trial, and the alternatives that they are evidence for.
+    """The readings of each trial, and the alternatives that they are evidence for."""
 
-    Parameters
-    ----------
-    ids : list of (participant, trial)
-        Ids as text; the participant is empty if the table has none.
-    log_likelihood : array (trials, readings, alternatives), nats
-        Log-likelihood of each reading under each alternative, up to a common constant; 0 after the
-        last reading of a trial.
-    time_s : array (trials, readings), s
-        Time of each reading on the clock of the response times; infinite after the last one.
-    lengths : int array (trials,)
-        Number of readings of each trial.
-    names : tuple of str
-        The alternatives.
-    choice : int array (trials,), optional
-        Index of the chosen alternative; -1 without a response.
-    forced : bool
-        Whether the last reading of a trial forces a response.
-    """
-
-    ids: list[tuple[str, str]]
+    ids: list[tuple[str, str]]  # participant, empty if the table has none, and trial, as text
+    # (trials, readings, alternatives), nats, up to a constant; 0 after a trial's last reading
     log_likelihood: Array
-    time_s: Array
-    lengths: Integers
-    names: tuple[str, ...]
-    choice: Integers | None = None
-    forced: bool = False
+    time_s: Array  # (trials, readings), on the clock of the responses; infinite after the last
+    lengths: Integers  # (trials,), readings of each trial
+    names: tuple[str, ...]  # the alternatives
+    choice: Integers | None = None  # (trials,), index of the alternative; -1 without a response
+    forced: bool = False  # whether the last reading of a trial forces a response
 
     def where(self, mask: Truths | Integers) -> Readings:
         """Return the readings of some trials."""
@@ -78,24 +60,12 @@ def read_readings(
 ) -> Readings:
     """Read the readings of each trial; those of one participant if the table names participants.
 
-    Parameters
-    ----------
-    evidence : path or DataFrame
-        The readings, in one of three forms. (1) As for ``read_evidence``: trial, step and
-        ``ll_<alternative>``; reading k comes at ``k step_ms``. (2) The same with ``time``, s from
-        the onset, instead of ``step``. (3) One row per cue, pulse or click: trial, time, and
-        ``side``, the alternative that it favours; ``value``, its log likelihood ratio in nats, is
-        optional and 1 by default. Without ``side``, ``value`` has a sign and a positive one
-        favours response 1. Cues at the same time are added to one reading.
-    step_ms : float, optional
-        Time between readings, ms; required for the first form, and for that only.
-    participant : str, optional
-        The participant.
-
-    Raises
-    ------
-    ValueError
-        For a table that can't be read.
+    The table has one of three forms. (1) As for ``read_evidence``: trial, step and
+    ``ll_<alternative>``; reading k comes at ``k step_ms``, which only this form needs. (2) The same
+    with ``time``, s from the onset, instead of ``step``. (3) One row per cue, pulse or click:
+    trial, time, and ``side``, the alternative that it favours; ``value``, its log likelihood ratio
+    in nats, is optional and 1 by default. Without ``side``, ``value`` has a sign and a positive one
+    favours response 1. Cues at the same time are added to one reading.
     """
     if isinstance(evidence, pd.DataFrame):
         name, table = "the evidence", evidence.reset_index(drop=True)
@@ -119,31 +89,12 @@ def answered(
 ) -> Readings:  # fmt: skip
     """Return the readings of the rows of a table of trials, with the chosen alternatives.
 
-    Parameters
-    ----------
-    readings : Readings
-        Readings of these trials and perhaps of others.
-    table : DataFrame
-        Columns trial, response, and participant_id if there are several.
-    who : sequence of str (rows,)
-        Participant of each row.
-    rt_s : array (rows,), s
-        Response times; NaN without a response, or for choices alone.
-    missing : bool array (rows,)
-        Which rows have no response.
-    upper : str, optional
-        The alternative that is coded as response 1, if there are two and responses are 1 and 0.
-
-    Raises
-    ------
-    ValueError
-        For trials without readings or given twice, responses that are no alternative, and those of
-        a participant that are against the evidence.
-
-    Warns
-    -----
-    UserWarning
-        If there are readings of trials that are not in the table.
+    ``readings`` are of these trials and perhaps of others, of which it warns. The table has trial,
+    response, and participant_id if there are several; ``who``, ``rt_s`` (NaN without a response, or
+    for choices alone) and ``missing`` (no response) are of its rows. ``upper`` is the alternative
+    that is coded as response 1, if there are two and responses are 1 and 0. ValueError for trials
+    without readings or given twice, responses that are no alternative, and those of a participant
+    that are against the evidence.
     """
     matched = readings.where(_matched(table, readings))
     choice = _choices(table["response"], missing, readings.names, upper)

@@ -30,25 +30,13 @@ APART = "."
 
 @dataclass(frozen=True, eq=False)
 class Spikes:
-    """Spike times of recorded cells.
+    """Spike times of recorded cells."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        The cells, as "session.cell" if there are sessions.
-    trial, cell : int arrays (spikes,)
-        Index of the trial and of the cell of each spike.
-    time_s : array (spikes,), s
-        Its time from the onset of the trial; negative before.
-    recorded : bool array (trials, cells)
-        Whether a cell was recorded in a trial: in all trials of its session.
-    """
-
-    names: tuple[str, ...]
-    trial: Integers
-    cell: Integers
-    time_s: Array
-    recorded: Truths
+    names: tuple[str, ...]  # the cells, as "session.cell" if there are sessions
+    trial: Integers  # (spikes,), index
+    cell: Integers  # (spikes,), index
+    time_s: Array  # (spikes,), from the onset of the trial; negative before
+    recorded: Truths  # (trials, cells), true in all trials of a cell's session
 
     def where(self, mask: Truths | Integers) -> Spikes:
         """Return the spikes of some trials, and the cells that were recorded in these."""
@@ -118,27 +106,12 @@ def clicks_of(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def spikes_of(spikes: Source, trials: Sequence[str], end_s: Array) -> Spikes:
-    """Return the spikes of trials by their names, which end at some time from their onset.
+    """Return the spikes of trials, by their names, which end at ``end_s``, (trials,).
 
-    Parameters
-    ----------
-    spikes : path or DataFrame
-        One row per spike with cell, trial, time_s (s from the onset of the trial) and, if the names
-        of trials tell it, session.
-    trials : sequence of str
-        Names of the trials, as ``in_sessions`` makes them.
-    end_s : (trials,), s
-        When each trial ended.
-
-    Raises
-    ------
-    ValueError
-        For columns that are missing, times in another unit, and spikes of no cell in these trials.
-
-    Warns
-    -----
-    UserWarning
-        If there are spikes of trials that are not in the table of trials, which are left out.
+    Names are those of ``in_sessions``. There is one row per spike with cell, trial, time_s (s from
+    the onset of the trial) and, if the names of trials tell it, session. ValueError for columns
+    that are missing, times in another unit, and spikes of no cell in these trials; spikes of other
+    trials are left out with a warning.
     """
     try:
         table = spike_table(spikes)

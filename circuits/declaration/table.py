@@ -11,8 +11,7 @@ import numpy as np
 
 from circuits.checks import check_channel, check_finite, check_positive, check_range, place_of
 from circuits.declaration.courses import DOPAMINE, Course, extremes
-from circuits.declaration.dopamine import DopamineTable
-from circuits.declaration.network import check_rows
+from circuits.declaration.network import DopamineTable, check_rows
 from circuits.declaration.rows import WHOLE
 from circuits.errors import InputError, require
 

@@ -19,26 +19,15 @@ MOST_NATS = 5.5
 
 @dataclass(frozen=True)
 class Transfer:
-    """A function of an input in nats.
-
-    Parameters
-    ----------
-    function, slope, curvature : callable
-        The function and its derivatives, on arrays.
-    brian : str
-        The function as Brian2 code, with ``{x}`` for its input.
-    about : str
-        Description and source.
-    inverse : callable, optional
-        Input for a given activity, on arrays: NaN if there is no such input, and the end of the
-        flat part where the function is flat. None if the function is not one-to-one.
-    """
+    """A function of an input in nats."""
 
     function: Callable[[Array], Array]
-    slope: Callable[[Array], Array]
-    curvature: Callable[[Array], Array]
-    brian: str
-    about: str
+    slope: Callable[[Array], Array]  # first derivative
+    curvature: Callable[[Array], Array]  # second derivative
+    brian: str  # the function as Brian2 code, with ``{x}`` for its input
+    about: str  # description and source
+    # Input for a given activity: NaN if there is none, and the end of the flat part where the
+    # function is flat. None if the function is not one-to-one.
     inverse: Callable[[Array], Array] | None = None
 
     def __call__(self, x: npt.ArrayLike) -> Array:

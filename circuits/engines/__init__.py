@@ -14,8 +14,16 @@ import numpy.typing as npt
 
 from circuits.declaration.courses import warn_of_late
 from circuits.declaration.table import CircuitTable
-from circuits.engines.engine import CompiledEngine, Engine, SpikingEngine, TimedEngine
-from circuits.engines.registry import ENGINES, EngineOrName, engine_of, register
+from circuits.engines.engine import (
+    ENGINES,
+    CompiledEngine,
+    Engine,
+    EngineOrName,
+    SpikingEngine,
+    TimedEngine,
+    engine_of,
+    register,
+)
 from circuits.engines.shipped import Algebra, Brian2, Ensemble, Plain, Population, Rate
 from circuits.errors import require
 
@@ -51,35 +59,10 @@ def run(
     first_trial: int = 0,
     **options: object,
 ) -> Activity:
-    """Run a circuit on one of the engines.
+    """Run a circuit on an engine, given as a record or by name; arguments as for ``Engine.run``.
 
-    Parameters
-    ----------
-    circuit : Circuit
-        The table.
-    drive : array (trials, steps, channels), nats
-        Accumulated evidence; 0 is rest. Each reading is held until the next.
-    engine : Engine or str
-        A record, or a name, which selects the engine with default options.
-    step_ms : float
-        Time from one reading to the next, ms.
-    seed : int, optional
-        Key of the noise, required by engines with noise. The noise of trial t depends only on
-        (seed, first_trial + t), not on the other trials of the run.
-    first_trial : int
-        Number of the first trial.
-    **options
-        Options (fields) of the engine to change.
-
-    Raises
-    ------
-    ValueError
-        For an unknown engine, an engine with noise but no seed, or an unknown option.
-
-    Warns
-    -----
-    EditWarning
-        If a course begins after the end of the run.
+    ``options`` are fields of the engine to change. Warns if a course begins after the end of the
+    run.
     """
     must = "must be a Circuit, as from circuits.anatomy.load_circuit"
     require(isinstance(circuit, CircuitTable), "circuit", must, circuit)

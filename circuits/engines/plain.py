@@ -17,8 +17,7 @@ from circuits.arrays import Array, Index, Truths
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
-from circuits.dynamics.ticks import Clock, Scheme, spike_hz, starting_state
-from circuits.dynamics.timed import Timed, timed
+from circuits.dynamics.ticks import Clock, Scheme, Timed, spike_hz, starting_state, timed
 from circuits.dynamics.wiring import fan_in, units_of
 from circuits.engines.stream import Onward, Stream
 

@@ -11,9 +11,9 @@ from circuits.engines.engine import (
     Engine,
     SpikingEngine,
     of_cells_alone,
+    register,
 )
 from circuits.engines.memory import CACHE_LINE, blocks
-from circuits.engines.registry import register
 from circuits.errors import require
 
 if TYPE_CHECKING:

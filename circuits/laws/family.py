@@ -166,11 +166,8 @@ def _terms(p: Projection, delivered: Array, tone: float, stn: str) -> tuple[floa
 def constraints(circuit: CircuitTable) -> tuple[Constraint, ...]:
     """Return the constraints with how much a circuit fails each.
 
-    Raises
-    ------
-    InputError
-        If the circuit has no such equations, for example because its unit is not nats, because no
-        nucleus has an exponential line, or because a pathway from STN keeps channels apart.
+    InputError if it has no such equations, for example because its unit is not nats, no nucleus has
+    an exponential line, or a pathway from STN keeps channels apart.
     """
     parts = reduced(circuit)
     stn, out = parts.stn, circuit.readout

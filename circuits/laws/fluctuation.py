@@ -7,6 +7,10 @@ they receive shifts their means. All to first order in 1/n (Brunel & Hakim 1999 
 Doiron & Longtin 2005 for spectra; van Kampen 2007, chapter X, for the expansion; cells by
 ``circuits.cells.response``). Neglected: a Lif cell's own spikes that return to it before its next
 spike, and noise that crosses a nearby kink; right at a kink there is no slope, and an error.
+
+Linear noise of finitely many cells about the fixed point, at rest or at a constant drive, including
+nonlinear pathways (``circuits.laws.fluctuation``). They predict ``Activity.spectrum`` and the
+variability of OUT across trials.
 """
 
 from __future__ import annotations
@@ -19,8 +23,11 @@ import numpy.typing as npt
 
 from circuits.arrays import Array, Complex
 from circuits.cells.cell import Line
+from circuits.declaration.table import CircuitTable
+from circuits.dynamics.fixed_point import held_drive, solve, wired
 from circuits.dynamics.wiring import Wiring
-from circuits.laws.mean_field import mean_response, own_rates
+from circuits.errors import require
+from circuits.laws.mean_field import mean_response, own_rates, settled
 
 FREQUENCIES_HZ = np.concatenate([[1e-3], np.geomspace(0.02, 1000, 120)])
 """Range over which power is summed: below, responses are lost to cancellation; above, filtered."""
@@ -179,3 +186,75 @@ def _check(wiring: Wiring) -> None:
         if wiring.circuit.is_sparse(p):
             problem = "the finite-size theory needs all-to-all connections"
             raise ValueError(f"{problem}: {p.name} connects {p.probability:.0%}")
+
+
+def rate_spectrum(
+    circuit: CircuitTable,
+    name: str,
+    frequency_hz: npt.ArrayLike,
+    drive: npt.ArrayLike | None = None,
+) -> Array:
+    """Return the one-sided power (F,), Hz^2/Hz, of a population's rate averaged over channels.
+
+    Frequencies are at least 1e-3 Hz; the drive (channels,), nats, is constant, by default rest.
+    Raises ValueError for a circuit with courses or an unstable fixed point, and where there is no
+    theory of its noise: see ``fluctuation.extra``.
+    """
+    frequency = np.asarray(frequency_hz, dtype=np.float64)
+    lowest = FREQUENCIES_HZ[0]
+    least = f"must be {lowest:g} or more"
+    require((frequency >= lowest).all(), "frequency_hz", least, frequency.min())
+    wiring = wired(circuit)
+    x, extra_hz = _state(wiring, drive)
+    swept(wiring, x, extra_hz)  # raises if there is no spectrum
+    fluctuations = linear(wiring, x, frequency, extra_hz)
+    out, noise = fluctuations.out[0], fluctuations.noise[0]
+    mean = out[:, wiring.blocks_of(name)].mean(axis=1)
+    return np.asarray(2 * (np.abs(mean) ** 2 * noise).sum(axis=1))
+
+
+def out_variance(
+    circuit: CircuitTable, drive: npt.ArrayLike | None = None, *, mean_ms: float = 0.0
+) -> dict[str, Array]:
+    """Return the variance of OUT (channels,), nats^2, contributed by each population's noise.
+
+    OUT is averaged over ``mean_ms`` after the read-out filter; the drive is that of
+    ``rate_spectrum``.
+    """
+    wiring = wired(circuit)
+    frequency, fluctuations = swept(wiring, *_state(wiring, drive))
+    out, noise = fluctuations.out[0], fluctuations.noise[0]
+    read = wiring.blocks_of(circuit.readout)
+    power = np.abs(out[:, read]) ** 2 * noise[:, None] / wiring.gain_hz_per_nat[read][:, None] ** 2
+    turn = 2 * np.pi * frequency * circuit.readout_tau_ms / 1000
+    seen = np.sinc(frequency * mean_ms / 1000) ** 2 / (1 + turn**2)
+    # Two-sided: negative frequencies contribute as much.
+    variance = 2 * np.trapezoid(power * seen[:, None, None], frequency, axis=0)
+    return {
+        row.name: variance[:, wiring.blocks_of(row.name)].sum(axis=1)
+        for row in circuit.populations
+        if row.spiking
+    }
+
+
+def count_ratio(circuit: CircuitTable, name: str) -> float:
+    """Return the variance of one cell's spike counts over their mean, at rest, in long windows.
+
+    For intervals that are independent this is the square of their coefficient of variation (Cox
+    1962). Variability that cells share by the circuit's feedback is not in it.
+    """
+    wiring = wired(circuit)
+    blocks = wiring.blocks_of(name)
+    x = solve(wiring, held_drive(wiring, None))
+    noise = linear(wiring, x, FREQUENCIES_HZ[:1]).noise[0, 0, blocks].mean()
+    rate = wiring.rates(x)[0, blocks].mean()
+    return float(noise * circuit.population(name).neurons / rate)
+
+
+def _state(wiring: Wiring, drive: npt.ArrayLike | None) -> tuple[Array, Array]:
+    """Return the state (1, blocks), nats, with finite-size shifts, and the shifts of rates, Hz."""
+    wiring.circuit.check_steady("its noise in closed form")
+    held = held_drive(wiring, drive)
+    start = settled(wiring, held, solve(wiring, held))
+    added = extra(wiring, start)
+    return settled(wiring, held, start, *added), added.rates_hz

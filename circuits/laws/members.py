@@ -111,21 +111,10 @@ def moved(circuit: Table, to: Mapping[str, float]) -> Table:
     """Return the member of the family with other values of free directions.
 
     The weights of ``dependent`` follow from the constraints, and biases keep the resting activity
-    of every nucleus, in nats, so that OUT rests at ln N.
-
-    Parameters
-    ----------
-    circuit : Circuit
-        A member.
-    to : mapping
-        New values by the names of ``directions``: ``{"Sigma0": 2.6, "GPe->STN.weight": -0.45,
-        "SNr.gain_hz_per_nat": 40}``.
-
-    Raises
-    ------
-    InputError
-        If the circuit is no member, a name is no free direction, or no weight of the right sign
-        meets a constraint.
+    of every nucleus, in nats, so that OUT rests at ln N. ``to`` maps names of ``directions`` to
+    values: ``{"Sigma0": 2.6, "GPe->STN.weight": -0.45, "SNr.gain_hz_per_nat": 40}``. InputError if
+    the circuit is no member, a name is no free direction, or no weight of the right sign meets a
+    constraint.
     """
     if fails := failures(circuit):
         raise InputError(

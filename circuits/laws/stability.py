@@ -60,11 +60,6 @@ def roots(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> Complex:
     return np.asarray(eigenvalues[np.argsort(-eigenvalues.real, kind="stable")])
 
 
-def is_stable(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> bool:
-    """Return whether the circuit returns to its fixed point after a small perturbation."""
-    return growth(circuit, drive).real < 0
-
-
 def onset(circuit: CircuitTable) -> Onset:
     """Return where the fixed point loses stability as the drive of all channels rises together.
 
@@ -125,11 +120,6 @@ def _least(hz: Array, left: Complex) -> int:
     """Return the place of the least modulus from 1 to 100 Hz."""
     seen = (hz >= 1) & (hz <= 100)
     return int(np.argmin(np.where(seen, np.abs(left), np.inf)))
-
-
-def stability_limit_nats(circuit: CircuitTable) -> float:
-    """Return the S above which the circuit oscillates, nats; see ``onset``."""
-    return onset(circuit).total_nats
 
 
 def _held(wiring: Wiring, drive: npt.ArrayLike | None) -> Array:

@@ -25,8 +25,8 @@ from bgmodel.fits import question
 from bgmodel.fitting.cells.grid import SUMS
 from bgmodel.fitting.cells.model import SCALE, SHARED, CellsLikelihood, numbers_of
 from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, Session, sessions_of
+from bgmodel.fitting.model_comparison import FOLDS, FOLDS_SEED
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.predicted import FOLDS, FOLDS_SEED
 from bgmodel.fitting.settings import FitSettings
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream

@@ -12,11 +12,10 @@ from functools import partial
 
 import pandas as pd
 
-from bgmodel.fitting.exact.algorithms import GapModel, Model
-from bgmodel.fitting.exact.gaps import EXPONENTIAL
+from bgmodel.fitting.exact.algorithms import EXPONENTIAL, GapModel, Model
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
-from bgmodel.fitting.predicted import Better, better_by, predicted
+from bgmodel.fitting.model_comparison import Better, better_by, predicted
 from bgmodel.fitting.simulated.circuit import (
     MECHANISMS,
     NONE,

@@ -15,8 +15,8 @@ import pandas as pd
 
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
+from bgmodel.fitting.model_comparison import Predicted, better_by, predicted
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.predicted import Predicted, better_by, predicted
 from bgmodel.fitting.simulated.circuit import (
     MECHANISMS,
     NONE,

@@ -27,7 +27,7 @@ from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from circuits.engines import Ensemble, Population
 from circuits.laws.controls import correlated, linear_stn, perturbed, shuffled_stn
-from circuits.laws.spectra import out_variance
+from circuits.laws.fluctuation import out_variance
 from figures.common import BRIEF_MS, Settings, bars, key, letter, where
 
 SIZES = (0.1, 0.3, 1.0, 3.0)

@@ -71,7 +71,7 @@ def gratings(question: Tactile) -> Folds:
 @cache
 def real_taps(folder: Path) -> Folds:
     """Return readings of pairs of real taps of an edge, of all folds."""
-    from bgmodel.tactile.edges import decoded_edges
+    from bgmodel.tactile.source import decoded_edges
 
     return folds(decoded_edges(SCORING_SEED, folder), EdgeTurn(2, step_deg=5.0))
 

@@ -47,7 +47,7 @@ def edges(alternatives: int) -> Folds:
 @cache
 def decoded() -> pd.DataFrame:
     """Return decoded real taps."""
-    from bgmodel.tactile.edges import decoded_edges
+    from bgmodel.tactile.source import decoded_edges
 
     return decoded_edges(SCORING_SEED, Path(os.environ["BGMODEL_RECORDINGS"]))
 

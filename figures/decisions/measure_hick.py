@@ -20,8 +20,7 @@ from scipy.stats import chi2
 from bgmodel import BasalGanglia, Msprt, stream
 from bgmodel.bootstrap import RESAMPLES, interval, resampled
 from bgmodel.comparison.matched import MOST_FORCED
-from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
-from bgmodel.comparison.tuned import swept
+from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN, swept
 from bgmodel.deciding.tradeoff import Tradeoff, curve, time_at, tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.criterion import gain_of

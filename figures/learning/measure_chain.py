@@ -22,12 +22,11 @@ from bgmodel.from_taps import ACCURACIES, T_MAX, chain
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.deciding import CIRCUIT
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.learning.as_learned import TEST
+from bgmodel.learning.dopamine_learner import TEST
 from bgmodel.learning.from_reward import XI, learn
 from bgmodel.learning.reinforce import Learner
-from bgmodel.tactile.edges import decoded_edges
 from bgmodel.tactile.recordings import find_recordings
-from bgmodel.tactile.source import Folds, folds, held_out_taps
+from bgmodel.tactile.source import Folds, decoded_edges, folds, held_out_taps
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Population, Rate

@@ -15,8 +15,14 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.learning.values.bandit import Bandit, ideal_of
-from bgmodel.learning.values.in_circuit import ValueCircuit
+from bgmodel.learning.values.bandit import (
+    Bandit,
+    Played,
+    ValueCircuit,
+    ideal_of,
+    play,
+    relative_regret,
+)
 from bgmodel.learning.values.learners import (
     Confidence,
     Learner,
@@ -26,7 +32,6 @@ from bgmodel.learning.values.learners import (
     QLearning,
     Reinforce,
 )
-from bgmodel.learning.values.play import Played, play, relative_regret
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
 from figures.pieces import Made, Piece, Score, main

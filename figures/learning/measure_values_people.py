@@ -37,11 +37,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from bgmodel.fitting.model_comparison import predicted
 from bgmodel.fitting.optimum import Optimum, optimum
-from bgmodel.fitting.predicted import predicted
-from bgmodel.learning.values.models import MODELS, likelihood
+from bgmodel.learning.values.models import MODELS, likelihood, simulated
 from bgmodel.learning.values.people import read_pairs
-from bgmodel.learning.values.simulated import simulated
 from bgmodel.trials.record import Trials
 from figures.learning.value_people import (
     by_difference,

@@ -14,8 +14,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import stream
-from bgmodel.learning.weights.deciders import FixedPoint
-from bgmodel.learning.weights.feedback import WeightLearner
+from bgmodel.learning.weights.deciders import FixedPoint, WeightLearner
 from bgmodel.learning.weights.learn import learn_weights
 from bgmodel.learning.weights.learned import LearnedWeights, counted_weights
 from bgmodel.tactile.source import held_out_taps, source

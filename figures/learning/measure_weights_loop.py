@@ -12,7 +12,7 @@ import pandas as pd
 from bgmodel import stream
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.learning.weights.feedback import WeightLearner
+from bgmodel.learning.weights.deciders import WeightLearner
 from bgmodel.learning.weights.in_circuit import (
     InCircuit,
     circuit_time_at_accuracy,

@@ -11,10 +11,15 @@ import pandas as pd
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.posterior import posterior
-from bgmodel.learning.values.diffusion import choice_probability, draw
-from bgmodel.learning.values.models import ValueLikelihood, ValueModel, likelihood
+from bgmodel.learning.values.models import (
+    ValueLikelihood,
+    ValueModel,
+    choice_probability,
+    draw,
+    likelihood,
+    simulated,
+)
 from bgmodel.learning.values.people import pairs_of
-from bgmodel.learning.values.simulated import simulated
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials

@@ -22,8 +22,7 @@ from bgmodel.bootstrap import FEWEST_TRIALS, RESAMPLES, resampled
 from bgmodel.comparison import designed as designs
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.matched import MOST_FORCED, OTHER_NOISE
-from bgmodel.comparison.thresholds import MSPRT
-from bgmodel.comparison.tuned import fastest_gain
+from bgmodel.comparison.thresholds import MSPRT, fastest_gain
 from bgmodel.deciding.tradeoff import WITHOUT_EVIDENCE_SHARE, Tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds

@@ -20,14 +20,12 @@ import pandas as pd
 from bgmodel import stream
 from bgmodel.fitting.hierarchy.fit import GroupFit, fit_group
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.stops.data import FEWEST_GO, go_process, laid
-from bgmodel.fitting.stops.model import TEST, circuit_stop
+from bgmodel.fitting.stops.model import FEWEST_GO, TEST, circuit_stop, go_process, laid
 from bgmodel.fitting.stops.race import STRENGTH, StopLikelihood, StopRace, likelihood
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.inputs import MOST_NATS
-from bgmodel.stopping.people import estimates_of, read_people
+from bgmodel.stopping.people import AFTER, estimates_of, read_people, slowing_of, violations_of
 from bgmodel.stopping.trials import StopTrials
-from bgmodel.stopping.violations import AFTER, slowing_of, violations_of
 from bgmodel.support.arrays import Array
 from bgmodel.trials.reading import Columns
 from circuits.anatomy import DEFAULT

@@ -11,12 +11,12 @@ from scipy import special, stats
 
 from bgmodel import stream
 from bgmodel.fitting.hierarchy.fit import GroupFit
-from bgmodel.fitting.stops.data import StopData, laid
+from bgmodel.fitting.stops.model import StopData, laid
 from bgmodel.fitting.stops.race import StopLikelihood
-from bgmodel.stopping.staircases import walk
+from bgmodel.stopping.task import walk
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array, Integers, Truths
-from bgmodel.trials.restored import LATE_MS, restored_delays
+from bgmodel.trials.events import LATE_MS, restored_delays
 
 DELAYS = np.arange(0.0, 1201.0, 50.0)
 """Delays of staircases, ms."""

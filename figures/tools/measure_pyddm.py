@@ -21,8 +21,7 @@ import pandas as pd
 from scipy.stats.qmc import LatinHypercube
 
 from bgmodel import stream
-from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.gaps import GAPS
+from bgmodel.fitting.exact.algorithms import GAPS, GapModel
 from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.optimum import optimum

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import ndtr
 
-from bgmodel.fitting.exact.gaps import Gap
+from bgmodel.fitting.exact.algorithms import Gap
 from bgmodel.support.arrays import Array, Integers
 
 SPACING = 0.5

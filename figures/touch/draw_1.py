@@ -16,8 +16,8 @@ from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.camera import render
 from bgmodel.tactile.library import contact_library
 from bgmodel.tactile.sensor import Nuisance, noiseless, simulate
+from bgmodel.tactile.skin import Tip
 from bgmodel.tactile.taps import Taps
-from bgmodel.tactile.tips import Tip
 from figures.common import Settings, letter
 
 YAW_DEG = 45.0

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from bgmodel.from_taps import Touched, touch
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.files import read_table, write_table
-from bgmodel.tactile.edges import decoded_edges
+from bgmodel.tactile.source import decoded_edges
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from figures.common import Settings
 

@@ -15,9 +15,8 @@ from bgmodel.support.files import provenance, replacing, write_table
 from bgmodel.tactile.decoder import Decoder, Training, train
 from bgmodel.tactile.library import contact_library
 from bgmodel.tactile.sensor import Nuisance, simulate
-from bgmodel.tactile.skin import Skin
+from bgmodel.tactile.skin import Skin, Tip
 from bgmodel.tactile.task import Orientation, SameDifferent
-from bgmodel.tactile.tips import Tip
 from figures.common import Settings
 
 SENSOR: dict[str, Any] = {"tip": Tip(), "skin": Skin(), "nuisance": Nuisance()}

@@ -23,9 +23,9 @@ from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import off_nats
 from circuits.dynamics.ticks import Clock
 from circuits.engines import engine_of, run
+from circuits.laws.fluctuation import out_variance, rate_spectrum
 from circuits.laws.homeostasis import recovery
 from circuits.laws.members import SIGMA0, moved
-from circuits.laws.spectra import out_variance, rate_spectrum
 from circuits.laws.stability import growth, ringing
 from tests.circuits.spiking import ADEX
 from tests.helpers import refused

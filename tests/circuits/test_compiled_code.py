@@ -12,7 +12,7 @@ from numba.core.dispatcher import Dispatcher
 
 import bgmodel.support.compiling
 from bgmodel.deciding import crossing
-from bgmodel.fitting.simulated import weights
+from bgmodel.fitting.simulated import crossings
 from bgmodel.tactile import sampling
 from circuits.compiled_code import compile_cached, sources_hash
 from circuits.engines import compiling
@@ -30,7 +30,7 @@ print(first_crossing(Msprt().run(evidence), 0.05).time_ms.sum())
 """
 
 
-@pytest.mark.parametrize("module", [crossing, kernel, population, sampling, weights])
+@pytest.mark.parametrize("module", [crossing, kernel, population, sampling, crossings])
 def test_compiled_code_is_kept_under_a_hash_of_all_sources(module):
     package = module.__name__.partition(".")[0]
     expected = {"bgmodel": bgmodel.support.compiling.SOURCES, "circuits": compiling.SOURCES}[

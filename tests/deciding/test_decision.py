@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.deciding.decision import any_crossing, crossing_of_each
-from bgmodel.deciding.tally import tally
+from bgmodel.deciding.reward import tally
 from tests.helpers import refused, some_evidence
 
 

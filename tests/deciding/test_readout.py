@@ -18,7 +18,7 @@ from bgmodel import (
 )
 from bgmodel.deciding.decision import crossing_of_each
 from bgmodel.deciding.readout import ReadOut, check_early_and_late
-from bgmodel.deciding.tally import tally
+from bgmodel.deciding.reward import tally
 from bgmodel.integrators.baselines import MaxVsNext
 from bgmodel.integrators.criterion import check_threshold, readout_of, rest_out
 from bgmodel.integrators.sprt import Stream, tally_sprt

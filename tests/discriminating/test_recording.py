@@ -13,7 +13,7 @@ from bgmodel.discriminating.result import INSEPARABLE, SEPARABLE
 from bgmodel.discriminating.space import Probe, Space
 from bgmodel.discriminating.trials import Trials
 from bgmodel.experiments.models import model_of
-from circuits.laws.spectra import count_ratio
+from circuits.laws.fluctuation import count_ratio
 from tests.helpers import refused
 
 SPACE = Space(d_prime=(1.0,), accuracy=(0.85,), deadline_ms=(1000.0,))

@@ -9,7 +9,7 @@ pytest.importorskip("panel", reason="the explorer needs Panel: pip install '.[ex
 from bgmodel.explorer.controls import CHOOSE, NUMBERS
 from bgmodel.explorer.page import FILES, Explorer
 from bgmodel.explorer.panels import CIRCUIT, TITLES
-from bgmodel.explorer.ranking import RANKING
+from bgmodel.explorer.runs import RANKING
 from bgmodel.explorer.state import State
 from tests.explorer.helpers import FEW, small
 

@@ -8,7 +8,7 @@ import pytest
 from bgmodel.explorer import runs as module
 from bgmodel.explorer.panels import TITLES
 from bgmodel.explorer.runs import Runs
-from bgmodel.support import progress
+from bgmodel.support import processes
 from tests.explorer.helpers import small
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
@@ -37,7 +37,7 @@ def test_a_newer_state_cancels_the_run_of_an_older_one(started, monkeypatch):
         if state is first:
             begun.set()
             while True:
-                progress.advance(1)
+                processes.advance(1)
                 time.sleep(0.001)
         yield from original(state, memory, workers=workers)
 
@@ -59,7 +59,7 @@ def test_a_ranking_waits_for_the_panels_and_ends_when_it_is_cancelled(started, m
     def endless(state, workers):
         begun.set()
         while True:
-            progress.advance(1)
+            processes.advance(1)
             time.sleep(0.001)
         yield
 

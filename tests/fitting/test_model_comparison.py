@@ -6,8 +6,7 @@ import pytest
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
-from bgmodel.fitting.model_comparison import ModelComparison, Score, compare_fits
-from bgmodel.fitting.predicted import Predicted
+from bgmodel.fitting.model_comparison import ModelComparison, Predicted, Score, compare_fits
 from bgmodel.fitting.trials.design import design_of
 from tests.drawn import TRUTH, drawn
 from tests.helpers import refused

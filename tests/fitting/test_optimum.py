@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.gaps import EXPONENTIAL
+from bgmodel.fitting.exact.algorithms import EXPONENTIAL, GapModel
 from bgmodel.fitting.exact.responses import moments
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.likelihood import BinnedLikelihood, likelihood_of

@@ -11,8 +11,7 @@ import pytest
 from bgmodel.commands.fits import FitRun
 from bgmodel.fits import fit, question
 from bgmodel.fitting.alternatives.models import MODELS
-from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.gaps import GAPS
+from bgmodel.fitting.exact.algorithms import GAPS, GapModel
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.settings import FitSettings, settings_of

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Sprt, first_crossing, stream
-from bgmodel.deciding.tally import tally
+from bgmodel.deciding.reward import tally
 from bgmodel.integrators.sprt import Stream, tally_sprt, threshold_from_posterior
 from bgmodel.simulated_evidence import separated_evidence
 from tests.helpers import refused, some_evidence

@@ -9,7 +9,7 @@ import bgmodel as bg
 from bgmodel.learning.from_reward import DOPAMINE, THRESHOLD, WEIGHTS, _learned_and_scored, learn
 from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learner
-from bgmodel.learning.weights.feedback import WeightLearner
+from bgmodel.learning.weights.deciders import WeightLearner
 from bgmodel.tables.given import EvidenceTable
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from bgmodel.task import Gaussian

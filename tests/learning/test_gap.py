@@ -13,8 +13,7 @@ from bgmodel.learning.gap import (
     regret_on_fresh_trials,
     search_folds,
 )
-from bgmodel.learning.policies import GaussianPolicy
-from bgmodel.learning.reinforce import Learner
+from bgmodel.learning.reinforce import GaussianPolicy, Learner
 from bgmodel.tactile.source import held_out_taps
 from bgmodel.theory.sprt import Optimum, optimal_separation, reward_curve
 from circuits.errors import RangeWarning

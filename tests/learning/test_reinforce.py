@@ -5,8 +5,8 @@ import pytest
 
 from bgmodel import stream
 from bgmodel.deciding.reward import reward_of
-from bgmodel.learning.policies import GaussianPolicy
 from bgmodel.learning.reinforce import (
+    GaussianPolicy,
     Learner,
     LearningStopped,
     exhaustive_search,

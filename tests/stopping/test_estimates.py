@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function
-from bgmodel.stopping.staircases import walk
+from bgmodel.stopping.task import walk
 from bgmodel.stopping.trials import StopTrials, drawn_delays
 from circuits.errors import DataWarning
 from tests.helpers import refused

@@ -1,4 +1,4 @@
-"""The ideal observer of the stop-signal task: calibration, its limits, and its optimum."""
+"""The ideal observer of the stop-signal task: calibration and its limits."""
 
 from dataclasses import replace
 
@@ -8,14 +8,12 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import bgmodel as bg
-from bgmodel.deciding.decision import first_crossing
 from bgmodel.stopping.observer import (
     StopMsprt,
     first_reading,
     gaussian_stop_evidence,
     log_odds_of_stop,
 )
-from bgmodel.stopping.optimum import RESPOND, WITHHOLD, Rewards, optimal_policy
 from bgmodel.stopping.trials import drawn_delays, stop_trials
 from tests.helpers import refused
 
@@ -92,67 +90,6 @@ def test_an_extra_channel_stops_less_the_more_evidence_there_is_in_all():
     s = np.log(np.exp(evidence.go.own_totals).sum(axis=2))
     assert ideal == pytest.approx(np.repeat(np.logaddexp(0, z)[..., None], 4, axis=2))
     assert extra == pytest.approx(np.repeat(np.logaddexp(0, z - s)[..., None], 4, axis=2))
-
-
-def reward_of(choice, steps, evidence, rewards):
-    stop = ~np.isnan(evidence.ssd_ms)
-    made = (choice == 0) | (choice == 1)
-    right = made & (choice == evidence.go.truth)
-    go = np.where(made, np.where(right, rewards.response, rewards.error), rewards.omission)
-    gained = np.where(stop, np.where(made, rewards.failed, rewards.stop), go)
-    return gained - rewards.reading * steps
-
-
-def played(policy, evidence):
-    """Return choice and number of readings of each trial under a policy of ``optimal_policy``."""
-    totals = np.cumsum(evidence.go.log_likelihood[..., 0] - evidence.go.log_likelihood[..., 1], 1)
-    trials, steps = evidence.log_ratio.shape
-    choice, taken = np.full(trials, 2), np.full(trials, steps)
-    open_, begun = np.ones(trials, bool), np.full(trials, -np.inf)
-    odds = np.zeros(trials)
-    for t in range(steps + 1):
-        if t:
-            odds = totals[:, t - 1]
-            with np.errstate(divide="ignore"):
-                begun = np.logaddexp(begun, np.log(evidence.begins[t - 1]))
-            begun = begun + evidence.log_ratio[:, t - 1]
-        i = np.abs(policy.log_odds[:, None] - odds).argmin(axis=0)
-        j = np.abs(policy.begun[:, None] - begun.clip(min=-50)).argmin(axis=0)
-        action = policy.action[t, i, j]
-        for kind in (RESPOND, WITHHOLD):
-            now = open_ & (action == kind)
-            choice[now] = np.where(odds[now] > 0, 0, 1) if kind == RESPOND else 2
-            taken[now] = t
-            open_ &= ~now
-    return choice, taken
-
-
-def earned(evidence, thresholds, rewards):
-    """Return the reward of each trial, at thresholds as probabilities (response, withhold)."""
-    trace, gained = StopMsprt().run(evidence), {}
-    for go, stop in thresholds:
-        levels = -np.log([[go, go, stop]])
-        decision = first_crossing(trace, levels, forced=False, checked=False)
-        ended = decision.choice[0] >= 0
-        steps = np.where(ended, np.nan_to_num(decision.time_ms[0]) / STEP_MS, STEPS)
-        gained[go, stop] = reward_of(decision.choice[0], steps, evidence, rewards)
-    return gained
-
-
-def test_no_pair_of_constant_thresholds_earns_more_than_the_optimum():
-    rewards = Rewards(reading=0.004)
-    evidence = task(6000, 9)
-    policy = optimal_policy(0.35, 0.6, SHARE, evidence.begins, rewards)
-    choice, taken = played(policy, evidence)
-    best = reward_of(choice, taken, evidence, rewards)
-    error = best.std() / np.sqrt(len(best))
-    assert best.mean() == pytest.approx(policy.value, abs=4 * error)
-    pairs = [(go, stop) for go in (0.6, 0.7, 0.8, 0.9) for stop in (0.6, 0.75, 0.9, 0.99)]
-    gained = earned(evidence, pairs, rewards)
-    for each in gained.values():
-        apart = each - best
-        assert apart.mean() < 2 * apart.std() / np.sqrt(len(apart))
-    assert max(each.mean() for each in gained.values()) > best.mean() - 0.1
 
 
 @pytest.mark.parametrize(

@@ -15,11 +15,11 @@ import bgmodel as bg
 from bgmodel import BasalGanglia, Evidence, Msprt, first_crossing
 from bgmodel.deciding.decision import Decision
 from bgmodel.deciding.measures import OF_ALL
-from bgmodel.deciding.tally import tally
+from bgmodel.deciding.reward import tally
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.learning.reinforce import Learner
-from bgmodel.learning.weights.feedback import WeightLearner
+from bgmodel.learning.weights.deciders import WeightLearner
 from bgmodel.plots import LABELS
 from bgmodel.support.saved import TREE, Facts, save, span
 from circuits.anatomy import load_circuit

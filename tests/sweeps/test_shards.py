@@ -5,7 +5,7 @@ import pytest
 
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.support.memory import NoMemoryError
+from bgmodel.support.processes import NoMemoryError
 from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.plan import Plan
 from bgmodel.tables.given import EvidenceTable

@@ -8,7 +8,7 @@ import pytest
 from bgmodel.support.files import read_provenance
 from bgmodel.tables.shipped import SIMON_SET, every_set, shipped
 from bgmodel.trials.reading import read_trials
-from bgmodel.trials.statistics import statistics
+from bgmodel.trials.record import statistics
 from tests.helpers import ROOT
 
 SHIPPED = shipped()

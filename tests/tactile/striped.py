@@ -5,8 +5,8 @@ import pandas as pd
 
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.decoder import Training
+from bgmodel.tactile.skin import Tip
 from bgmodel.tactile.taps import Taps
-from bgmodel.tactile.tips import Tip
 
 QUICK = Training(width=0.1, epochs=3, validation=0.2)
 

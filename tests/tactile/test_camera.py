@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bgmodel.tactile.camera import _discs, marker_pixels, pixels_per_mm, render
-from bgmodel.tactile.tips import Tip
+from bgmodel.tactile.skin import Tip
 
 
 @pytest.mark.parametrize("shape", [(480, 640), (128, 128)])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bgmodel.tactile.contact import polonsky_keer, unfold, wavenumbers
-from bgmodel.tactile.grating import Grating
+from bgmodel.tactile.pressing import Grating
 from bgmodel.tactile.skin import Skin, response
 from tests.tactile.plans import places
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from bgmodel.tactile.library import contact_library, entry, with_mirror_images
 from bgmodel.tactile.pressing import press
-from bgmodel.tactile.tips import Tip
+from bgmodel.tactile.skin import Tip
 from tests.tactile.plans import PLAN, TINY
 
 

@@ -15,7 +15,7 @@ from bgmodel.tactile.recordings import (
     pins_found,
     read_taps,
 )
-from bgmodel.tactile.tips import Tip
+from bgmodel.tactile.skin import Tip
 from tests.helpers import refused
 from tests.tactile.recorded import MM_PER_PX, PITCH, SIZE, draw, field, hexagon, write
 

@@ -8,8 +8,7 @@ import pytest
 from bgmodel.tactile.library import Library
 from bgmodel.tactile.pressing import LibraryPlan, press
 from bgmodel.tactile.sensor import Nuisance, noiseless, simulate
-from bgmodel.tactile.skin import Skin
-from bgmodel.tactile.tips import Tip
+from bgmodel.tactile.skin import Skin, Tip
 from tests.helpers import refused
 from tests.tactile.plans import PLAN, one_tap
 

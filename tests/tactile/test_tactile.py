@@ -9,15 +9,13 @@ import pytest
 from bgmodel.tactile.camera import render
 from bgmodel.tactile.contact import polonsky_keer
 from bgmodel.tactile.decoder import Training
-from bgmodel.tactile.grating import Grating
 from bgmodel.tactile.library import contact_library
 from bgmodel.tactile.likelihood import Density
-from bgmodel.tactile.pressing import LibraryPlan
+from bgmodel.tactile.pressing import Grating, LibraryPlan
 from bgmodel.tactile.sensor import Nuisance
-from bgmodel.tactile.skin import Skin, response
+from bgmodel.tactile.skin import Skin, Tip, response
 from bgmodel.tactile.source import source
 from bgmodel.tactile.task import EdgeDirection, EdgeTurn, Orientation
-from bgmodel.tactile.tips import Tip
 from tests.helpers import refused
 from tests.tactile.plans import TINY
 

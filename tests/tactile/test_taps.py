@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from bgmodel.tactile.sensor import simulate
+from bgmodel.tactile.skin import Tip
 from bgmodel.tactile.taps import Taps
-from bgmodel.tactile.tips import Tip
 from tests.helpers import refused
 from tests.tactile.plans import STILL
 

@@ -14,18 +14,16 @@ from hypothesis import strategies as st
 
 from bgmodel import Msprt, Sprt, stream
 from bgmodel.bootstrap import interval, resampled
-from bgmodel.deciding.tally import tally
+from bgmodel.deciding.reward import tally
 from bgmodel.learning.gap import fold_sources
 from bgmodel.support.files import read_provenance
 from bgmodel.tactile.decoder import Training
-from bgmodel.tactile.grating import PERIODS_MM, Grating
 from bgmodel.tactile.likelihood import Density
-from bgmodel.tactile.pressing import LibraryPlan
+from bgmodel.tactile.pressing import PERIODS_MM, Grating, LibraryPlan
 from bgmodel.tactile.sensor import Nuisance
-from bgmodel.tactile.skin import Skin
+from bgmodel.tactile.skin import Skin, Tip
 from bgmodel.tactile.source import Folds, Source, folds, held_out_taps, source
 from bgmodel.tactile.task import Orientation, SameDifferent
-from bgmodel.tactile.tips import Tip
 from circuits.errors import CalibrationWarning
 from tests.helpers import refused
 

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from bgmodel.support.checks import Problems
 from bgmodel.trials.reading import Columns, read_trials
-from bgmodel.trials.record import Trials
-from bgmodel.trials.statistics import statistics
+from bgmodel.trials.record import Trials, statistics
 from circuits.errors import DataWarning, InputError
 from tests.helpers import refused, unwarned
 from tests.read import read

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bgmodel.fitting.exact.algorithms import Model
-from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD
-from bgmodel.fitting.hierarchy.scale import Scale
+from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD, Scale
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array

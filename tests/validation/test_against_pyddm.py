@@ -2,7 +2,7 @@
 
 import pytest
 
-from bgmodel.fitting.exact.gaps import EXPONENTIAL, HYPERBOLIC, WEIBULL
+from bgmodel.fitting.exact.algorithms import EXPONENTIAL, HYPERBOLIC, WEIBULL
 from tests.test_against_pyddm import compared
 
 pytestmark = pytest.mark.validate

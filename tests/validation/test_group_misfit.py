@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, kstest
 
-from bgmodel.fitting.checks.group_misfit import group_misfit
-from bgmodel.fitting.checks.misfit import BEYOND_CHANCE
+from bgmodel.fitting.checks.misfit import BEYOND_CHANCE, group_misfit
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import Optimum

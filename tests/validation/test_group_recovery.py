@@ -10,9 +10,8 @@ import pytest
 from scipy.stats import binom, kstest
 
 from bgmodel.fitting.hierarchy.approximation import Expansion
-from bgmodel.fitting.hierarchy.group import group_of
+from bgmodel.fitting.hierarchy.group import Scale, group_of
 from bgmodel.fitting.hierarchy.sampler import Sampler
-from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.support.seeds import stream
 from tests.validation.groups import MOST_SD, RANGES, group
 

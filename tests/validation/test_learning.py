@@ -7,8 +7,7 @@ import pytest
 
 from bgmodel import stream
 from bgmodel.learning.gap import fold_sources, increments, regret_on_fresh_trials
-from bgmodel.learning.policies import GaussianPolicy
-from bgmodel.learning.reinforce import Learner, learn
+from bgmodel.learning.reinforce import GaussianPolicy, Learner, learn
 from bgmodel.learning.worlds import trials_of
 from bgmodel.tactile.source import held_out_taps
 from bgmodel.theory.sprt import optimal_separation, reward_curve

@@ -52,7 +52,7 @@ def test_a_smooth_grating_is_told_at_chance():
 def test_three_training_seeds_err_by_25_to_30_degrees():
     """25 to 30 degrees pooled over the eight stimuli; 27.5 with the real sensor (Pestell 2022)."""
     from bgmodel.tactile.decoder import train
-    from bgmodel.tactile.grating import PERIODS_MM
+    from bgmodel.tactile.pressing import PERIODS_MM
     from bgmodel.tactile.sensor import simulate
 
     for seed in (101, 102, 103):

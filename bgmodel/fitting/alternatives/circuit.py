@@ -1,23 +1,184 @@
-"""A circuit of N channels as a model of choices between N alternatives."""
+"""A circuit of N channels as a model of choices: its stored crossings, reweighted to any drift.
+
+As for two channels (``simulated.crossings``), a trial simulated at one drift represents trials of
+any other. With drift v of the correct channel c minus the others, and noise of variance 1/2 per
+second in each, the evidence z up to time t (sums minus their mean over channels) has the
+likelihood ratio ``exp(2 v z_c - v^2 (1 - 1/N) t)``. Since channels are equal, a stored trial
+counts N times, once with each channel as the correct one. Its density under all simulated drifts
+and correct channels divides the weights (the balance heuristic, Veach & Guibas 1995). Trials are
+counted on a grid of t and z_c, separately for correct and for wrong choices.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from bgmodel.fitting.alternatives.crossings import DRIFTS, ManyCrossings, simulated_many
+from bgmodel.deciding.decision import first_crossing
+from bgmodel.deciding.trace import Trace
 from bgmodel.fitting.exact.algorithms import SENSITIVITY
-from bgmodel.fitting.exact.responses import Grid
+from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.simulated.circuit import LEVELS, LOWEST_LOG_ODDS, THRESHOLD, CircuitModel
-from bgmodel.fitting.simulated.crossings import interpolated, log_odds
-from bgmodel.support.arrays import Array
+from bgmodel.fitting.simulated.crossings import BATCH, LARGEST_EXPONENT, Run, interpolated, log_odds
+from bgmodel.support.arrays import Array, Integers, Truths
+from bgmodel.support.compiling import compiled
+from bgmodel.support.seeds import stream
 from bgmodel.tables.alternatives import MOST
 from circuits.errors import require
+
+DRIFTS = (0.0, 1.0, 2.0, 4.0, 7.0, 11.0)
+"""Drifts at which trials are simulated, 1/sqrt(s)."""
+EVIDENCE_BIN = 0.025
+"""Width of a bin of evidence, sqrt(s): half of that of the difference of two channels."""
+UNIT = 1e-3
+"""Resolution of stored evidence, sqrt(s)."""
+
+
+@dataclass(frozen=True)
+class ManyCrossings:
+    """Times, choices and evidence of trials at each of several thresholds."""
+
+    thresholds_nats: Array  # Increasing.
+    # (thresholds, trials), of the decision and its last reading; the last bin if none
+    bins: Integers
+    choice: Integers  # (thresholds, trials); channel, or -1 without a decision
+    evidence: Integers  # (thresholds, trials, N), 0.001 sqrt(s); sums up to then minus their mean
+    # Trial k counts if ``parts[k % len(parts)]`` is true.
+    parts: Truths = field(default_factory=lambda: np.ones(1, dtype=np.bool_))
+    _counted: dict[int, tuple[Array, Array]] = field(default_factory=dict, compare=False)
+
+    def part(self, parts: Truths) -> ManyCrossings:
+        """Return the crossings of some parts of the trials."""
+        return replace(self, parts=parts, _counted={})
+
+    @cached_property
+    def _columns(self) -> tuple[int, int]:
+        """First bin of evidence, and number of bins, with one to spare on either side."""
+        ends = (UNIT * np.array([self.evidence.min(), self.evidence.max()]) / EVIDENCE_BIN).round()
+        low, high = ends.astype(int) + np.array([-2, 3])
+        return int(low), int(high - low)
+
+    @property
+    def readings(self) -> int:
+        """Number of bins of a trial."""
+        return int(self.bins.max()) + 1
+
+    def counted(self, row: int) -> tuple[Array, Array]:
+        """Return trials counted at one threshold, (2, bins, evidence), and undecided ones."""
+        if row not in self._counted:
+            low, columns = self._columns
+            decided, never = np.zeros((2, self.readings, columns)), np.zeros(columns)
+            count(
+                self.bins[row], self.choice[row], self.evidence[row], self.parts,
+                np.array(DRIFTS), low, decided, never,
+            )  # fmt: skip
+            self._counted[row] = _sharpened(decided), _sharpened(never)
+        return self._counted[row]
+
+    def decided(self, rows: list[tuple[int, float]], drift: float) -> Array:
+        """Return the probability of a wrong and of a correct decision in each bin, (2, bins).
+
+        ``rows`` are stored thresholds and their weights; ``drift`` is that of the correct channel
+        minus that of the others, 1/sqrt(s).
+        """
+        seen = np.sum([weight * self.counted(row)[0] for row, weight in rows], axis=0)
+        never = np.sum([weight * self.counted(row)[1] for row, weight in rows], axis=0)
+        low, columns = self._columns
+        z = (low + np.arange(columns)) * EVIDENCE_BIN
+        last = np.flatnonzero(seen.any(axis=(0, 2)))
+        few = int(last[-1]) + 1 if len(last) else 0
+        read_s = (np.arange(self.readings) + 1) * BIN_S
+        falls = drift**2 * (1 - 1 / self.evidence.shape[2])
+        mass = np.zeros((2, self.readings))
+        ratio = _ratio(2 * drift * z - falls * read_s[:few, None])
+        mass[:, :few] = np.einsum("stz,tz->st", seen[:, :few], ratio)
+        undecided = float(never @ _ratio(2 * drift * z - falls * read_s[-1]))
+        return np.asarray(mass / (mass.sum() + undecided))
+
+
+def _ratio(exponent: Array) -> Array:
+    """Return likelihood ratios; evidence whose ratio would overflow does not occur that early."""
+    return np.asarray(np.exp(np.minimum(exponent, LARGEST_EXPONENT)))
+
+
+def _sharpened(counts: Array) -> Array:
+    """Return counts corrected for division between bins; see ``simulated.crossings``."""
+    padded = np.pad(counts, [(0, 0)] * (counts.ndim - 1) + [(1, 1)])
+    return np.asarray(counts - np.diff(padded, n=2, axis=-1) / 12)
+
+
+@compiled
+def count(
+    bins: Any, choice: Any, evidence: Any, parts: Any, drifts: Any, low: Any,
+    decided: Any, never: Any,
+) -> None:  # fmt: skip
+    """Add trials at one threshold to grids of time and evidence, over the density of all drifts.
+
+    ``low`` is the first bin of evidence, ``decided`` (2, bins, evidence) holds wrong and correct
+    choices, and ``never`` (evidence,) trials without a decision.
+    """
+    trials, channels = evidence.shape
+    for trial in range(trials):
+        if not parts[trial % len(parts)]:
+            continue
+        read_s = (bins[trial] + 1) * BIN_S
+        density = 0.0
+        for drift in drifts:
+            for c in range(channels):
+                z = UNIT * evidence[trial, c]
+                density += math.exp(
+                    min(2 * drift * z - drift**2 * (1 - 1 / channels) * read_s, LARGEST_EXPONENT)
+                )
+        weight = len(drifts) * channels / density
+        for c in range(channels):
+            place = UNIT * evidence[trial, c] / EVIDENCE_BIN - low
+            left = int(place)
+            right = weight * (place - left)
+            if choice[trial] < 0:
+                never[left] += weight - right
+                never[left + 1] += right
+            else:
+                side = 1 if choice[trial] == c else 0
+                decided[side, bins[trial], left] += weight - right
+                decided[side, bins[trial], left + 1] += right
+
+
+def simulated_many(
+    run: Run, thresholds_nats: Array, channels: int, *, seconds: float, trials: int, seed: int
+) -> ManyCrossings:
+    """Simulate trials at each drift, which favours the first channel; return their crossings."""
+    readings = math.ceil(seconds / BIN_S)
+    parts: list[tuple[npt.NDArray[Any], ...]] = []
+    for number, drift in enumerate(DRIFTS):
+        rng = stream(seed, "evidence", channels, f"{drift:g}")
+        for first in range(0, trials, BATCH):
+            few = min(BATCH, trials - first)
+            steps = rng.normal(0.0, math.sqrt(BIN_S / 2), (few, readings, channels))
+            steps += drift * BIN_S * (np.arange(channels) == 0)
+            sums = steps.cumsum(axis=1)
+            sums -= sums.mean(axis=2, keepdims=True)
+            parts.append(_crossed(run(sums, number * trials + first), sums, thresholds_nats))
+    bins, choice, evidence = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
+    return ManyCrossings(thresholds_nats, bins, choice, evidence)
+
+
+def _crossed(trace: Trace, sums: Array, thresholds_nats: Array) -> tuple[npt.NDArray[Any], ...]:
+    """Return bin, choice and evidence of each trial at each threshold."""
+    decision = first_crossing(trace, thresholds_nats, forced=False, checked=False)
+    never = decision.choice < 0
+    # A tick at the very end of a reading still depends on it.
+    bins = np.ceil(np.where(never, 0.0, decision.time_ms) / (1000 * BIN_S) - 1e-9) - 1
+    bins = np.where(never, sums.shape[1] - 1, np.maximum(bins, 0)).astype(np.int16)
+    evidence = np.round(sums[np.arange(len(sums)), bins] / UNIT)
+    evidence = np.clip(evidence, -32_000, 32_000).astype(np.int16)
+    return bins, decision.choice.astype(np.int8), evidence
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bgmodel.fitting.alternatives.circuit import ManyCircuitModel
-from bgmodel.fitting.alternatives.lca import LcaModel
 from bgmodel.fitting.alternatives.msprt import MsprtModel
-from bgmodel.fitting.alternatives.race import RaceModel
-from bgmodel.fitting.exact.algorithms import BIAS, DRIFT_SD, SPREAD, START
-from bgmodel.fitting.exact.gaps import GAPS
+from bgmodel.fitting.alternatives.race import LcaModel, RaceModel
+from bgmodel.fitting.exact.algorithms import BIAS, DRIFT_SD, GAPS, SPREAD, START
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from circuits.errors import InputError
 

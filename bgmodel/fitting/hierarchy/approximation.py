@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bgmodel.fitting.hierarchy.group import SPREAD, Group, group_of
-from bgmodel.fitting.hierarchy.scale import Scale
+from bgmodel.fitting.hierarchy.group import SPREAD, Group, Scale, group_of
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.processes import SharedMap, shared_map

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.checks.group_misfit import GroupMisfit, group_misfit
+from bgmodel.fitting.checks.misfit import GroupMisfit, group_misfit
 from bgmodel.fitting.fit import cells_with_misfit
 from bgmodel.fitting.hierarchy.approximation import Person, estimates, started
 from bgmodel.fitting.hierarchy.chains import (
@@ -23,10 +23,9 @@ from bgmodel.fitting.hierarchy.chains import (
     agreement,
     sampled,
 )
-from bgmodel.fitting.hierarchy.group import ALIKE, Predictors, priors_of
-from bgmodel.fitting.hierarchy.pooled import pooled
+from bgmodel.fitting.hierarchy.group import ALIKE, Predictors, Scale, priors_of
+from bgmodel.fitting.hierarchy.labels import pooled
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
-from bgmodel.fitting.hierarchy.scale import Scale
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.optimum import Optimum
@@ -291,7 +290,7 @@ class GroupFit(Facts):
 
     def plot(self) -> Figure:
         """Draw each person's parameters with intervals, and the distribution of the group."""
-        from bgmodel.fitting.hierarchy.drawing import draw_group
+        from bgmodel.fitting.hierarchy.labels import draw_group
 
         trials = sum(int(each.design.trials.sum()) for each in self.likelihoods.values())
         return draw_group(self.to_dataframe(), self.summary(), trials)

@@ -1,20 +1,30 @@
-"""A group's fit as one labelled tree, in the groups and names that ArviZ reads."""
+"""A group's fit: the labelled tree that ArviZ reads, data and model by cell, and its figure."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
+from bgmodel.fitting.exact.responses import Grid, Observed
+from bgmodel.fitting.fit import cells_of
+from bgmodel.fitting.optimum import Optimum
 from bgmodel.support import files
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 from bgmodel.version import __version__
+from circuits.plots import GREY, PALETTE, panels, styled
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from bgmodel.fitting.likelihood import Likelihood
 
@@ -124,3 +134,90 @@ def write(tree: xarray.DataTree, path: Path) -> Path:
     with files.replacing(path) as partial:
         tree.to_netcdf(partial, engine="h5netcdf")
     return path
+
+
+def pooled(people: Collection[Optimum]) -> pd.DataFrame | None:
+    """Return ``cells_of`` everyone's trials and model, or None if strengths or conditions differ.
+
+    The prediction for a cell is the mixture of the people's distributions, each with the share of
+    that person's trials, so that data and model are pooled alike: quantiles of errors exist where
+    all people together make enough of them, and none is biased by few trials of single people.
+    Standard errors are as if all trials were of one person.
+    """
+    people = [each.complete for each in people]
+    designs = [each.likelihood.design for each in people]
+    every = [list(zip(each.strength, *each.conditions.values(), strict=True)) for each in designs]
+    order = {cell: number for number, cell in enumerate(every[0])}
+    if any(set(cells) != set(order) for cells in every):
+        return None
+    places = [np.array([order[cell] for cell in cells]) for cells in every]
+    mass = np.zeros((len(order), 2, max(each.grid.bins for each in designs)))
+    trials = np.zeros(len(order))
+    for each, design, place in zip(people, designs, places, strict=True):
+        predicted, _ = design.observed.outcomes(each.density)
+        mass[place, :, : predicted.shape[2]] += design.trials[:, None, None] * predicted
+        trials[place] += design.trials
+    seen = [design.observed for design in designs]
+    together = Observed(
+        np.concatenate([place[one.cell] for place, one in zip(places, seen, strict=True)]),
+        np.concatenate([one.response for one in seen]),
+        np.concatenate([one.rt_s for one in seen]),
+        Grid(mass.shape[2], seen[0].grid.width_s),
+        alternatives=seen[0].alternatives,
+        untimed=seen[0].untimed,
+    )
+    density = mass / trials[:, None, None] / seen[0].grid.width_s
+    return cells_of(replace(designs[0], observed=together), density)
+
+
+COLUMNS = 3
+"""Panels in a row."""
+WIDTH = 32
+"""Characters in a line of a panel's title."""
+LABELS = {"sensitivity": "sensitivity (1/√s)", "bound": "bound (√s)"}
+"""Names of parameters with units; other names contain theirs."""
+
+
+@styled
+def draw_group(people: pd.DataFrame, group: pd.DataFrame, trials: int) -> Figure:
+    """Draw a panel for each parameter: people in the order of their medians, and the group.
+
+    Points are medians and lines central intervals of 0.9; the dashed line and the band are the
+    median person's parameter and its interval. Values of one parameter in several conditions share
+    the axis, and the order of the first.
+    """
+    count = people["participant"].nunique()
+    rows = -(-len(group) // COLUMNS)
+    figure, grid = panels(rows, COLUMNS, size=(7.2, 0.5 + rows * (1.1 + 0.13 * count)))
+    axes = grid.ravel()
+    place = np.arange(count)
+    first: dict[str, tuple[pd.Index, Axes]] = {}
+    for ax, (name, shared) in zip(axes, group.iterrows(), strict=False):
+        parameter, _, condition = str(name).removesuffix("]").partition("[")
+        estimates = people[people["parameter"] == name].set_index("participant")
+        # Coefficients of a formula are values of different kinds.
+        alike = parameter if "=" in condition else str(name)
+        order, like = first.setdefault(alike, (estimates["median"].sort_values().index, ax))
+        estimates = estimates.loc[order]
+        if like is not ax:
+            ax.sharex(like)
+        ax.axvspan(shared["low"], shared["high"], color=PALETTE[0], alpha=0.2, lw=0)
+        ax.axvline(shared["median"], color=PALETTE[0], ls="--")
+        ax.hlines(place, estimates["low"], estimates["high"], color=GREY, lw=1)
+        ax.plot(estimates["median"], place, "ko", ms=3)
+        ax.set(title=fill(condition, WIDTH), yticks=place, ylim=(-0.8, count - 0.2))
+        label = LABELS.get(parameter, parameter)
+        plain = "=" in condition or condition in ("", "Intercept")
+        ax.set_xlabel(label if plain else f"{label}: coefficient")
+        ax.set_yticklabels(estimates.index, fontsize=5.5)
+    for row in grid:
+        row[0].set_ylabel("Participant")
+    for ax in axes[len(group) :]:
+        ax.remove()
+    figure.suptitle(
+        f"{count} people, {trials} trials: medians and intervals of 90 % of each person (black) "
+        "and of the median person (colour)",
+        x=0.01,
+        ha="left",
+    )
+    return figure

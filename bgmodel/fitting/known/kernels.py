@@ -1,17 +1,23 @@
-"""Psychophysical kernels: the weight of the reading at each position in the choice."""
+"""How a model of known evidence fits: hazards per reading, psychophysical kernels, their figure."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bgmodel.fitting.known.trials import KnownTrials
+from bgmodel.fitting.known.trials import KnownTrials, intervals
 from bgmodel.support.arrays import Array, Integers
 from circuits.errors import require
+from circuits.plots import GREY, PALETTE, panels, styled
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from bgmodel.fitting.likelihood import Peak
 
 POSITIONS = 8
 PRIOR_SD = 5.0
@@ -115,3 +121,81 @@ def _logit(design: Array, target: Array) -> tuple[Array, Array]:
         if np.abs(step).max() < SMALL:
             break
     return weights / scale, np.sqrt(np.diag(np.linalg.inv(curve))) / scale
+
+
+FEWEST = 10
+"""Readings that fewer trials reach are left out."""
+
+
+def hazards(likelihood: Any, vector: Array) -> pd.DataFrame:
+    """Return the share of running trials that respond after each reading and before the next.
+
+    Each interval between readings is shifted by the mean non-decision time. The model's share is
+    the mean of its probabilities in the same trials, each given that it has not responded before;
+    ``standard_error`` is that of the observed share under the model. Empty without times.
+    """
+    import pandas as pd
+
+    values, trials = likelihood.values(vector), likelihood.trials
+    starts, ends = (each + values["t0_s"] for each in intervals(trials))
+    before, after = (likelihood.answered(values, each).sum(axis=2) for each in (starts, ends))
+    every = np.clip((after - before) / np.maximum(1 - before, 1e-12), 0.0, 1.0)
+    rows = []
+    for k in range(starts.shape[1] if trials.timed else 0):
+        running = (k < trials.seen) & (trials.until_s >= starts[:, k])
+        if running.sum() < FEWEST:
+            continue
+        share, ended = every[running, k], (trials.until_s < ends[:, k])[running]
+        error = float(np.sqrt((share * (1 - share)).sum())) / int(running.sum())
+        rows.append((k + 1, int(running.sum()), ended.mean(), share.mean(), error))
+    names = ["reading", "running", "observed", "predicted", "standard_error"]
+    return pd.DataFrame(rows, columns=names)
+
+
+LOOK: dict[str, Any] = {"color": "k", "marker": "o", "ls": "", "ms": 3, "elinewidth": 0.8}
+TITLES = (
+    "a  Hazard per reading",
+    "b  Kernel from the first reading",
+    "c  Kernel before the response",
+)
+
+
+@styled
+def draw_known(peaks: Mapping[str, Peak], title: str) -> Figure:
+    """Draw hazards per reading and psychophysical kernels, data (95 % intervals) and models.
+
+    A hazard is the share of running trials that respond after a reading, aligned by each model's
+    non-decision time, and for data by the first model's.
+    """
+    design = next(iter(peaks.values()))[0].design
+    shares, kerns = (
+        {name: table(*peak) for name, peak in peaks.items()} for table in (hazards, kernels)
+    )
+    figure, grid = panels(1, 3, size=(7.2, 2.9))
+    axes: list[Axes] = list(grid.ravel())
+    share, weight = next(iter(shares.values())), next(iter(kerns.values()))
+    bars = 1.96 * share["standard_error"]
+    axes[0].errorbar(share["reading"], share["observed"], bars, label="Data", **LOOK)
+    for ax, align in zip(axes[1:], ALIGNED, strict=True):
+        kernel = weight[(weight["of"] == DATA) & (weight["align"] == align)]
+        ax.errorbar(kernel["position"], kernel["weight"], 1.96 * kernel["standard_error"], **LOOK)
+        ax.axhline(0, color=GREY, lw=0.6, zorder=0)
+    for k, name in enumerate(peaks):
+        colour = PALETTE[k % len(PALETTE)]
+        hazard, weights = shares[name], kerns[name]
+        axes[0].plot(hazard["reading"], hazard["predicted"], color=colour, label=name)
+        for ax, align in zip(axes[1:], ALIGNED, strict=True):
+            kernel = weights[(weights["of"] != DATA) & (weights["align"] == align)]
+            ax.plot(kernel["position"], kernel["weight"], color=colour)
+    axes[0].set(xlabel="Reading", ylabel="Share of running trials that respond", ylim=(0, None))
+    axes[1].set(xlabel="Reading", ylabel="Weight in the choice (per nat)")
+    axes[2].set(xlabel="Readings before the response", ylabel="Weight in the choice (per nat)")
+    axes[2].invert_xaxis()
+    for ax, text in zip(axes, TITLES, strict=True):
+        ax.set_title(text)
+        ax.locator_params(axis="x", integer=True)
+    figure.legend(loc="outside lower center", ncols=5)
+    figure.suptitle(
+        f"{title}: {design.trials.sum()} trials; bars: 95 % intervals", x=0.01, ha="left"
+    )
+    return figure

@@ -9,15 +9,18 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
+from bgmodel.evidence import Evidence
 from bgmodel.fitting.exact.responses import TINY
 from bgmodel.fitting.known.hazard import answered, decisions, delayed
-from bgmodel.fitting.known.models import KnownModel, Outputs, Values, read, runs_of_cues
+from bgmodel.fitting.known.models import LEAK, KnownModel, Outputs, Values, read, runs_of_cues
 from bgmodel.fitting.known.trials import KnownTrials, responding, waiting
 from bgmodel.fitting.likelihood import RESPONSES, Likelihood, Peak
 from bgmodel.fitting.parameters import RESPONSE, Parameter, ParameterSpace
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.seeds import stream
+from bgmodel.trials.readings import Readings
 from bgmodel.trials.record import Trials
 from circuits.errors import InputError
 
@@ -236,7 +239,7 @@ class KnownLikelihood(Likelihood):
         self, cells: Mapping[str, pd.DataFrame], peaks: Mapping[str, Peak], title: str
     ) -> Figure:
         """Draw hazards per reading and psychophysical kernels, data and models."""
-        from bgmodel.fitting.known.drawing import draw_known
+        from bgmodel.fitting.known.kernels import draw_known
 
         return draw_known(peaks, title)
 
@@ -282,3 +285,31 @@ def known_likelihood(
     likelihood = asked.likelihood(trials.design, made)
     assert isinstance(likelihood, KnownLikelihood)
     return likelihood
+
+
+def readings_from(evidence: Evidence, names: tuple[str, ...] | None = None) -> Readings:
+    """Return the readings of some evidence; reading k comes at ``onset_ms + k step_ms``."""
+    steps = np.arange(evidence.steps)
+    time_s = (evidence.onset_ms + evidence.step_ms * (steps + 1.0)) / 1000
+    return Readings(
+        [("", str(k)) for k in range(evidence.trials)],
+        np.asarray(evidence.log_likelihood, dtype=np.float64),
+        np.where(steps < evidence.readings[:, None], time_s, np.inf),
+        np.asarray(evidence.readings),
+        names or tuple(str(k) for k in range(evidence.hypotheses)),
+    )
+
+
+def observed(
+    model: KnownModel,
+    readings: Readings,
+    values: Mapping[str, float],
+    seed: int,
+    *,
+    forced: bool = True,
+) -> KnownTrials:
+    """Return choices and response times of a model; by default there are no lapses."""
+    blank, rng = waiting(readings, forced), stream(seed, "known evidence", model.name)
+    likelihood = known_likelihood(model, blank)
+    every = {each.name: each.start for each in likelihood.freedom.parameters}
+    return likelihood.observed(every | {LEAK.name: 0.0, "lapse": 0.0, **values}, rng)

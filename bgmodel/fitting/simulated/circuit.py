@@ -25,8 +25,8 @@ from bgmodel.fitting.simulated.crossings import (
     interpolated,
     simulated,
 )
+from bgmodel.fitting.simulated.error import PARTS, InParts
 from bgmodel.fitting.simulated.mechanisms import MECHANISMS, NONE, Axis, Mechanism
-from bgmodel.fitting.simulated.parts import PARTS, InParts
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole

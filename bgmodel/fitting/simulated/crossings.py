@@ -32,8 +32,66 @@ from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.trace import Trace
 from bgmodel.fitting.exact.responses import BIN_S
 from bgmodel.support.arrays import Array, Integers, Truths
+from bgmodel.support.compiling import compiled, inlined
 from bgmodel.support.seeds import stream
 from circuits.errors import InputError
+
+
+@compiled
+def count(
+    bins: Any, choice: Any, evidence: Any, share: Any, parts: Any, width: Any,
+    decided: Any, never: Any,
+) -> None:  # fmt: skip
+    """Add trials to the counts ``decided`` and ``never`` of a grid; see ``crossings.Counts``.
+
+    A trial is given at several settings, of weights ``share``. If its choice is the same at all of
+    them, its time and evidence are interpolated; otherwise it is divided among them. ``width`` is
+    that of a bin of evidence, sqrt(s).
+    """
+    settings, trials = bins.shape
+    part = -1
+    for trial in range(trials):
+        part = part + 1 if part + 1 < len(parts) else 0
+        if not parts[part]:
+            continue
+        same = True
+        when, read = 0.0, 0.0
+        for setting in range(settings):
+            same = same and choice[setting, trial] == choice[0, trial]
+            when += share[setting] * bins[setting, trial]
+            read += share[setting] * evidence[setting, trial]
+        if same:
+            add(when, choice[0, trial], read / width, 1.0, decided, never)
+        else:
+            for setting in range(settings):
+                add(
+                    float(bins[setting, trial]), choice[setting, trial],
+                    evidence[setting, trial] / width, share[setting], decided, never,
+                )  # fmt: skip
+
+
+@inlined
+def add(when: Any, chosen: Any, read: Any, weight: Any, decided: Any, never: Any) -> None:
+    """Add one trial, or part of one, to the counts."""
+    read = -read if chosen == 1 else read
+    if chosen < 0:
+        place = never.shape[0] // 2 + read
+        left = int(place)  # the central column is far above 0
+        right = weight * (place - left)
+        never[left] += weight - right
+        never[left + 1] += right
+    else:
+        place = decided.shape[2] // 2 + read
+        left, low = int(place), int(when)
+        side = chosen if decided.shape[0] == 2 else 0
+        right = weight * (place - left)
+        later = when - low
+        decided[side, low, left] += (1 - later) * (weight - right)
+        decided[side, low, left + 1] += (1 - later) * right
+        if later > 0:
+            decided[side, low + 1, left] += later * (weight - right)
+            decided[side, low + 1, left + 1] += later * right
+
 
 DRIFTS = (0.0, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
 """Drifts at which trials are simulated, 1/sqrt(s)."""
@@ -251,8 +309,6 @@ def _evidence(columns: int) -> Array:
 
 def _count(settings: Sequence[tuple[FirstPassageTimes, float]], row: int) -> Counts:
     """Count the trials of several settings at one stored threshold."""
-    from bgmodel.fitting.simulated.weights import count
-
     biased = [each.opposite.mirrored for each, _ in settings if each.opposite is not None]
     every = [[each for each, _ in settings], *([biased] if biased else [])]
     reach, far = np.max([each.reach for group in every for each in group], axis=0)

@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.special import ndtr
 
-from bgmodel.fitting.exact.raised import crossed_later, raised_bound
 from bgmodel.fitting.exact.responses import EVERY_TIME
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.likelihood import (
@@ -33,8 +32,16 @@ from bgmodel.fitting.likelihood import (
     likelihood_of,
 )
 from bgmodel.fitting.parameters import Parameter
-from bgmodel.fitting.stops.data import KEPT, go_process, laid
-from bgmodel.fitting.stops.model import TEST, StopModel, stop_model
+from bgmodel.fitting.stops.model import (
+    KEPT,
+    TEST,
+    StopModel,
+    crossed_later,
+    go_process,
+    laid,
+    raised_bound,
+    stop_model,
+)
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.trials import StopTrials
@@ -77,25 +84,16 @@ class StopRace:
     """A race between one person's go times and a stop process; see the module.
 
     Go trials have a log density of 0: the stop process is conditional on them.
-
-    Parameters
-    ----------
-    process : StopModel
-        The test or a circuit.
-    go : dict of str to float, optional
-        The person's go process (``data.go_process``), for signals that do not block and the latency
-        of a circuit. Unknown by default: every signal blocks, without latency.
-    slowing_ms : (float, float), ms, optional
-        As for ``data.laid``.
-    times : bool
-        Whether times of failed stops count in addition to the outcomes. At a time t, the density of
-        a failed stop is that of a go response times f + (1 - f) P(SSD + SSRT > t); the density of
-        the go response does not depend on the stop process. This holds for signals that block.
     """
 
     process: StopModel = TEST
+    # The person's go process (``go_process``), for signals that do not block and the latency of a
+    # circuit. Unknown by default: every signal blocks, without latency.
     go: Mapping[str, float] = field(default_factory=dict)
-    slowing_ms: tuple[float, float] | None = None
+    slowing_ms: tuple[float, float] | None = None  # as for ``laid``
+    # Whether times of failed stops count in addition to the outcomes. At a time t, the density of
+    # a failed stop is that of a go response times f + (1 - f) P(SSD + SSRT > t); the density of
+    # the go response does not depend on the stop process. This holds for signals that block.
     times: bool = False
     parameters = PARAMETERS
     stacks = True
@@ -239,23 +237,11 @@ def likelihood(
     vary: dict[str, str] | None = None,
     formulas: Sequence[Formula] = (),
 ) -> StopLikelihood:
-    """Return the likelihood of one person's stop trials.
+    """Return the likelihood of one person's stop trials, in the order in which they were run.
 
-    Parameters
-    ----------
-    model : StopRace, StopModel, Circuit or str
-        ``constant_gap``, the test; a circuit; or a race, whose go process and slowing are known.
-        The go process is fitted for a circuit, and for strengths other than the largest.
-    trials : Trials
-        The person's trials, in the order in which they were run, with stop-signal delays.
-    free, fixed, vary, formulas :
-        As for ``fitting.likelihood.likelihood_of``. By default SSRT, its standard deviation and
-        trigger failures are free, and the signal blocks.
-
-    Raises
-    ------
-    ValueError
-        As for ``data.laid`` and ``likelihood_of``.
+    The model is ``constant_gap``, the test; a circuit; or a race, whose go process and slowing are
+    known. The go process is fitted for a circuit, and for strengths other than the largest. By
+    default SSRT, its standard deviation and trigger failures are free, and the signal blocks.
     """
     race = model if isinstance(model, StopRace) else StopRace(stop_model(model))
     weak = STRENGTH in {*(free or ()), *(vary or ()), *(each.parameter for each in formulas)}

@@ -1,15 +1,20 @@
-"""A probabilistic two-armed bandit whose arms exchange their rewards, and its ideal learner."""
+"""A two-armed bandit: its ideal learner, learners that play it, and a circuit that chooses."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+import numpy.typing as npt
 
-from bgmodel.learning.values.learners import Learner, Number, check_option
-from bgmodel.support.arrays import Array, Integers
-from bgmodel.support.checks import check_finite, check_range, whole
+from bgmodel.deciding.decision import Decision
+from bgmodel.evidence import Evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.learning.values.learners import Learner, Number, check_option, learner_of
+from bgmodel.support.arrays import Array, Integers, Truths
+from bgmodel.support.checks import check_finite, check_positive, check_range, reals, whole
 from bgmodel.support.seeds import stream
 from circuits.errors import InputError, require
 
@@ -114,3 +119,139 @@ def ideal_of(bandit: Bandit) -> IdealLearner:
     """Return the ideal learner of a bandit; reversals at fixed times enter by their mean hazard."""
     hazard = bandit.mean_hazard
     return IdealLearner(better=bandit.better, worse=bandit.worse, hazard=hazard)
+
+
+Chooser = Callable[[Array, int], tuple[Integers, Array]]
+"""Takes the values (runs, 2) and the number of the trial; returns choices and times, ms."""
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """Trials of several runs of one learner, (trials, runs) each."""
+
+    draws: Draws
+    choice: Integers  # chosen arm, 0 or 1
+    reward: Array  # 0 or 1
+    difference: Array  # value of the better arm minus the other, before the choice
+    time_ms: Array  # NaN if choices take no time
+
+    @property
+    def correct(self) -> Truths:
+        """Whether the better arm was chosen, (trials, runs)."""
+        return np.asarray(self.choice == self.draws.best)
+
+    @property
+    def regret(self) -> Array:
+        """Expected rewards forgone in each run, (runs,)."""
+        lost = self.draws.bandit.better - self.draws.bandit.worse
+        return np.asarray(lost * (~self.correct).sum(axis=0))
+
+
+def play(
+    learner: Learner | str,
+    bandit: Bandit,
+    *,
+    trials: int = 1000,
+    runs: int = 400,
+    seed: int,
+    chooser: Chooser | None = None,
+) -> Played:
+    """Let several runs of a learner play a bandit.
+
+    The draws of the bandit depend on the seed alone, so that learners can be compared in pairs.
+    Without a chooser, choices are drawn from the learner's probabilities.
+    """
+    learner, draws = learner_of(learner), bandit.draw(trials, runs, seed)
+    state, every = learner.start((runs,)), np.arange(runs)
+    choice = np.empty(draws.best.shape, np.int8)
+    reward, difference = np.empty(choice.shape), np.empty(choice.shape)
+    time_ms = np.full(choice.shape, np.nan)
+    for k in range(trials):
+        values = learner.values(state)
+        best = draws.best[k]
+        difference[k] = values[every, best] - values[every, 1 - best]
+        if chooser is None:
+            choice[k] = draws.chance[k] < learner.probability(state)
+        else:
+            choice[k], time_ms[k] = chooser(values, k)
+        reward[k] = draws.reward(k, choice[k])
+        state = learner.learn(state, np.eye(2)[choice[k]], reward[k])
+    return Played(draws, choice, reward, difference, time_ms)
+
+
+def relative_regret(played: Played, reference: Played) -> tuple[float, float]:
+    """Return mean regret over that of a reference on the same draws, and its standard error.
+
+    The error is that of a ratio of means over paired runs (delta method).
+    """
+    ours, other = played.regret, reference.regret
+    same = "must have as many runs as the other"
+    require(len(ours) == len(other), "reference", same, len(other))
+    require(other.sum() > 0, "reference", "must have some regret", 0.0)
+    ratio = ours.mean() / other.mean()
+    error = (ours - ratio * other).std(ddof=1) / np.sqrt(len(ours)) / other.mean()
+    return float(ratio), float(error)
+
+
+@dataclass(frozen=True)
+class ValueCircuit:
+    """A circuit of two channels that receives noisy readings of two values.
+
+    A reading of channel i is ``x_i = d' V_i / difference`` plus normal noise of unit variance, and
+    its evidence ``d' x_i``: the exact log-likelihood if values differ by ``difference``. The drift
+    of the evidence is proportional to the difference of values, and its noise constant.
+    """
+
+    model: BasalGanglia  # any engine that has times
+    posterior: float = 0.85
+    difference: float = 0.6  # of values, at which readings are scaled correctly: 0.8 - 0.2
+    d_prime: float = 0.5  # of one reading at that difference
+    step_ms: float = 40.0  # between readings
+    t_max: int = 120  # readings, after which the response is forced
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        must = "must have times: population, rate or a spiking engine"
+        require(self.model.engine.timed, "model", must, self.model.engine.id)
+        two = "must be a circuit of two channels"
+        require(self.model.circuit.channels == 2, "model", two, self.model.circuit.channels)
+        check_positive(difference=self.difference, d_prime=self.d_prime, step_ms=self.step_ms)
+        whole("t_max", self.t_max, 1)
+        self.model.warn_of_noise(self.model.threshold(None, self.posterior))
+
+    def evidence(self, values: npt.ArrayLike, number: int = 0) -> Evidence:
+        """Return the evidence of trials with values (trials, 2).
+
+        Each block ``number`` has its own noise. The truth is the larger value, action 1 if they are
+        equal.
+        """
+        pairs = np.asarray(reals("values", values), dtype=np.float64)
+        require(
+            pairs.ndim == 2 and pairs.shape[1] == 2, "values", "must be (trials, 2)", pairs.shape
+        )
+        rng = stream(self.seed, "values", number)
+        noise = rng.standard_normal((len(pairs), self.t_max, 2))
+        mean = self.d_prime * (pairs - pairs.mean(axis=1, keepdims=True)) / self.difference
+        nats = self.d_prime * (mean[:, None, :] + noise)
+        return Evidence(
+            nats,
+            (pairs[:, 1] >= pairs[:, 0]).astype(np.intp),
+            step_ms=self.step_ms,
+            numbers=number * len(pairs) + np.arange(len(pairs)),
+            baseline=0.0,
+        )
+
+    def decide(self, values: npt.ArrayLike, number: int = 0) -> Decision:
+        """Return the decisions of the circuit; each block has its own noise in the circuit as well.
+
+        Posteriors are not compared with the proportion correct: readings are likelihoods only if
+        values differ by ``difference``.
+        """
+        evidence = self.evidence(values, number)
+        level = self.model.threshold(None, self.posterior)
+        return self.model.unadapted.decided(evidence, level, first_trial=number * evidence.trials)
+
+    def __call__(self, values: Array, number: int) -> tuple[Integers, Array]:
+        """Choose in one trial of every run of ``play``; return choices and times, ms."""
+        decision = self.decide(values, number)
+        return decision.choice, np.asarray(decision.time_ms, dtype=np.float64)

@@ -6,6 +6,10 @@ Stickiness is a starting point towards the last choice of the same pair, a share
 is not a shift of the drift: a tendency known before the evidence comes is a prior, which the
 sequential test adds to its starting point, and learned values move the drift already, so that a
 shift of the drift would be harder to tell from them than a start, which makes repetitions faster.
+
+Noise has unit variance per second, bounds are at +-A and the start at z; see
+``bgmodel.fitting.exact.passage``. A small share of responses, lapses, is independent of the
+evidence.
 """
 
 from __future__ import annotations
@@ -15,24 +19,82 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+import pandas as pd
 
+from bgmodel.fitting.exact.passage import standard_at_rest
 from bgmodel.fitting.exact.responses import EVERY_TIME
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.likelihood import TrialLikelihood, likelihood_of
 from bgmodel.fitting.parameters import SCALES, Parameter
 from bgmodel.fitting.trials.design import design_of
-from bgmodel.learning.values.diffusion import (
-    LAPSE_DENSITY,
-    LONGEST_S,
-    choice_probability,
-    draw,
-    log_density,
-)
 from bgmodel.learning.values.learners import Confidence, Learner, LogitQ, Opal, QLearning
 from bgmodel.learning.values.people import Pairs, pairs_of
-from bgmodel.support.arrays import Array
+from bgmodel.support.arrays import Array, Integers
+from bgmodel.support.checks import whole
+from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
-from circuits.errors import InputError
+from circuits.errors import InputError, require
+
+LAPSES = 0.02
+"""Share of lapses; assumed, so that a single odd response moves no parameter."""
+LONGEST_S = 6.0
+"""Their times are uniform up to this, and both responses equally frequent."""
+LAPSE_DENSITY = LAPSES / (2 * LONGEST_S)
+"""Their density, 1/s."""
+TERMS = 4
+"""Terms of the series of the density, whose error is then below 1e-9."""
+MOST_SHIFT = 500.0
+"""Largest logarithm of the ratio of the densities with and without drift; beyond, both vanish."""
+GRID = np.concatenate([np.geomspace(0.002, 0.1, 120)[:-1], np.geomspace(0.1, 12.0, 280)])
+"""Times from which simulated ones are interpolated, in units of A^2."""
+
+
+def log_density(
+    rt_s: Array, response: Integers, drift: Array, bound: Array, start: Array, t0_s: Array
+) -> Array:
+    """Return the log density of responses (0 or 1) at times rt_s, 1/s; arguments broadcast."""
+    side = 2.0 * response - 1
+    since = np.maximum(rt_s - t0_s, 1e-4)
+    away = (bound - side * start) / (2 * bound)
+    at_rest = standard_at_rest(away, since / (2 * bound) ** 2, TERMS) / (2 * bound) ** 2
+    shift = drift * (side * bound - start) - drift**2 * since / 2
+    density = np.where(rt_s > t0_s, at_rest * np.exp(np.minimum(shift, MOST_SHIFT)), 0.0)
+    return np.asarray(np.log((1 - LAPSES) * density + LAPSE_DENSITY))
+
+
+def choice_probability(drift: Array, bound: Array, start: Array) -> Array:
+    """Return the probability of response 1, lapses included; arguments broadcast.
+
+    ``(1 - exp(-2 v (A + z))) / (1 - exp(-4 v A))`` without lapses.
+    """
+    v = np.where(np.abs(drift) < 1e-6, 1e-6, drift)
+    p = np.expm1(-2 * v * (bound + start)) / np.expm1(-4 * v * bound)
+    return np.asarray((1 - LAPSES) * p + LAPSES / 2)
+
+
+def draw(
+    drift: Array, bound: Array, start: Array, t0_s: Array, uniform: Array
+) -> tuple[Integers, Array]:
+    """Draw responses and times, s, (trials,) each.
+
+    The rows of ``uniform``, (4, trials), draw the response, the time, whether it is a lapse, and
+    the time of a lapse.
+    """
+    p = (choice_probability(drift, bound, start) - LAPSES / 2) / (1 - LAPSES)
+    response = (uniform[0] < p).astype(int)
+    side = 2.0 * response - 1
+    grid = GRID[:, None] * bound**2
+    away = (bound - side * start) / (2 * bound)
+    density = standard_at_rest(away, grid / (2 * bound) ** 2, TERMS)
+    density = density * np.exp(-(drift**2) * grid / 2)
+    mass = (density[1:] + density[:-1]) / 2 * np.diff(grid, axis=0)
+    share = np.concatenate([np.zeros((1, len(drift))), np.cumsum(mass, axis=0)])
+    share /= share[-1]
+    times = np.array([np.interp(u, share[:, k], grid[:, k]) for k, u in enumerate(uniform[1])])
+    lapse = uniform[2] < LAPSES
+    rt_s = np.where(lapse, LONGEST_S * uniform[3], t0_s + times)
+    return np.where(lapse, uniform[0] < 0.5, response).astype(int), np.asarray(rt_s)
+
 
 FURTHEST = 5.0
 """Distance of the ends of a parameter's range from its prior median, in sd of the prior."""
@@ -246,3 +308,55 @@ def model_of(model: ValueModel | str) -> ValueModel:
     if model not in MODELS:
         raise InputError.of("model", f"must be one of {'; '.join(MODELS)}", model)
     return MODELS[model]
+
+
+PAIRS = (("AB", 0.8, 0.2), ("CD", 0.7, 0.3), ("EF", 0.6, 0.4))
+"""Pairs with the probabilities of a reward of both items, as in the built-in set."""
+
+
+def simulated(
+    model: ValueModel | str, values: Mapping[str, Array], *, trials: int = 60, seed: int
+) -> Trials:
+    """Return the choices, times and rewards of simulated people, named by numbers from 0.
+
+    ``values`` are their parameters, (people,) each. Three pairs of ``trials`` trials take turns.
+    Each person has a separate random stream.
+    """
+    model, trials = model_of(model), whole("trials", trials, 2)
+    names = {each.name for each in model.parameters}
+    require(names == set(values), "values", f"must be {', '.join(sorted(names))}", list(values))
+    columns = {name: np.asarray(each, dtype=np.float64)[:, None] for name, each in values.items()}
+    learner, people = model.made(columns), len(columns["bound"])
+    rngs = [stream(seed, "person", k) for k in range(people)]
+    uniform = np.stack([rng.random((trials, 5, len(PAIRS))) for rng in rngs], axis=2)
+    state, last = learner.start((people, len(PAIRS))), np.zeros((people, len(PAIRS)))
+    response = np.empty((people, trials, len(PAIRS)), dtype=np.int8)
+    rt_s, reward = np.empty(response.shape), np.empty(response.shape)
+    for k in range(trials):
+        learned = learner.values(state)
+        drift = columns["scale"] * (learned[..., 1] - learned[..., 0])
+        start = columns["stickiness"] * columns["bound"] * last
+        chosen, rt_s[:, k] = _drawn(columns, drift, start, uniform[k, :4])
+        response[:, k], reward[:, k] = chosen, _rewarded(chosen, uniform[k, 4])
+        state = learner.learn(state, np.stack([1 - chosen, chosen], axis=-1), reward[:, k])
+        last = np.asarray(2.0 * chosen - 1)
+    pair = np.tile([name for name, *_ in PAIRS], people * trials)
+    who = np.repeat(np.arange(people), trials * len(PAIRS)).astype(str)
+    held = pd.DataFrame({"pair": pair})
+    answers = rt_s.ravel(), response.ravel()
+    return Trials(who, *answers, None, held, source="simulated", reward=reward.ravel())
+
+
+def _drawn(
+    values: dict[str, Array], drift: Array, start: Array, uniform: Array
+) -> tuple[Integers, Array]:
+    """Return responses and times of one trial of each pair, (people, pairs)."""
+    shape = drift.shape
+    of_all = [np.broadcast_to(values[name], shape).ravel() for name in ("bound", "t0_s")]
+    chosen, rt_s = draw(drift.ravel(), of_all[0], start.ravel(), of_all[1], uniform.reshape(4, -1))
+    return chosen.reshape(shape), rt_s.reshape(shape)
+
+
+def _rewarded(response: Integers, uniform: Array) -> Array:
+    better, worse = (np.array([each[k] for each in PAIRS]) for k in (1, 2))
+    return np.asarray(uniform < np.where(response == 1, better, worse), dtype=np.float64)

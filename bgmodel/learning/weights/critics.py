@@ -24,7 +24,6 @@ class Trial:
     drive: Array  # (runs, hypotheses), nats, by the readings up to the decision, y
     posterior: Array  # (runs, hypotheses), softmax(y)
     read_out: Array  # (runs,), posterior of the choice by noisy OUT, exp(-OUT_c)
-    criterion: Array  # (runs,), posterior at which the trial would stop
     reward: Array  # (runs,), NaN without feedback
     surplus: Array  # (runs, units), eligibility less its running mean
 
@@ -98,14 +97,14 @@ class Confidence(Critic):
 
 
 @dataclass(frozen=True)
-class SettledConfidence(Critic):
-    """P_c up to the highest posterior that a circuit can express.
+class ReadOutConfidence(Critic):
+    """P_c as read from the output of the circuit, SNr, up to the highest that it can express.
 
     Beyond that, confidences cannot be told apart. The expected reward is then the running mean of
     rewards in such trials, because it would be too low at the limit itself, and weights would grow.
     """
 
-    name: ClassVar[str] = "settled"
+    name: ClassVar[str] = "read-out"
     ceiling: float = 0.947
     """Highest posterior; that of the default circuit, ``exp(-readable_nats[0])``."""
     rate: float = 0.01
@@ -114,80 +113,39 @@ class SettledConfidence(Critic):
     def __post_init__(self) -> None:
         check_range(0, 1, ceiling=self.ceiling, rate=self.rate)
 
-    def confidence(self, trial: Trial) -> Array:
-        """Return P_c without the limit."""
-        return trial.of_choice(trial.posterior)
-
     def start(self, runs: int) -> Array:
         """Return the mean reward beyond the ceiling, the ceiling itself, (runs, 1)."""
         return np.full((runs, 1), self.ceiling)
 
     def expected(self, state: Array, trial: Trial) -> Array:
-        """Return P_c, or the mean reward beyond the ceiling."""
-        confidence = self.confidence(trial)
-        return np.where(confidence < self.ceiling, confidence, state[:, 0])
+        """Return ``exp(-OUT_c)``, or the mean reward beyond the ceiling."""
+        return np.where(trial.read_out < self.ceiling, trial.read_out, state[:, 0])
 
     def learn(self, state: Array, trial: Trial, error: Array) -> Array:
         """Move the mean reward beyond the ceiling."""
-        beyond = self.confidence(trial) >= self.ceiling
+        beyond = trial.read_out >= self.ceiling
         return np.asarray(state + (self.rate * beyond * error)[:, None])
-
-
-@dataclass(frozen=True)
-class ReadOutConfidence(SettledConfidence):
-    """P_c as read from the output of the circuit, SNr, up to the highest that it can express."""
-
-    name: ClassVar[str] = "read-out"
-
-    def confidence(self, trial: Trial) -> Array:
-        """Return ``exp(-OUT_c)``."""
-        return trial.read_out
-
-
-@dataclass(frozen=True)
-class Criterion(Critic):
-    """The criterion itself, a constant: correct only if decisions hardly overshoot it."""
-
-    name: ClassVar[str] = "criterion"
-
-    def expected(self, state: Array, trial: Trial) -> Array:
-        """Return the posterior at which trials stop."""
-        return trial.criterion
 
 
 @dataclass(frozen=True)
 class Affine(Critic):
     """``a + b P_c``, for feedback that is valid in a share v of trials and reversed in the others.
 
-    Then ``E[r] = (1 - v) + (2 v - 1) P_c``. A learner to whom v is known stays calibrated. If v is
-    learned as well, it and the scale of the weights are confounded: at a criterion P_c hardly
-    varies, and a smaller P_c with a larger v predicts the same rewards.
+    Then ``E[r] = (1 - v) + (2 v - 1) P_c``, and a learner to whom v is known stays calibrated.
     """
 
     name: ClassVar[str] = "affine"
     reliable: ClassVar[bool] = False
     valid: float = 1.0
     """Share of valid feedback, v, 0.5..1."""
-    rate: float = 0.0
-    """Step size of v; 0 keeps it constant."""
 
     def __post_init__(self) -> None:
         check_range(0.5, 1, valid=self.valid)
-        check_range(0, 1, rate=self.rate)
-
-    def start(self, runs: int) -> Array:
-        """Return v, (runs, 1)."""
-        return np.full((runs, 1), self.valid)
 
     def expected(self, state: Array, trial: Trial) -> Array:
         """Return ``(1 - v) + (2 v - 1) P_c``."""
-        v = state[:, 0]
+        v = self.valid
         return np.asarray(1 - v + (2 * v - 1) * trial.of_choice(trial.posterior))
-
-    def learn(self, state: Array, trial: Trial, error: Array) -> Array:
-        """Move v along the gradient of the squared error."""
-        slope = 2 * trial.of_choice(trial.posterior) - 1
-        return np.asarray(np.clip(state + (self.rate * error * slope)[:, None], 0.5, 1.0))
 
 
 @dataclass(frozen=True)
@@ -205,11 +163,8 @@ class ActionValue(Critic):
 
 CRITICS: dict[str, Callable[[], Critic]] = {
     critic.name: critic
-    for critic in (
-        RunningMean, Confidence, SettledConfidence, ReadOutConfidence, Criterion, Affine,
-        ActionValue,
-    )
-}  # fmt: skip
+    for critic in (RunningMean, Confidence, ReadOutConfidence, Affine, ActionValue)
+}
 """Critics by name, with their default options."""
 
 

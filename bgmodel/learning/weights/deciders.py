@@ -1,4 +1,4 @@
-"""Deciders: how features and weights become choices."""
+"""Deciders, which turn features and weights into choices; feedback, and step sizes."""
 
 from __future__ import annotations
 
@@ -9,8 +9,16 @@ import numpy as np
 
 from bgmodel.evidence import minus_log_softmax
 from bgmodel.learning.weights.features import Features
-from bgmodel.support.arrays import Array, Integers
-from bgmodel.support.checks import check_flag, check_positive, check_range, whole
+from bgmodel.support.arrays import Array, Integers, Truths
+from bgmodel.support.checks import (
+    check_finite,
+    check_flag,
+    check_positive,
+    check_range,
+    is_number,
+    whole,
+)
+from circuits.errors import InputError, require
 
 TIE = 1e-9
 """Size of the noise that breaks ties of drives, nats."""
@@ -39,13 +47,10 @@ class Decider(Protocol):
         """Nats of drive per nat of evidence, kappa."""
         ...
 
-    def choose(
-        self, part: Features, weights: Array, criterion: Array, noise: Array, number: int
-    ) -> Trials:
+    def choose(self, part: Features, weights: Array, noise: Array, number: int) -> Trials:
         """Choose in trial ``number`` of every run; ``part`` holds one trial per run.
 
-        ``weights`` is (runs, hypotheses, units), ``criterion`` a posterior, (runs,), and ``noise``
-        standard normal, (runs, hypotheses + 1).
+        ``weights`` is (runs, hypotheses, units), and ``noise`` standard normal, (runs, hypotheses).
         """
         ...
 
@@ -63,34 +68,28 @@ class FixedPoint:
     drawn: bool = False
     """Whether the choice is drawn from the posterior, as REINFORCE assumes; otherwise it is the
     leader."""
-    read_out_sd_nats: float = 0.0
-    """Standard deviation of noise on the OUT that critics read, nats."""
 
     def __post_init__(self) -> None:
         check_range(0, 1, criterion=self.criterion)
         check_positive(gain=self.gain)
-        check_range(0, np.inf, read_out_sd_nats=self.read_out_sd_nats)
         check_flag("drawn", self.drawn)
         if self.sampled is not None:
             whole("sampled", self.sampled, 1)
 
-    def choose(
-        self, part: Features, weights: Array, criterion: Array, noise: Array, number: int
-    ) -> Trials:
+    def choose(self, part: Features, weights: Array, noise: Array, number: int) -> Trials:
         """Choose at the first reading at which a posterior reaches the criterion."""
         runs = np.arange(len(weights))
         drive = self.gain * np.cumsum(part.values @ weights.swapaxes(1, 2), axis=1)
         out = minus_log_softmax(drive)
         last = part.readings - 1
         if self.sampled is None:
-            reached = out.min(axis=2) <= -np.log(criterion)[:, None]
+            reached = out.min(axis=2) <= -np.log(self.criterion)
             last = np.where(reached.any(axis=1), reached.argmax(axis=1), last)
         else:
             last = np.minimum(last, self.sampled - 1)
         heard, read = drive[runs, last], out[runs, last]
-        choice = (heard + self._disturbance(noise[:, :-1])).argmax(axis=1)
-        nats = read[runs, choice] + self.read_out_sd_nats * noise[:, -1]
-        return Trials(last, choice, heard, np.exp(-nats))
+        choice = (heard + self._disturbance(noise)).argmax(axis=1)
+        return Trials(last, choice, heard, np.exp(-read[runs, choice]))
 
     def _disturbance(self, noise: Array) -> Array:
         """Return noise on the drives (runs, hypotheses) whose leader is the choice, nats."""
@@ -100,3 +99,82 @@ class FixedPoint:
 
         # The leader of drives with Gumbel noise is a draw from their softmax.
         return np.asarray(-np.log(-log_ndtr(noise)))
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """The reward that a learner receives after its choice, and in which trials."""
+
+    right: float = 1.0
+    """Reward for a correct choice."""
+    wrong: float = 0.0
+    """Reward for an error."""
+    valid: float = 1.0
+    """Share of trials in which the reward is that of the choice; it is reversed in the others."""
+    given: float = 1.0
+    """Share of trials with any reward; weights change in these only."""
+
+    def __post_init__(self) -> None:
+        check_range(0, 1, valid=self.valid, given=self.given)
+        check_finite(right=self.right, wrong=self.wrong)
+        require(self.right > self.wrong, "right", f"must exceed wrong, {self.wrong:g}", self.right)
+        if self.given == 0:
+            raise InputError("learning needs feedback: given must be > 0", "given")
+
+    @property
+    def of_unit(self) -> bool:
+        """Whether rewards are 0 and 1."""
+        return (self.right, self.wrong) == (1.0, 0.0)
+
+    def reward(self, correct: Truths, chance: Array) -> Array:
+        """Return the reward of choices (runs,), NaN without feedback; chance (runs, 2) uniform."""
+        told = correct == (chance[:, 0] < self.valid)
+        reward = np.where(told, self.right, self.wrong)
+        return np.where(chance[:, 1] < self.given, reward, np.nan)
+
+
+@dataclass(frozen=True)
+class WeightLearner:
+    """How weights change: step size, gains of the two signs of the error, trace."""
+
+    trials: int = 10_000
+    """Number of trials."""
+    rate: float = 0.5
+    """Initial step size, divided by the running variance of the trace (summed over units), so
+    that it suits any number and activity of units; tuned on seed 1."""
+    half_trials: float = 3_000.0
+    """Trials after which the step size has halved; infinity keeps it constant, as required in a
+    changing environment; tuned on seed 1."""
+    gain_plus: float = 1.0
+    """Factor on positive errors."""
+    gain_minus: float = 1.0
+    """Factor on negative errors."""
+    trace_decay: float = 1.0
+    """Factor on the trace of earlier features at each reading; 1 keeps them all."""
+    averaged: float = 0.25
+    """Share of the last trials over whose weights the result is averaged (Polyak & Juditsky 1992);
+    0 takes the last weights."""
+    keep: int = 100
+    """Number of times at which weights are kept, evenly spaced."""
+
+    def __post_init__(self) -> None:
+        whole("trials", self.trials, 1)
+        check_positive(rate=self.rate, gain_plus=self.gain_plus, gain_minus=self.gain_minus)
+        require(is_number(self.half_trials), "half_trials", "must be a number", self.half_trials)
+        require(self.half_trials > 0, "half_trials", "must be > 0", self.half_trials)
+        check_range(0, 1, trace_decay=self.trace_decay, averaged=self.averaged)
+        whole("keep", self.keep, 1)
+
+    @property
+    def last(self) -> int:
+        """Number of last trials over whose weights the result is averaged."""
+        return max(1, round(self.averaged * self.trials))
+
+    def step(self, number: int) -> float:
+        """Return the step size of a trial."""
+        return self.rate / (1 + number / self.half_trials)
+
+    def error(self, surprise: Array) -> Array:
+        """Return the error (runs,) from reward less expectation; 0 without feedback."""
+        known = np.nan_to_num(surprise, nan=0.0)
+        return np.asarray(known * np.where(known > 0, self.gain_plus, self.gain_minus))

@@ -59,9 +59,7 @@ class InCircuit:
         """Highest posterior that the circuit can express."""
         return float(np.exp(-self.model.circuit.readable_nats[0]))
 
-    def choose(
-        self, part: Features, weights: Array, criterion: Array, noise: Array, number: int
-    ) -> Trials:
+    def choose(self, part: Features, weights: Array, noise: Array, number: int) -> Trials:
         """Choose in one trial of every run; see ``Decider``."""
         # What the channels' weights have in common is no evidence, and can exceed their range.
         weights = weights - weights.mean(axis=1, keepdims=True)
@@ -70,7 +68,7 @@ class InCircuit:
         first = number * len(weights)
         drive = self.model.drive(evidence)
         trace = self.model.trace(self.model.run_drive(drive, evidence.step_ms, first), evidence)
-        levels = threshold_from_posterior(criterion, len(part.names))
+        levels = threshold_from_posterior(np.full(len(weights), self.criterion), len(part.names))
         decision = crossing_of_each(trace, levels, checked=False)
         last = np.floor(decision.time_ms / part.step_ms + 1e-9).astype(np.intp) - 1
         last = np.clip(last, -1, part.readings - 1)

@@ -13,7 +13,7 @@ from bgmodel.integrators.baselines import Race
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.weights.features import Features
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
-from bgmodel.support.checks import check_positive, check_range, is_whole, whole
+from bgmodel.support.checks import check_positive, check_range, is_whole
 from bgmodel.support.saved import Facts, span
 from circuits.errors import InputError, require
 
@@ -36,23 +36,6 @@ class WeightCourse:
     readings: Array  # (runs, trials), before the choice
     confidence: Array  # (runs, trials), posterior of the choice by the weights then
     final: Array  # (runs, hypotheses, units), mean over the last trials
-
-    def overconfidence(self, last: int | None = None) -> Array:
-        """Return by how much the log odds of the last choices exceed those of being right, (runs,).
-
-        It is the shift b in nats, over the last trials (by default half of them), at which
-        ``expit(logit P_c - b)`` has the proportion correct as its mean: 0 if calibrated, infinite
-        where all choices were right, or wrong. Unequal gains for positive and negative errors move
-        it to ``ln(gain_plus / gain_minus)``.
-        """
-        trials = self.correct.shape[1]
-        last = trials // 2 if last is None else whole("last", last, 1)
-        return np.array([
-            _shift(right, confidence)
-            for right, confidence in zip(
-                self.correct[:, -last:], self.confidence[:, -last:], strict=True
-            )
-        ])  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -217,17 +200,6 @@ def time_at_accuracy(evidence: Evidence, accuracy: float, *, stn: bool = True) -
     right = (swept.choice == evidence.truth).astype(np.float64)
     curves = curve(replace(swept, posterior=right), np.ones((1, evidence.trials)))
     return float(time_at([accuracy], curves)[0, 0])
-
-
-def _shift(right: Truths, confidence: Array) -> float:
-    """Return the shift of log odds at which the mean confidence is the proportion correct."""
-    from scipy.optimize import brentq
-    from scipy.special import expit, logit
-
-    if right.all() or not right.any():
-        return -np.inf if right.all() else np.inf
-    odds = logit(np.clip(confidence, 1e-9, 1 - 1e-9))
-    return float(brentq(lambda nats: right.mean() - expit(odds - nats).mean(), -30, 30))
 
 
 def _centred(ratios: Reals) -> Array:

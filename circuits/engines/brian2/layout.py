@@ -16,8 +16,7 @@ import numpy.typing as npt
 from circuits.arrays import Array, Index
 from circuits.declaration.rows import Projection
 from circuits.dynamics import noise
-from circuits.dynamics.ticks import Scheme, spike_hz, starting_state
-from circuits.dynamics.timed import Timed
+from circuits.dynamics.ticks import Scheme, Timed, spike_hz, starting_state
 from circuits.dynamics.wiring import Wiring, fan_in, units_of
 from circuits.engines.brian2 import text as brian_text
 

@@ -27,8 +27,7 @@ from circuits.activity import Activity, checked_drive, warn_beyond_range
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
-from circuits.dynamics.ticks import Scheme
-from circuits.dynamics.timed import timed
+from circuits.dynamics.ticks import Scheme, timed
 from circuits.engines.brian2.layout import Layout
 from circuits.engines.brian2.network import Network, assembled
 from circuits.engines.brian2.noise import load_brian

@@ -3,6 +3,8 @@
 The types used in the included circuits have dedicated loops (``lanes``), one entry of ``ENTRIES``
 each. Any other spiking type runs through ``loops``, which compiles the type's ``tick`` unchanged.
 The loop is called by its address, so that the kernel does not have to be recompiled.
+
+Only single precision is accepted: other numbers would be rounded here but not by NumPy.
 """
 
 from __future__ import annotations
@@ -14,13 +16,59 @@ import numba
 import numpy as np
 from numba import types
 from numba.cpython.unsafe.tuple import tuple_setitem
+from numba.extending import overload
 
-from circuits.cells import Cell, Lif, Phase
+from circuits.cells import Cell, Lif, Phase, single
 from circuits.cells.cell import constant_names
 from circuits.dynamics.ticks import ALL_ALIKE
 from circuits.engines.compiling import OPTIONS
 from circuits.engines.ensemble import kernel, lanes
-from circuits.engines.ensemble.singles import kept, truth
+
+
+@overload(single.single, strict=False)
+def _single(x):
+    return lambda x: np.float32(x)
+
+
+@overload(single.fused, strict=False)
+def _fused(a, b, c):
+    return (lambda a, b, c: lanes.fused(a, b, c)) if _singles(a, b, c) else None
+
+
+@overload(single.choose, strict=False)
+def _choose(test, yes, no):
+    return (lambda test, yes, no: lanes.choose(test, yes, no)) if _singles(yes, no) else None
+
+
+@overload(single.exponential, strict=False)
+def _exponential(x):
+    return (lambda x: lanes.exp32(x)) if _singles(x) else None
+
+
+def _singles(*kinds):
+    """Whether all are single precision; others would be rounded here but not by NumPy."""
+    return all(kind == types.float32 for kind in kinds)
+
+
+def kept(x: Any) -> Any:
+    """Return a variable of a cell, which must be single precision to avoid implicit rounding."""
+    return x
+
+
+@overload(kept)
+def _kept_single(x):
+    return (lambda x: x) if _singles(x) else None
+
+
+def truth(x: Any) -> Any:
+    """Return whether a cell fires, which must be a boolean: other numbers have more bits."""
+    return x
+
+
+@overload(truth)
+def _truth(x):
+    return (lambda x: x) if x == types.boolean else None
+
 
 Columns = dict[str, float]
 """Fields of a block's record."""

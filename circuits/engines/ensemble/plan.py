@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from circuits.arrays import Array
 from circuits.declaration.table import CircuitTable
-from circuits.dynamics.ticks import Clock, Scheme, cell_factors, spike_hz
-from circuits.dynamics.timed import Timed, rows, timed
+from circuits.dynamics.ticks import Clock, Scheme, Timed, cell_factors, rows, spike_hz, timed
 from circuits.dynamics.wiring import Wiring, fan_in
 from circuits.engines.compiling import edges
 from circuits.engines.compiling import records as filled

@@ -49,7 +49,7 @@ class Plan(NamedTuple):
     # the root of half of it.
     constants: Any
     tick_constants: Any  # (most constants, cells) float32, for types without dedicated loops
-    # (rows, ticks), of ``circuits.dynamics.timed``; ``course`` is the row of a unit; 0: none
+    # (rows, ticks), of ``circuits.dynamics.ticks``; ``course`` is the row of a unit; 0: none
     factors: Any
     nats: Any  # (rows, ticks), the same for blocks
 

@@ -11,8 +11,7 @@ import numpy.typing as npt
 from circuits.arrays import Array
 from circuits.declaration.rows import Population
 from circuits.declaration.transfer import named
-from circuits.dynamics.ticks import Clock, Scheme
-from circuits.dynamics.timed import Timed, timed
+from circuits.dynamics.ticks import Clock, Scheme, Timed, timed
 from circuits.dynamics.wiring import Wiring
 from circuits.engines.compiling import edges
 from circuits.engines.compiling import records as filled

@@ -34,7 +34,7 @@ class Plan(NamedTuple):
     readout: Any  # (channels,) blocks of the read-out
     laws: Any  # (laws, points) float32, without dedicated loops: values at even steps
     tables: Any  # (tables, states * COEFFICIENTS) float32, state by state
-    # (rows, 1 + ticks) float32, of ``circuits.dynamics.timed``, after one tick of rest; ``course``
+    # (rows, 1 + ticks) float32, of ``circuits.dynamics.ticks``, after one tick of rest; ``course``
     # is the row of a unit. None without courses, to avoid compiling unused code.
     factors: Any
     nats: Any  # the same for blocks

@@ -9,8 +9,7 @@ from circuits import anatomy
 from circuits.cells import Phase, Rate
 from circuits.circuit import Circuit
 from circuits.declaration.rows import Population, Projection
-from circuits.laws.fluctuation import FREQUENCIES_HZ, KINK_NATS, _jumps, extra, swept
-from circuits.laws.spectra import out_variance
+from circuits.laws.fluctuation import FREQUENCIES_HZ, KINK_NATS, _jumps, extra, out_variance, swept
 from tests.circuits.helpers import creeping, run_algebra, run_ensemble, state
 
 TABLE = anatomy.spiking_msprt()

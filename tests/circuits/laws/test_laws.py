@@ -16,9 +16,8 @@ from circuits.declaration import transfer
 from circuits.declaration.rows import Population, Projection
 from circuits.dynamics import fixed_point
 from circuits.engines import run
-from circuits.laws.fluctuation import linear, swept
+from circuits.laws.fluctuation import linear, out_variance, rate_spectrum, swept
 from circuits.laws.mean_field import own_rates, settled
-from circuits.laws.spectra import out_variance, rate_spectrum
 from circuits.laws.stability import growth, ringing
 from tests.circuits.helpers import run_algebra, run_ensemble
 from tests.helpers import refused

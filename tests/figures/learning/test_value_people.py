@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from bgmodel.fitting.optimum import optimum
-from bgmodel.learning.values.models import MODELS, likelihood
-from bgmodel.learning.values.simulated import simulated
+from bgmodel.learning.values.models import MODELS, likelihood, simulated
 from figures.learning.value_people import (
     GROUP,
     LAST,

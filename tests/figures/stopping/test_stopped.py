@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.fitting.stops.data import laid
+from bgmodel.fitting.stops.model import laid
 from bgmodel.stopping.estimates import estimate_ssrt
+from bgmodel.stopping.people import slowing_of
 from bgmodel.stopping.trials import StopTrials
-from bgmodel.stopping.violations import slowing_of
 from figures.stopping.stopped import (
     DELAYS,
     StopValues,

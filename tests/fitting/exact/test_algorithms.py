@@ -6,8 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel.fitting.exact import algorithms, passage
-from bgmodel.fitting.exact.algorithms import BOUND, GapModel
-from bgmodel.fitting.exact.gaps import EXPONENTIAL, FALL, FLOOR, STEEPNESS, WEIBULL
+from bgmodel.fitting.exact.algorithms import (
+    BOUND,
+    EXPONENTIAL,
+    FALL,
+    FLOOR,
+    STEEPNESS,
+    WEIBULL,
+    GapModel,
+)
 from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
 
 GRID = Grid(300)

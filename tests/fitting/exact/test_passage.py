@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel.fitting.exact import passage
-from bgmodel.fitting.exact.gaps import EXPONENTIAL
+from bgmodel.fitting.exact.algorithms import EXPONENTIAL
 
 DRIFT = st.floats(-6.0, 6.0)
 BOUND = st.floats(0.2, 1.5)

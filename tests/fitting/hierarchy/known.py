@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from bgmodel.fitting.hierarchy.scale import Scale
+from bgmodel.fitting.hierarchy.group import Scale
 
 
 def wide(parameters=2, highest=1e9):

@@ -9,11 +9,12 @@ from bgmodel.fitting.hierarchy.group import (
     SPREAD,
     Group,
     Predictors,
+    Scale,
     group_of,
     log_mean,
+    log_uniform,
     priors_of,
 )
-from bgmodel.fitting.hierarchy.scale import Scale, log_uniform
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.support.seeds import stream
 

@@ -14,10 +14,11 @@ from bgmodel.fitting.hierarchy.group import (
     SPREAD,
     Group,
     Predictors,
+    Scale,
+    log_uniform,
     priors_of,
 )
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler, joined
-from bgmodel.fitting.hierarchy.scale import Scale, log_uniform
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.support.seeds import stream
 from tests.fitting.hierarchy.known import Known, wide

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bgmodel.fitting.exact.algorithms import SENSITIVITY, GapModel
-from bgmodel.fitting.exact.gaps import EXPONENTIAL
+from bgmodel.fitting.exact.algorithms import EXPONENTIAL, SENSITIVITY, GapModel
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum

@@ -10,8 +10,15 @@ from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.hierarchy.fit import fit_group
 from bgmodel.fitting.hierarchy.group import ALMOST
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.stops.data import GO, go_process, laid
-from bgmodel.fitting.stops.model import TEST, StopModel, circuit_stop, stop_model
+from bgmodel.fitting.stops.model import (
+    GO,
+    TEST,
+    StopModel,
+    circuit_stop,
+    go_process,
+    laid,
+    stop_model,
+)
 from bgmodel.fitting.stops.race import StopRace, likelihood
 from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.trials import StopTrials, drawn_delays

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import expit, logit
 
-from bgmodel.learning.values.bandit import Bandit, IdealLearner, ideal_of
+from bgmodel.learning.values.bandit import Bandit, IdealLearner, ideal_of, play, relative_regret
 from bgmodel.learning.values.learners import (
     LEARNERS,
     Confidence,
@@ -19,7 +19,6 @@ from bgmodel.learning.values.learners import (
     Reinforce,
     learner_of,
 )
-from bgmodel.learning.values.play import play, relative_regret
 from tests.helpers import refused
 
 P = st.floats(0.05, 0.95)

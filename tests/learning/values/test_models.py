@@ -11,17 +11,20 @@ from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.likelihood import TrialLikelihood, TrialModel
 from bgmodel.fitting.optimum import optimum
-from bgmodel.learning.values.diffusion import (
+from bgmodel.learning.values.learners import QLearning
+from bgmodel.learning.values.models import (
     LAPSES,
     LONGEST_S,
+    MODELS,
     choice_probability,
     draw,
+    likelihood,
     log_density,
+    model_of,
+    simulated,
+    value_differences,
 )
-from bgmodel.learning.values.learners import QLearning
-from bgmodel.learning.values.models import MODELS, likelihood, model_of, value_differences
 from bgmodel.learning.values.people import pairs_of, read_pairs
-from bgmodel.learning.values.simulated import simulated
 from tests.helpers import refused
 
 TRUE = {"rate": 0.3, "rate_minus": 0.15, "scale": 2.5, "bound": 0.9, "t0_s": 0.35,

@@ -1,7 +1,6 @@
 """Readings as the activity of sensory units, against closed forms and the readings themselves."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.stats import poisson
 
@@ -12,7 +11,6 @@ from bgmodel.learning.weights.features import (
     soft_histogram,
 )
 from bgmodel.learning.weights.sources import GaussianFeatures, PoissonFeatures, tap_features
-from bgmodel.learning.weights.tables import features_from_table
 from bgmodel.tactile.source import held_out_taps, source
 from bgmodel.tactile.task import SameDifferent
 from tests.helpers import refused
@@ -70,49 +68,6 @@ def test_taps_are_scored_on_a_fold_that_teaches_nothing():
     assert drawn.units == 12
     assert drawn.values.sum(axis=2) == pytest.approx(1)
     assert np.bincount(drawn.truth).tolist() == [15, 15]
-
-
-def table():
-    """Two trials of different lengths."""
-    return pd.DataFrame(
-        {
-            "trial": ["b", "b", "b", "a", "a"],
-            "step": [1, 2, 3, 1, 2],
-            "truth": ["right", "right", "right", "left", "left"],
-            "feature_on": [1.0, 2.0, 3.0, 4.0, 5.0],
-            "feature_off": [0.5, 0.0, 0.0, 0.25, 0.0],
-        }
-    )
-
-
-def test_a_table_is_read_in_any_order_of_its_rows():
-    drawn = features_from_table(table().iloc[[2, 4, 0, 3, 1]], step_ms=50)
-    # Trials in the order of their first rows: that of step 3 of "b".
-    assert drawn.names == NAMES
-    assert drawn.truth.tolist() == [1, 0]
-    assert drawn.readings.tolist() == [3, 2]
-    assert drawn.values[..., 0].tolist() == [[1, 2, 3], [4, 5, 0]]
-    assert drawn.log_likelihood is None
-    with refused("log_likelihood the exact likelihoods of these features are unknown"):
-        _ = drawn.exact
-
-
-@pytest.mark.parametrize(
-    ("wanted", "change", "hypotheses"),
-    [
-        ("columns a table of features needs", lambda t: t.drop(columns="feature_on"), None),
-        ("columns a table of features needs", lambda t: t.drop(columns="truth"), None),
-        ("feature_on must be a finite number", lambda t: t.assign(feature_on=np.nan), None),
-        ("values 1 of 2 units are 0", lambda t: t.assign(feature_off=0.0), None),
-        ("truth no trial belongs to the hypothesis 'up'", lambda t: t, ("left", "right", "up")),
-        ("truth must be one of", lambda t: t, ("left", "up")),
-        ("truth must name two", lambda t: t.assign(truth="left"), None),
-        ("step", lambda t: t.assign(step=[1, 2, 2, 1, 2]), None),
-    ],
-)
-def test_a_table_that_cannot_teach_is_refused(wanted, change, hypotheses):
-    with refused(wanted):
-        features_from_table(change(table()), step_ms=50, hypotheses=hypotheses)
 
 
 @pytest.mark.parametrize(

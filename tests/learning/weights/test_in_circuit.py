@@ -5,7 +5,7 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.learning.weights.feedback import WeightLearner
+from bgmodel.learning.weights.deciders import WeightLearner
 from bgmodel.learning.weights.in_circuit import (
     InCircuit,
     circuit_time_at_accuracy,
@@ -34,7 +34,7 @@ def test_confidence_read_from_snr_is_that_of_the_readings_heard(gratings, counte
     part = gratings[1].draw(200, rng=4)
     weights = np.broadcast_to(counted.weights / MODEL.gain, (200, *counted.weights.shape[1:]))
     decider = InCircuit(MODEL)
-    chosen = decider.choose(part, weights, np.full(200, 0.85), np.zeros((200, 3)), 0)
+    chosen = decider.choose(part, weights, np.zeros((200, 2)), 0)
     p = np.exp(-minus_log_softmax(chosen.drive))[np.arange(200), chosen.choice]
     assert np.corrcoef(p, chosen.read_out)[0, 1] > 0.8
     assert chosen.read_out.mean() == pytest.approx(p.mean(), abs=0.02)
@@ -68,8 +68,7 @@ def test_noise_differs_between_runs_and_trials(gratings, counted):
     weights = np.broadcast_to(counted.weights, (2, *counted.weights.shape[1:]))
     decider = InCircuit(MODEL)
     first, second = (
-        decider.choose(one, weights, np.full(2, 0.85), np.zeros((2, 3)), number).read_out
-        for number in (0, 1)
+        decider.choose(one, weights, np.zeros((2, 2)), number).read_out for number in (0, 1)
     )
     assert len({*first, *second}) == 4
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel.learning.weights.feedback import WeightLearner
+from bgmodel.learning.weights.deciders import WeightLearner
 from bgmodel.learning.weights.learn import learn_weights
 from bgmodel.learning.weights.sources import DriftingSensor, GaussianFeatures, tap_features
 from bgmodel.tactile.source import held_out_taps

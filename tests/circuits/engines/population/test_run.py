@@ -19,7 +19,7 @@ from circuits.engines import run
 from circuits.engines.population import run as engine
 from circuits.engines.population.answers import Mixture, Straight
 from circuits.errors import NoiseWarning
-from circuits.laws.spectra import out_variance, rate_spectrum
+from circuits.laws.fluctuation import out_variance, rate_spectrum
 from tests.circuits.helpers import run_algebra
 
 SEED = 3
