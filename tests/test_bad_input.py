@@ -25,7 +25,7 @@ TRIALS = pd.DataFrame(
 )
 
 
-PATHWAY = {"source": "STN", "target": "GPe"}
+PATHWAY = {"pathway": "STN->GPe"}
 DECIDE = {"evidence": EVIDENCE, "posterior": 0.9}
 CALLS = {
     bg.gaussian_evidence: {"trials": 4, "t_max": 3, "seed": 1},
@@ -135,8 +135,6 @@ FIELDS = {
     "threshold": ["posterior"],
     "name": ["circuit", "nucleus"],
     "lines": ["edits"],
-    "source": ["pathway"],
-    "target": ["pathway"],
     "field": ["edits"],
     "value": ["baseline_hz", "edits"],
     "model": ["circuit", "models"],

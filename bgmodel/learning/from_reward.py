@@ -38,7 +38,7 @@ from bgmodel.support.processes import check_learning_memory, check_memory
 from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
-from bgmodel.tables.given import EvidenceTable, trials_of
+from bgmodel.tables.given import EvidenceTable, read_once, trials_of
 from bgmodel.tactile.source import Source, Tactile, load_taps
 from bgmodel.task import Drawn, Gaussian, Task
 from bgmodel.theory.sprt import reward_curve
@@ -168,8 +168,9 @@ def learn(
     Parameters
     ----------
     task : Task
-        What is decided. A table, ``bgmodel.tables.given.EvidenceTable("mine.csv")``, is halved: one
-        half is for learning.
+        What is decided. The trials of a table, ``bgmodel.tables.given.EvidenceTable("mine.csv")``,
+        are halved for a circuit, which learns from one half; for the test its readings are drawn
+        independently, as those of a task.
     model : BasalGanglia, optional
         The circuit that learns; without it, the optimal test does, or for dopamine the default
         circuit on the rate engine.
@@ -321,7 +322,8 @@ def _of_test(
 ) -> FromReward:
     """Learn the boundary separation of the test."""
     readings = _readings(task, source, same["seed"])
-    name = (getattr(task, task.main), getattr(task, "fold", 0))  # type: ignore[attr-defined]
+    main = getattr(task, "main", "")  # a table has none
+    name = (getattr(task, main, 0.0), getattr(task, "fold", 0))
     table, summary = learn_gap(
         readings, name=name, start_separation=start, t_max=task.t_max, policy=policy, **same
     )
@@ -345,12 +347,19 @@ def _readings(task: Task, source: dict[str, Any], seed: int) -> Source:
     """Return all readings of a task with two alternatives, with their log-likelihoods."""
     if isinstance(task, Tactile):
         return task.source(**source)
-    if not isinstance(task, Gaussian):
-        raise InputError.of("task", "must be drawn for the test to learn", task.text)
-    drawn = replace(task, trials=2 * READINGS, t_max=1).evidence(seed=stream(seed, "readings"))
-    truth = needed_truth(drawn)
-    parts = [np.asarray(drawn.log_likelihood[truth == k, 0]) for k in range(2)]
-    return Source(parts, task.names, None, f"with a d' of {task.d_prime:g}")  # type: ignore[arg-type]
+    if isinstance(task, EvidenceTable):
+        given, where = read_once(task).evidence, f"in {task.text}"
+    else:
+        assert isinstance(task, Gaussian)
+        drawn = replace(task, trials=2 * READINGS, t_max=1)
+        given, where = (
+            drawn.evidence(seed=stream(seed, "readings")),
+            f"with a d' of {task.d_prime:g}",
+        )
+    truth, there = needed_truth(given), np.arange(given.steps) < given.readings[:, None]
+    parts = [given.log_likelihood[there & (truth == k)[:, None]] for k in range(2)]
+    require(all(map(len, parts)), "evidence", "must have trials of both truths", task.text)
+    return Source(parts, ("1", "2"), None, where)  # type: ignore[arg-type]
 
 
 def _of_circuit(

@@ -6,11 +6,19 @@ import numpy as np
 import pytest
 
 import bgmodel as bg
-from bgmodel.learning.from_reward import DOPAMINE, THRESHOLD, WEIGHTS, _learned_and_scored, learn
+from bgmodel.learning import from_reward
+from bgmodel.learning.from_reward import (
+    DOPAMINE,
+    THRESHOLD,
+    WEIGHTS,
+    _learned_and_scored,
+    _readings,
+    learn,
+)
 from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learner
 from bgmodel.learning.weights.deciders import WeightLearner
-from bgmodel.tables.given import EvidenceTable
+from bgmodel.tables.given import EvidenceTable, read_once
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from bgmodel.task import Gaussian
 from bgmodel.theory.sprt import Gaussian as GaussianSteps
@@ -77,6 +85,37 @@ def test_taps_of_another_sensor_teach_another_threshold():
     assert learned.best > 0
     with refused("taps .*edge"):
         learn(EdgeTurn(), learner=SHORT)
+
+
+def test_the_test_learns_from_a_table_as_from_the_task_that_its_readings_are_of(
+    tmp_path, monkeypatch
+):
+    """The table has the same readings in longer trials, one of them shorter than the others."""
+    monkeypatch.setattr(from_reward, "READINGS", 2000)
+    task = Gaussian(t_max=20)
+    readings = _readings(task, {}, FEW["seed"])
+    values = np.concatenate([each.reshape(-1, 20, 2) for each in readings.log_likelihood])
+    table = long_table(bg.Evidence(values, np.repeat([0, 1], len(values) // 2)))
+    last = (table["trial"] == len(values) - 1) & (table["step"] > 5)
+    path = tmp_path / "mine.parquet"
+    table.to_parquet(path)
+    assert (
+        learn(EvidenceTable(path), learner=SHORT, **FEW).best
+        == learn(task, learner=SHORT, **FEW).best
+    )
+    read_once.cache_clear()
+    table[~last].to_parquet(path)
+    readings.log_likelihood[1] = readings.log_likelihood[1][:-14]
+    _, by_hand = learn_gap(
+        readings, name=(0.0, 0), xi=50.0, start_separation=0.5, t_max=20, learner=SHORT, **FEW
+    )
+    learned = learn(EvidenceTable(path), learner=SHORT, **FEW)
+    np.testing.assert_array_equal(learned.learned, by_hand["learned_separation"])
+    assert learned.best == by_hand["optimal_separation"]
+    read_once.cache_clear()
+    table[table["truth"] == "a"].to_parquet(path)
+    with refused("evidence"):
+        learn(EvidenceTable(path), learner=SHORT, **FEW)
 
 
 @pytest.mark.parametrize("order", ["in turn", "in blocks", "at random"])
