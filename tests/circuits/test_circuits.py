@@ -65,7 +65,8 @@ FIELDS = [
     ("w_d1_snr", lambda: anatomy.appendix_b(w_d2_gpe=0.5, w_d1_snr=1.2)),
     *[("published_hz", lambda x=x: Population("STN", Rate(), published_hz=x))
       for x in ((1.0,), (2.0, 1.0), (-1.0, 1.0), (0.0, float("nan")), "1")],
-    *[("rate_hz", lambda x=x: lif_mean_mv(SPIKING.population("GPe").cell, x)) for x in (0, -1, 500, np.nan)],
+    *[("rate_hz", lambda x=x: lif_mean_mv(SPIKING.population("GPe").cell, x))
+      for x in (0, -1, 500, np.nan)],
     ("tau_ms STN: tau_ms is that of the Lif cell",
      lambda: replace(EXACT["STN"], cell=Lif(10, 3, 15, 5, 2, 0, 1))),
     ("cv", lambda: SPIKING.with_cell("STN", cv=1.5)),
