@@ -163,7 +163,7 @@ def test_a_row_may_be_like_one_that_is_added_with_it_in_any_order():
     paths = "Arky->D1 weight=-0.1 delay_ms=6", "Arky->D2 like=Arky->D1"
     rows = (nucleus, "B like=Arky baseline_hz=3", "C like=B", *paths)
     forth, back = with_texts(*rows), with_texts(*reversed(rows))
-    first, second = (forth.projection("Arky", name) for name in ("D1", "D2"))
+    first, second = (forth.projection(f"Arky->{name}") for name in ("D1", "D2"))
     assert second == replace(first, target="D2", cite="as Arky->D1")
     assert (forth["C"].baseline_hz, forth["C"].transmitter) == (3, "GABA")
     assert set(back.populations) == set(forth.populations)
