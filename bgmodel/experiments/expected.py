@@ -1,4 +1,4 @@
-"""What is expected of a measure: a direction or a value, and the verdict on what is found."""
+"""What is expected of a measure: a direction or a value, and the verdict on an estimate."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ AGREES, DISAGREES, OPEN = "agrees", "disagrees", "left open"
 COMPATIBLE, DIFFERS, NO_INTERVAL = "compatible", "differs", "no interval to compare"
 """Comparison of a published effect with the model's: whether their difference includes 0."""
 FAILS, UNANSWERED = "fails", "not answered"
-"""Outcomes of a number of the exam: the circuit lacks the behaviour, or it cannot be results."""
+"""Outcomes of a number of the exam: the circuit lacks the behaviour, or it does not apply."""
 WITHOUT = "decides without evidence"
 """The outcome, regardless of the prediction, if the manipulated circuit ignores evidence."""
 FEWEST_DECIDED = 20
@@ -31,14 +31,8 @@ PERCENT = "percent"
 """Condition with the change in per cent of the control's value, for measures of decisions."""
 RELATIVE = (*OF_DECIDED, *OF_ALL)
 """Measures with a change in per cent."""
-LIKELY = {
-    name: (0.0, 0.5)
-    if name in SHARES
-    else (0.0, 1.0)
-    if name in OF_DIFFUSION[:2]
-    else (1.0, np.inf)
-    for name in (*MEASURES, *OF_STOP)
-}
+LIKELY = dict.fromkeys((*MEASURES, *OF_STOP), (1.0, np.inf)) | dict.fromkeys(SHARES, (0.0, 0.5))
+LIKELY |= dict.fromkeys(OF_DIFFUSION[:2], (0.0, 1.0))
 """Measures, with the range of sizes of a change (other than 0) without a warning."""
 OF_UNITS = {"decided": "a number of trials", **dict.fromkeys(SHARES, "a share of trials")}
 OF_UNITS |= dict.fromkeys(OF_DIFFUSION[:2], "in the units of EZ-diffusion, with a noise of s = 0.1")
@@ -86,7 +80,7 @@ class Expected:
             must = "must lie between low and high, or there must be a direction"
             require(inside, "value", must, self.value)
         else:
-            must = "must stand without a value and an interval"
+            must = "must not be combined with a value or an interval"
             require(not any(numbers), "direction", must, self.direction)
             fits = self.direction != "none" or self.at_least > 0
             require(fits, "at_least", 'must be > 0 if the direction is "none"', self.at_least)
@@ -118,7 +112,7 @@ class Expected:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The ends of the 95 % interval; NaN if there is none."""
+        """The ends of the 95 % interval; NaN if they are unknown."""
         if self.se is not None and self.value is not None:
             return self.value - Z95 * self.se, self.value + Z95 * self.se
         low, high = (np.nan if end is None else end for end in (self.low, self.high))
@@ -130,7 +124,7 @@ class Expected:
         return sum(self.interval) / 2 if self.value is None else self.value
 
     def error(self, value: float) -> float:
-        """Return the standard error on the side of another value; NaN if there is none.
+        """Return the standard error on the side of another value; NaN if it is unknown.
 
         An interval counts as one of 95 %.
         """
