@@ -16,6 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal
 
+from bgmodel.commands.options import Workers
 from bgmodel.commands.output import check_whole, recorded, say, say_of_edits, write_template
 from bgmodel.support import files
 from bgmodel.support.processes import processes
@@ -46,7 +47,7 @@ def sweep(
     profile: Path | None = None,
     dry_run: bool = False,
     template: bool = False,
-    workers: int = 2,
+    workers: Workers = 2,
 ) -> None:
     """Run a circuit at every point of a grid or a list, and gather the results.
 
@@ -77,8 +78,6 @@ def sweep(
         Print what would be done, and do nothing.
     template
         Write a whole file to FILE, to start from, and run nothing.
-    workers
-        Number of processes; the results do not depend on it.
     """
     from bgmodel.sweeps.sweep import Sweep
 
