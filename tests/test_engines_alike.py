@@ -57,7 +57,7 @@ def test_default_times_are_the_same_in_every_engine(name):
     engine, clock = engine_of(name), Clock(1, 50)
     assert (engine.sample_ms, engine.settle_ms) == (clock.sample_ms, clock.settle_ms) == (1, 300)
     renewal, membranes = wired(anatomy.load_circuit("macaque", 2)), wired(TABLE)
-    late = wired(renewal.circuit.with_projection("STN", "GPe", delay_ms=3.3))
+    late = wired(renewal.circuit.with_projection("STN->GPe", delay_ms=3.3))
     ticks = [engine.clock(each, 1, 50).dt_ms for each in (renewal, membranes, late)]
     assert ticks == ([0.25, 0.1, 0.1] if engine.spiking else [0.5, 0.5, 0.1])
     assert replace(engine, dt_ms=0.1).clock(renewal, 1, 50).dt_ms == 0.1

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from bgmodel.commands.options import FLAT, MANY, record
+from bgmodel.commands.options import FLAT, MANY, Edited, Workers, record
 from bgmodel.commands.output import (
     Files,
     Output,
@@ -48,7 +48,7 @@ def show(
     /,
     *,
     channels: int | None = None,
-    edits: Edits = Edits(),  # noqa: B008
+    edits: Edited = Edits(),  # noqa: B008
     rest: bool = False,
     noise: float | None = None,
     output: Annotated[Files, FLAT] = Files(),  # noqa: B008
@@ -66,8 +66,6 @@ def show(
         Name of the table, or the path of a .toml file.
     channels
         Number of alternatives; by default 2, or that of the file.
-    edits
-        Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9".
     rest
         Whether to run it without evidence too, and print resting rates, their irregularity, and
         what an input of one unit means in Hz, pA and nS.
@@ -185,7 +183,7 @@ def run(
     spike_trials: int = 10,
     save_nwb: Path | None = None,
     nwb_trials: Annotated[tuple[int, ...], MANY] = (0,),
-    workers: int = 2,
+    workers: Workers = 2,
     output: Annotated[Output, FLAT] = Output(),  # noqa: B008
 ) -> None:
     """Run a circuit to decisions on Gaussian or tactile evidence or on your own evidence table.
@@ -212,8 +210,6 @@ def run(
         File for spikes and rates of chosen trials, run a second time, to their ends, .nwb.
     nwb_trials
         Numbers of these trials, from 0.
-    workers
-        Threads, for engines that can use several; the results do not depend on it.
     """
     more: dict[str, Any]
     more = {"save_rates": save_rates, "save_spikes": save_spikes, "save_nwb": save_nwb}

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 from bgmodel.bootstrap import check_trials
-from bgmodel.commands.options import FLAT, like, task
+from bgmodel.commands.options import FLAT, Workers, like, task
 from bgmodel.commands.output import (
     Output,
     bar,
@@ -37,7 +37,7 @@ def compare(
     *,
     setup: Annotated[Setup, FLAT] = Setup(),  # noqa: B008
     task: Annotated[Task, task(MANY_TRIALS)] = MANY_TRIALS,
-    workers: int = 2,
+    workers: Workers = 2,
     output: Annotated[Output, FLAT] = Output(),  # noqa: B008
     **options: Any,
 ) -> None:
@@ -52,11 +52,6 @@ def compare(
     bgmodel compare --engine population --noise-ceiling --plot ceiling.png;
     bgmodel compare --task same-different period_mm=1.5;
     bgmodel compare --task channels=4 --edits "clamp GPe"
-
-    Parameters
-    ----------
-    workers
-        Threads, for engines that can use several; the results do not depend on it.
     """
     output.check(setup=setup, task=task)
     check_whole(workers=workers)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import pandas as pd
 
-from bgmodel.commands.options import FLAT, MANY, OFF, like
+from bgmodel.commands.options import FLAT, MANY, OFF, Edited, Workers, like
 from bgmodel.commands.output import Output, check_whole, options_of, recorded, say
 from bgmodel.exam.exam import Exam
 from bgmodel.exam.tables import OF_RATES, OF_TRIALS, WINDOWS
@@ -21,7 +21,7 @@ def exam(
     circuit: str = "",
     /,
     *,
-    edits: Edits = Edits(),  # noqa: B008
+    edits: Edited = Edits(),  # noqa: B008
     engine: EngineName | None = None,
     data: Path | None = None,
     rates: Path | None = None,
@@ -29,7 +29,7 @@ def exam(
     domains: Annotated[tuple[str, ...], MANY] = (),
     tasks: bool = False,
     motifs: Annotated[bool, OFF] = True,
-    workers: int = 2,
+    workers: Workers = 2,
     output: Annotated[Output, FLAT] = Output(),  # noqa: B008
     **options: Any,
 ) -> None:
@@ -46,8 +46,6 @@ def exam(
     ----------
     circuit
         Name of a circuit, or the path of a .toml file.
-    edits
-        Edits of the circuit: "lesion STN 10%" "dopamine 0.9".
     engine
         Engine; by default populations, or rates without noise where connections are sparse.
     data
@@ -63,8 +61,6 @@ def exam(
     motifs
         Circuits have the motifs of each task, such as a criterion that falls where difficulties are
         interleaved.
-    workers
-        Threads, for engines that can use several; the results do not depend on it.
     """
     check_whole(workers=workers)
     if circuit and (data is not None or rates is not None):

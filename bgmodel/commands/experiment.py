@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import pandas as pd
 
 from bgmodel.bootstrap import check_trials
-from bgmodel.commands.options import FLAT
+from bgmodel.commands.options import FLAT, Workers
 from bgmodel.commands.output import (
     Output,
     bar,
@@ -35,7 +35,7 @@ def experiment(
     engine: EngineName | None = None,
     show: bool = False,
     template: bool = False,
-    workers: int = 2,
+    workers: Workers = 2,
     output: Annotated[Output, FLAT] = Output(),  # noqa: B008
 ) -> None:
     """Run an experiment, control and manipulation, and test its predictions.
@@ -63,8 +63,6 @@ def experiment(
         Print the file of a shipped experiment, and run nothing.
     template
         Write a whole file to FILE, to start from, and run nothing.
-    workers
-        Threads, for engines that can use several; the results do not depend on it.
     """
     if template:
         write_template(Experiment.template(), file)

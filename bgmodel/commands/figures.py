@@ -7,6 +7,7 @@ import os
 import signal
 from pathlib import Path
 
+from bgmodel.commands.options import Workers
 from bgmodel.commands.output import check_whole
 from bgmodel.support.files import remove_partial_files
 from bgmodel.tactile.recordings import find_recordings
@@ -62,7 +63,7 @@ def figures(
     fast: bool = False,
     recordings: Path | None = None,
     unlock: bool = False,
-    workers: int = 2,
+    workers: Workers = 2,
 ) -> None:
     """Draw every figure that is not drawn yet, from a checkout of the project.
 
@@ -78,8 +79,6 @@ def figures(
         Folder of real taps for figure T1; BGMODEL_RECORDINGS by default.
     unlock
         Draw nothing, but remove the lock and the unfinished files of a killed run.
-    workers
-        Number of parallel jobs; the results do not depend on it.
     """
     check_whole(workers=workers)
     if not Path("figures/Snakefile").is_file():

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from bgmodel.commands.fitted import TABLES, Kept
 from bgmodel.commands.group_fits import fit_hierarchically
-from bgmodel.commands.options import MANY, record_of, values
+from bgmodel.commands.options import MANY, Workers, record_of, values
 from bgmodel.commands.output import UNRECORDED, Output, check_whole, recorded, say
 from bgmodel.fits import Question, question
 from bgmodel.fitting.settings import FitSettings, need_fit
@@ -47,7 +47,7 @@ def fit(
     draws: bool = False,
     compare: bool = False,
     evidence: Annotated[tuple[str, ...], MANY] = (),
-    workers: int = 2,
+    workers: Workers = 2,
     json: bool = False,
     force: bool = False,
 ) -> None:
@@ -136,8 +136,6 @@ def fit(
         row per cue with trial, time and side or value (nats). Then name=value: step_ms (time
         between readings, if the table has steps), forced=true (the last reading forces a response),
         runs (simulated runs of each trial by a circuit; by default 8 to 32).
-    workers
-        Number of processes of a hierarchical fit; the results do not depend on it.
     json
         Print one JSON object, the rows of the result under "records", and nothing else on stdout.
     force

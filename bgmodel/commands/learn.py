@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
-from bgmodel.commands.options import FLAT, MANY, like, record_of, task
+from bgmodel.commands.options import FLAT, MANY, Edited, like, record_of, task
 from bgmodel.commands.output import Output, check_idle, options_of, recorded, say, say_of_edits
 from bgmodel.conditions import Setup
 from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -33,7 +33,7 @@ def learn(
     what: Literal["threshold", "dopamine", "weights"] | None = None,
     task: Annotated[Task, task(TOUCHED)] = TOUCHED,
     circuit: CircuitName | None = None,
-    edits: Edits = Edits(),  # noqa: B008
+    edits: Edited = Edits(),  # noqa: B008
     engine: EngineName = ENGINE,
     gain: float | None = None,
     levels: int | None = None,
@@ -62,8 +62,6 @@ def learn(
     circuit
         The circuit that learns, by name or as a .toml file; without it the test does, but for
         dopamine, which is macaque's.
-    edits
-        Edits of the circuit: "lesion STN 10%" "dopamine 0.9".
     engine
         Engine of the circuit.
     gain

@@ -24,6 +24,12 @@ MANY = Parameter(consume_multiple=(1, None), negative=())
 """For an option that takes all words up to the next option."""
 OFF = Parameter(negative_bool="no-")
 """For an option that is on by default."""
+Workers = Annotated[
+    int, Parameter(help="Processes or threads; the results do not depend on their number.")
+]
+Edited = Annotated[
+    Edits, Parameter(help='Edits of the circuit, each in quotes: "lesion STN 10%" "dopamine 0.9".')
+]
 TABLES = (".csv", ".tsv", ".parquet")
 TASKS = tuple(name for name in KINDS if name != "table")
 TASK = (

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from bgmodel import from_taps
-from bgmodel.commands.options import FLAT, MANY, TASK, like, task_of
+from bgmodel.commands.options import FLAT, MANY, TASK, Workers, like, task_of
 from bgmodel.commands.output import (
     Files,
     Output,
@@ -60,7 +60,7 @@ def touch(
     tip: TipOption = Tip(),  # noqa: B008
     skin: SkinOption = Skin(),  # noqa: B008
     nuisance: NuisanceOption = Nuisance(),  # noqa: B008
-    workers: int = 2,
+    workers: Workers = 2,
     output: Annotated[Output, FLAT] = Output(),  # noqa: B008
     **options: Any,
 ) -> None:
@@ -89,8 +89,6 @@ def touch(
         Simulated taps of each grating and yaw, used as evidence.
     epochs
         Maximum number of training epochs; by default 8 on gratings, 20 on an edge.
-    workers
-        Number of processes and threads; does not affect the results.
     """
     grating = recordings is None
     asked: Any = task_of(SameDifferent() if grating else EdgeTurn(), task)

@@ -7,7 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from bgmodel.commands.options import FLAT, MANY, like, record, record_of, task
+from bgmodel.commands.options import FLAT, MANY, Workers, like, record, record_of, task
 from bgmodel.commands.output import Files, check_idle, check_whole, options_of, say
 from bgmodel.support import files
 from bgmodel.support.arrays import Reals
@@ -41,7 +41,7 @@ def simulate(
     tip: TipOption = Tip(),  # noqa: B008
     skin: SkinOption = Skin(),  # noqa: B008
     nuisance: NuisanceOption = Nuisance(),  # noqa: B008
-    workers: int = 1,
+    workers: Workers = 1,
     output: Annotated[Files, FLAT] = Files(),  # noqa: B008
     **options: Any,
 ) -> None:
@@ -49,11 +49,6 @@ def simulate(
 
     Examples: bgmodel touch simulate --save taps.npz --taps 1000;
     bgmodel touch simulate --save held_out.npz --task orientation channels=4 --taps 400
-
-    Parameters
-    ----------
-    workers
-        Number of processes for the contact library; does not affect the results.
     """
     from bgmodel.tactile.library import to_solve
     from bgmodel.tactile.pressing import LibraryPlan
