@@ -1,8 +1,8 @@
 """Held-out spikes and choices under models of recorded cells, and under descriptive regressions.
 
 Everything is summed over five folds of trials in a row, the same for all. Spikes are given the
-clicks and choice of the trial, and the recent rate of the cell. A regression has no noise of the sum: the
-course of a cell (PSTH), its recent rate, and the sum of clicks or the choice over time.
+clicks and choice of the trial, and the recent rate of the cell. A regression has no noise of the
+sum: the course of a cell (PSTH), its recent rate, and the sum of clicks or the choice over time.
 """
 
 from __future__ import annotations
