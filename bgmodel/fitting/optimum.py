@@ -25,7 +25,8 @@ SHORT, LONG = 30, 200
 POLISHED, MOST_DAMPING, GAINED_NATS, SCORED_SHARE = 20, 1e3, 1e-3, 3e-8
 """Most steps along the scores, their largest damping, and the gain below which they end: a larger
 one if the search is along scores alone, of hundreds of numbers."""
-SINGULAR = 1e-10
+SINGULAR, FAR = 1e-10, 50.0
+"""Least precision; distance of a bound, in standard errors, that a search along scores ignores."""
 
 
 @dataclass(frozen=True)
@@ -181,27 +182,45 @@ def _climbed(likelihood: Likelihood, start: Array, iterations: int) -> tuple[Arr
 
 
 def _slid(likelihood: Likelihood, start: Array) -> tuple[Array, float, int]:
-    """Return the best point, its height and the number of evaluations of a search along scores."""
+    """Return the best point, its height and the number of evaluations of a search along scores.
+
+    Directions are those in which the scores of the trials are uncorrelated, with a variance of 1,
+    apart from numbers that are near their bounds. They are taken anew after ``SHORT`` iterations.
+    """
     from scipy.optimize import minimize
 
-    freed = likelihood.freedom
-    precision = freed.prior_slope(start)[1] + (likelihood.scores(start) ** 2).sum(axis=0)
-    unit = 1 / (np.sqrt(precision) * freed.scale_rate(start))
-    low, high = freed.to_scale(freed.low) / unit, freed.to_scale(freed.high) / unit
+    freed, evaluations = likelihood.freedom, 0
+    low, high = freed.to_scale(freed.low), freed.to_scale(freed.high)
+    for iterations in (SHORT, LONG):
+        first, rate = freed.to_scale(start), freed.scale_rate(start)
+        scores = likelihood.scores(start) * rate
+        precision = scores.T @ scores + np.diag(freed.prior_slope(start)[1] * rate**2)
+        axes = np.diag(1 / np.sqrt(np.diag(precision)))
+        below, above = ((end - first) / np.diag(axes) for end in (low, high))
+        inner = np.flatnonzero(np.minimum(-below, above) > FAR)
+        below[inner], above[inner] = -np.inf, np.inf
+        some = np.ix_(inner, inner)
+        axes[some] = np.linalg.inv(np.linalg.cholesky(precision[some])).T
 
-    def outer(x: Array) -> Array:
-        return np.asarray(np.clip(freed.from_scale(x * unit), freed.low, freed.high))
+        def outer(x: Array, first: Array = first, axes: Array = axes) -> Array:
+            return np.asarray(np.clip(freed.from_scale(first + axes @ x), freed.low, freed.high))
 
-    def falling(x: Array) -> tuple[float, Array]:
-        vector = outer(x)
-        slope = likelihood.scores(vector).sum(axis=0) + freed.prior_slope(vector)[0]
-        return -likelihood.height(vector), -slope * freed.scale_rate(vector) * unit
+        def falling(x: Array, axes: Array = axes) -> tuple[float, Array]:
+            vector = outer(x)
+            each, scores = likelihood.with_scores(vector)
+            slope = scores.sum(axis=0) + freed.prior_slope(vector)[0]
+            height = float(each.sum()) + freed.log_prior(vector)
+            return -height, -(slope * freed.scale_rate(vector)) @ axes
 
-    bounds = list(zip(low, high, strict=True))
-    options = {"maxiter": LONG, "ftol": SCORED_SHARE, "maxcor": 30}
-    first = freed.to_scale(start) / unit
-    minimum = minimize(falling, first, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
-    return outer(minimum.x), -float(minimum.fun), int(minimum.nfev) * (len(start) + 1)
+        minimum = minimize(
+            falling, np.zeros(len(start)), jac=True, method="L-BFGS-B",
+            bounds=list(zip(below, above, strict=True)),
+            options={"maxiter": iterations, "ftol": SCORED_SHARE, "maxcor": 30},
+        )  # fmt: skip
+        start, evaluations = outer(minimum.x), evaluations + int(minimum.nfev)
+        if minimum.success:
+            break
+    return start, -float(minimum.fun), evaluations * (len(start) + 1)
 
 
 def _polished(

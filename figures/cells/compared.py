@@ -1,8 +1,8 @@
 """Held-out spikes and choices under models of recorded cells, and under descriptive regressions.
 
-Everything is summed over five folds of trials, the same for all. Spikes of a trial are given its
-clicks and choice, and the recent rate of the same cell. A regression has no noise of the sum: the
-course of a cell (PSTH), its recent rate, and the sum of clicks or the choice over time.
+Everything is summed over five folds of trials in a row, the same for all. Spikes are given the
+clicks and choice of the trial, and the recent rate of the cell. A regression has no noise of the
+sum: the course of a cell (PSTH), its recent rate, and the sum of clicks or the choice over time.
 """
 
 from __future__ import annotations
@@ -19,13 +19,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from scipy.optimize import minimize
-from scipy.special import ndtr
 
 from bgmodel.fits import question
-from bgmodel.fitting.cells.grid import SUMS
+from bgmodel.fitting.cells.grid import SUMS, chosen, p_right, variance
 from bgmodel.fitting.cells.model import SCALE, SHARED, CellsLikelihood, numbers_of
 from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, Session, sessions_of
-from bgmodel.fitting.model_comparison import FOLDS, FOLDS_SEED
+from bgmodel.fitting.model_comparison import FOLDS
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.settings import FitSettings
 from bgmodel.support.arrays import Array, Integers
@@ -43,12 +42,12 @@ SHOWN, FEWEST = 20, 10
 """Bins of the courses that are shown, and the fewest trials of a group."""
 NO_NOISE = ("noise=0.02", "start_noise=0.02")
 REFERENCE, NO_SHARED, NO_RECENT = "exponential", "no shared noise", "no recent rate"
-READINGS = ("linear", "posterior", "step", "macaque_small D1", "macaque_small D2")
+READINGS = ("linear", "step", "macaque D1", "macaque D2")
 """Readings that are compared with the reference."""
 MODELS = (REFERENCE, *READINGS, NO_SHARED, NO_RECENT)
 CHOICES_ALONE = "choices alone"
-OF_CHOICE = ("noise", "leak_per_s", "bias", "lapse")
-"""Parameters of a fit of choices alone, in which noise at the onset can't be told apart."""
+OF_CHOICE = ("deciding_noise", "deciding_leak_per_s", "bias", "lapse")
+"""Parameters of the choices without regard to spikes."""
 REGRESSIONS = ("psth", "clicks", "choice", "clicks and choice")
 
 
@@ -65,7 +64,7 @@ def likelihood_of(trials: Trials, name: str) -> CellsLikelihood:
     """Return the likelihood of one animal's trials under a model."""
     settings = FitSettings()
     if name == NO_SHARED:
-        settings = replace(settings, fix=NO_NOISE, free=("+choice_noise",))
+        settings = replace(settings, fix=NO_NOISE)
     elif name == NO_RECENT:
         cells = (cell for session in sessions_of(trials) for cell in session.names)
         settings = replace(settings, fix=tuple(f"{numbers_of(cell)[-2]}=0" for cell in cells))
@@ -85,20 +84,20 @@ class Fold:
 
 
 def folds(likelihood: CellsLikelihood) -> Iterator[Fold]:
-    """Yield folds with trials of every session in each."""
+    """Yield folds: a fifth of each session in a row, since every cell belongs to one session."""
     groups = likelihood.groups
-    order, part = stream(FOLDS_SEED, "folds").permutation(len(groups)), np.empty(len(groups), int)
+    part = np.empty(len(groups), int)
     for each in np.unique(groups):
-        some = order[groups[order] == each]
-        part[some] = np.arange(len(some)) % FOLDS
+        some = np.flatnonzero(groups == each)
+        part[some] = np.arange(len(some)) * FOLDS // len(some)
     for number in range(FOLDS):
         yield Fold(np.flatnonzero(part != number), np.flatnonzero(part == number))
 
 
 def scored(folder: str, name: str) -> pd.DataFrame:
-    """Return held-out nats of one model: a row per session, and a row per cell.
+    """Return held-out nats of one model: a row per trial, and a row per cell.
 
-    Of a session: ``together``, all spikes given the choice, in the order in which they come;
+    Of a trial: ``together``, all spikes given the choice, in the order in which they come;
     ``choices``, and ``told``, how much better they are predicted with the spikes. Of a cell:
     ``apart``, the mean over paths that clicks and choice leave, bin by bin: what a regression
     predicts.
@@ -114,7 +113,7 @@ def scored(folder: str, name: str) -> pd.DataFrame:
         spikes = _without_choices(left).each(vector)
         tables += [
             pd.DataFrame({
-                "session": left.groups, "together": together - choices, "choices": choices,
+                "trial": fold.left, "together": together - choices, "choices": choices,
                 "told": together - spikes - choices,
             }),
             pd.DataFrame(
@@ -129,12 +128,11 @@ def scored(folder: str, name: str) -> pd.DataFrame:
 
 
 def chosen_alone(folder: str) -> pd.DataFrame:
-    """Return held-out nats of choices under a fit of choices alone: a row per session."""
+    """Return held-out nats of choices under a fit of choices alone: a row per trial."""
     likelihood = likelihood_of(trials_of(folder), REFERENCE)
     names = likelihood.freedom.names
     at = [names.index(name) for name in OF_CHOICE]
     space, vector = likelihood.freedom, likelihood.freedom.start.copy()
-    vector[names.index("start_noise")] = space.low[names.index("start_noise")]
 
     def fitted(part: CellsLikelihood) -> Array:
         def loss(numbers: Array) -> float:
@@ -148,14 +146,14 @@ def chosen_alone(folder: str) -> pd.DataFrame:
     shared, tables = dict(zip(OF_CHOICE, fitted(likelihood)[at], strict=True)), []
     for fold in folds(likelihood):
         left, vector = likelihood.part(fold.left), fitted(likelihood.part(fold.kept))
-        tables.append(pd.DataFrame({"session": left.groups, "choices": left.choices(vector)}))
+        tables.append(pd.DataFrame({"trial": fold.left, "choices": left.choices(vector)}))
     return _summed(tables).assign(model=CHOICES_ALONE, **shared)
 
 
 def _summed(tables: list[pd.DataFrame]) -> pd.DataFrame:
-    """Return sums over folds and trials of each session and of each cell."""
+    """Return sums over folds of each trial and of each cell."""
     rows = pd.concat(tables, ignore_index=True)
-    keys = [name for name in ("session", "cell") if name in rows]
+    keys = [name for name in ("trial", "cell") if name in rows]
     return rows.groupby(keys, as_index=False, dropna=False).sum(min_count=1)
 
 
@@ -174,7 +172,7 @@ def expected(likelihood: CellsLikelihood, vector: Array) -> Iterator[tuple[str, 
     nodes, weights = np.polynomial.hermite_e.hermegauss(21)
     for session in likelihood.sessions:
         sums, on = session.sums(*(values[name] for name in SUMS)), session.on
-        now, p = _given_choice(session, values, sums, nodes)
+        now, p = _given_choice(session, values, nodes)
         weight = weights * p[on]
         weight /= weight.sum(axis=1, keepdims=True)
         x = (sums[:, :-1, None] + now)[on]
@@ -187,24 +185,11 @@ def expected(likelihood: CellsLikelihood, vector: Array) -> Iterator[tuple[str, 
             yield name, log, (weight * rate).sum(axis=1)
 
 
-def _given_choice(
-    session: Session, values: dict[str, float], sums: Array, nodes: Array
-) -> tuple[Array, Array]:
+def _given_choice(session: Session, values: dict[str, float], nodes: Array) -> tuple[Array, Array]:
     """Return the noise of each bin at nodes, and the probability of the choice given each."""
-    leak, noise, start = (values[x] for x in ("leak_per_s", "noise", "start_noise"))
-    leak = leak if abs(leak) > 1e-6 else 1e-6
-
-    def variance(time_s: Array) -> Array:
-        more = noise**2 * -np.expm1(-2 * leak * time_s) / (2 * leak)
-        return np.asarray(start**2 * np.exp(-2 * leak * time_s) + more)
-
-    now = np.sqrt(variance(session.middles_s))[:, None] * nodes
+    now = np.sqrt(variance(values, session.middles_s))[:, None] * nodes
     rest_s = np.maximum(session.end_s[:, None] - session.middles_s, 0.0)
-    var = noise**2 * -np.expm1(-2 * leak * rest_s) / (2 * leak) + values["choice_noise"] ** 2
-    mean = np.exp(-leak * rest_s)[:, :, None] * now + sums[:, -1, None, None] + values["bias"]
-    right = ndtr(mean / np.sqrt(var)[:, :, None])
-    right = (1 - values["lapse"]) * right + values["lapse"] / 2
-    return now[None], np.where(session.choice[:, None, None] == 1, right, 1 - right)
+    return now[None], chosen(p_right(session, values, now[None], rest_s), session)
 
 
 def regressed(folder: str, past: bool = True) -> pd.DataFrame:
@@ -273,7 +258,7 @@ def controls(folder: str, seed: int) -> pd.DataFrame:
 def chosen_elsewhere(folder: str, seed: int) -> pd.DataFrame:
     """Return the held-out information of spikes about choices that are exchanged between trials.
 
-    One row per session, nats. The model is fitted to the shuffled choices.
+    One row per trial, nats. The model is fitted to the shuffled choices.
     """
     trials = trials_of(folder)
     readings, order = trials.readings, _shuffled(trials, seed)
@@ -290,7 +275,7 @@ def chosen_elsewhere(folder: str, seed: int) -> pd.DataFrame:
         vector = optimum(likelihood.part(fold.kept), starts=[start]).vector
         left = likelihood.part(fold.left)
         told = left.each(vector) - _without_choices(left).each(vector) - left.choices(vector)
-        tables.append(pd.DataFrame({"session": left.groups, "told": told}))
+        tables.append(pd.DataFrame({"trial": fold.left, "told": told}))
     return _summed(tables).assign(model="shuffled choices")
 
 

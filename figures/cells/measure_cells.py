@@ -36,13 +36,13 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Yield regressions with and without recent rates, models, and controls."""
     for past in (True, False):
         name = "recent rate" if past else "course"
-        yield Piece("regressed", name, TRIALS, 12, partial(regressed, SHIPPED, past))
-    yield Piece("scored", CHOICES_ALONE, TRIALS, 60, partial(chosen_alone, SHIPPED))
+        yield Piece("regressed", name, TRIALS, 5, partial(regressed, SHIPPED, past))
+    yield Piece("scored", CHOICES_ALONE, TRIALS, 3, partial(chosen_alone, SHIPPED))
     for model in (REFERENCE,) if fast else MODELS:
-        yield Piece("scored", model, TRIALS, 200, partial(scored, SHIPPED, model))
-    yield Piece("courses", REFERENCE, TRIALS, 110, partial(courses, SHIPPED))
-    yield Piece("controls", "spikes", TRIALS, 80, partial(controls, SHIPPED, SEED))
-    yield Piece("scored", "shuffled", TRIALS, 200, partial(chosen_elsewhere, SHIPPED, SEED))
+        yield Piece("scored", model, TRIALS, 80, partial(scored, SHIPPED, model))
+    yield Piece("courses", REFERENCE, TRIALS, 25, partial(courses, SHIPPED))
+    yield Piece("controls", "spikes", TRIALS, 50, partial(controls, SHIPPED, SEED))
+    yield Piece("scored", "shuffled", TRIALS, 80, partial(chosen_elsewhere, SHIPPED, SEED))
     for session in SESSIONS[:1] if fast else SESSIONS:
         make = partial(recovered, SHIPPED, session, RECOVERY_SEED, 2 if fast else SETS)
         yield Piece("recovered", f"session {session}", TRIALS, 60, make)
@@ -59,16 +59,19 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
         for past, nats in ((False, by_course), (True, by_recent))
     ])  # fmt: skip
     cells = _by(scores[scores["cell"].notna()], "cell", "apart")
-    choices = _by(scores[scores["session"].notna()], "session", "choices")
+    trials = scores[scores["trial"].notna()]
+    choices = _by(trials, "trial", "choices")
+    everything = choices + _by(trials, "trial", "together")
     models = []
     for model, rows in scores.groupby("model", sort=False):
         base = (by_course if model == NO_RECENT else by_recent)["psth"]
-        row: dict[Any, Any] = rows.drop(columns=["session", "cell", "apart"]).iloc[0].to_dict()
+        row: dict[Any, Any] = rows.drop(columns=["trial", "cell", "apart"]).iloc[0].to_dict()
         row |= rows[["together", "choices", "told"]].sum(min_count=1).to_dict()
         row["together"] -= base.sum()
         if model in cells:
             row |= _against(cells[model] - base, "")
             row |= _against(cells[model] - cells[REFERENCE], "_reference")
+            row |= _against(everything[model] - everything[REFERENCE], "_all")
         if rows["choices"].notna().any():
             row |= _against(choices[model] - choices[CHOICES_ALONE], "_choices")
         models.append(row)
@@ -90,12 +93,12 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 def _by(table: pd.DataFrame, unit: str, nats: str) -> pd.DataFrame:
-    """Return nats by cell or session, a column per model."""
+    """Return nats by cell or trial, a column per model."""
     return table.pivot(index=unit, columns="model", values=nats)
 
 
 def _against(apart: pd.Series[float], name: str) -> dict[str, float]:
-    """Return the sum of differences, and its standard error over cells or sessions."""
+    """Return the sum of differences, and its standard error over cells or trials."""
     error = apart.std() * np.sqrt(apart.count())
     return {f"nats{name}": float(apart.sum()), f"error{name}": float(error)}
 

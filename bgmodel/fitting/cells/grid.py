@@ -1,8 +1,13 @@
 """The exact density of a session's spikes and choices under a noisy sum of clicks.
 
-The sum x(t) = m(t) + n(t) has a part m that follows from the clicks and a noise n, an
-Ornstein-Uhlenbeck process that is the same for all clicks. Given x, spikes are Poisson and the
-choice is the sign of x at the end. The density of a trial is the mean of p(choice | x)
+The cells' sum z(t) = m(t) + n(t) has a part m that follows from the clicks and a noise n, an
+Ornstein-Uhlenbeck process that is the same for all clicks. Given z, spikes are Poisson. The choice
+is the sign of a second sum of the same clicks at the end of the trial, T, with a leak and a noise
+of its own: x(T) = m_x(T) + r sqrt(V_x(T) / V_z(T)) n(T) + sqrt(1 - r^2) times independent noise of
+variance V_x(T), where V_z and V_x are the variances of the noise of the sums, and r is their
+correlation. With equal parameters and r = 1 both sums are one; with r = 0 spikes and choice are
+independent given the clicks. What the deciding sum adds to n(T) does not depend on earlier n. The
+density of a trial is the mean of p(choice | x)
 prod p(spikes | x) over paths of n: n is one-dimensional, so that a sum over a grid (the forward
 algorithm) gives it without an error of simulation. Its derivatives are means over the paths given
 the data (Fisher's identity), from the forward and the backward pass.
@@ -28,6 +33,8 @@ STEP = 1e-4
 """Step of derivatives, as a share of a parameter."""
 SUMS = ("leak_per_s", "adaptation", "recovery_s")
 """Parameters that move the sum of clicks."""
+DECIDING = ("deciding_leak_per_s", *SUMS[1:])
+"""Those of the sum that decides."""
 Values = Mapping[str, float]
 
 
@@ -49,12 +56,31 @@ def moved(leak_per_s: float, noise: float, time_s: Array | float) -> tuple[Array
     return left, noise**2 * -np.expm1(-2 * leak_per_s * time_s) / (2 * leak_per_s)
 
 
-def p_right(session: Session, values: Values) -> Array:
-    """Return the probability of response 1 without regard to spikes, in closed form, (trials,)."""
-    left, added = moved(values["leak_per_s"], values["noise"], session.end_s)
-    var = left**2 * values["start_noise"] ** 2 + added + values["choice_noise"] ** 2
-    mean = session.sums(*(values[name] for name in SUMS))[:, -1] + values["bias"]
-    return np.asarray((1 - values["lapse"]) * ndtr(mean / np.sqrt(var)) + values["lapse"] / 2)
+def variance(values: Values, time_s: Array | float, sum_of: str = "") -> Array:
+    """Return the variance of the noise of the cells' sum, or of the "deciding_" sum, at a time."""
+    left, added = moved(values[f"{sum_of}leak_per_s"], values[f"{sum_of}noise"], time_s)
+    return np.asarray(left**2 * values[f"{sum_of}start_noise"] ** 2 + added)
+
+
+def p_right(
+    session: Session, values: Values, n: Array | None = None, rest_s: Array | None = None
+) -> Array:
+    """Return the probability of response 1 without regard to spikes, in closed form, (trials,).
+
+    With the cells' noise n (trials, ..., values) at a time ``rest_s`` (trials, ...) before the end,
+    it is the probability given that noise, with the shape of n.
+    """
+    mean = session.sums(*(values[name] for name in DECIDING))[:, -1] + values["bias"]
+    var = variance(values, session.end_s, "deciding_")
+    if n is not None and rest_s is not None:
+        left, added = moved(values["leak_per_s"], values["noise"], rest_s)
+        per_trial = (-1, *[1] * (rest_s.ndim - 1))
+        share = values["shared_noise"] * np.sqrt(var / variance(values, session.end_s))
+        share, var, mean = (each.reshape(per_trial) for each in (share, var, mean))
+        mean = mean[..., None] + (share * left)[..., None] * n
+        var = (share**2 * added + (1 - values["shared_noise"] ** 2) * var)[..., None]
+    right = ndtr(mean / np.sqrt(var + values["choice_noise"] ** 2))
+    return np.asarray((1 - values["lapse"]) * right + values["lapse"] / 2)
 
 
 def chosen(p: Array, session: Session) -> Array:
@@ -73,20 +99,16 @@ def noise_grid(session: Session, values: Values) -> Array:
     return np.asarray(np.linspace(-WIDTH_SD * sd, WIDTH_SD * sd, int(count)))
 
 
-def _pieces(session: Session, values: Values, n: Array, sums: Array) -> tuple[Array, Array, Array]:
+def _pieces(session: Session, values: Values, n: Array) -> tuple[Array, Array, Array]:
     """Return the distribution of the first noise, transitions, and p(choice) by trial and noise."""
     leak, noise = values["leak_per_s"], values["noise"]
-    left, added = moved(leak, noise, BIN_S / 2)
-    first = np.exp(-(n**2) / 2 / (left**2 * values["start_noise"] ** 2 + added))
+    first = np.exp(-(n**2) / 2 / variance(values, BIN_S / 2))
     left, added = moved(leak, noise, BIN_S)
     # Where a step adds little noise, it is as wide as the grid resolves.
     wide = np.maximum(added, (0.35 * (n[1] - n[0])) ** 2)
     steps = np.exp(-((n - left * n[:, None]) ** 2) / 2 / wide)
     rest_s = np.maximum(session.end_s - session.middles_s[session.bins - 1], 0.0)
-    left, added = moved(leak, noise, rest_s)
-    sd = np.sqrt(added + values["choice_noise"] ** 2)
-    right = ndtr((left[:, None] * n + sums[:, -1:] + values["bias"]) / sd[:, None])
-    right = (1 - values["lapse"]) * right + values["lapse"] / 2
+    right = p_right(session, values, n[None], rest_s)
     return first / first.sum(), steps / steps.sum(axis=1, keepdims=True), chosen(right, session)
 
 
@@ -116,7 +138,7 @@ def passed(
     n, on = noise_grid(session, values), session.on
     bins, scale = session.counts.shape[2], values.get("nats_per_click", 1.0)
     sums = session.sums(*(values[name] for name in SUMS))
-    first, steps, choice = _pieces(session, values, n, sums)
+    first, steps, choice = _pieces(session, values, n)
     # Spikes by bins that belong to a trial, (these bins, values).
     x = sums[:, :bins][on][:, None] + n
     read, slope = reading.read(scale * x)
@@ -186,7 +208,7 @@ def _by_shared(
     def pieces(away: float) -> list[Array]:
         there = {**values, name: values[name] + away}
         sums = session.sums(*(there[each] for each in SUMS)) if name in SUMS else forward.sums
-        return [*_pieces(session, there, forward.n, sums), sums]
+        return [*_pieces(session, there, forward.n), sums]
 
     both = zip(pieces(step), pieces(-step), strict=True)
     first, steps, choice, sums = ((above - below) / (2 * step) for above, below in both)

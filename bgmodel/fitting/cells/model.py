@@ -32,9 +32,16 @@ from circuits.circuit import Circuit
 from circuits.errors import InputError
 
 SHARED = (
-    Parameter("noise", 0.02, 30.0, 5.0, "noise of the sum, clicks per sqrt(s)", scale="log"),
-    Parameter("start_noise", 0.02, 20.0, 2.0, "noise at the onset, clicks", scale="log"),
-    Parameter("leak_per_s", -3.0, 8.0, 1.0, "leak of the sum, 1/s"),
+    Parameter("noise", 0.02, 30.0, 5.0, "noise of the cells' sum, clicks per sqrt(s)", scale="log"),
+    Parameter("start_noise", 0.02, 20.0, 2.0, "its noise at the onset, clicks", scale="log"),
+    Parameter("leak_per_s", -3.0, 20.0, 1.0, "leak of the cells' sum, 1/s"),
+    Parameter("deciding_noise", 0.02, 30.0, 5.0, "noise of the sum that decides", scale="log"),
+    Parameter("deciding_leak_per_s", -3.0, 20.0, 0.0, "leak of the sum that decides, 1/s"),
+    Parameter(
+        "deciding_start_noise", 0.02, 20.0, 0.02, "noise of the sum that decides at the onset",
+        free=False, scale="log",
+    ),
+    Parameter("shared_noise", 0.0, 1.0, 1.0, "correlation of the noise of the sums", free=False),
     Parameter("bias", -10.0, 10.0, 0.0, "bias of the choice, clicks"),
     Parameter("lapse", 0.001, 0.4, 0.05, "share of choices at random", scale="log"),
     Parameter(
@@ -98,8 +105,12 @@ class CellsLikelihood(Likelihood):
 
     def scores(self, vector: Array) -> Array:
         """Return the derivative of each trial's log likelihood, (trials, parameters)."""
+        return self.with_scores(vector)[1]
+
+    def with_scores(self, vector: Array) -> tuple[Array, Array]:
+        """Return ``each`` and ``scores`` at once."""
         at, shared = self._columns, [each.name for each in self.model.shared]
-        parts = []
+        parts, log_density = [], []
         for session, done in self._passed(vector, [name for name in shared if name in at]):
             derivatives = np.zeros((len(session.trials), len(at)))
             for name, column in done.shared.items():
@@ -109,7 +120,8 @@ class CellsLikelihood(Likelihood):
                     if name in at:
                         derivatives[:, at[name]] = column
             parts.append(derivatives)
-        return self._ordered(parts)
+            log_density.append(done.log_density)
+        return self._ordered(log_density), self._ordered(parts)
 
     def part(self, trials: Array | Integers) -> Self:
         """Return the likelihood of a subset of the trials."""
@@ -234,10 +246,8 @@ def drawn(
             now[:, k] = rng.poisson(rate * BIN_S) * session.on[:, k]
             activity *= np.exp(-BIN_S / PAST_S)
             activity += now[:, k] * np.exp(-BIN_S / 2 / PAST_S) / PAST_S
-    decided = final + sums[:, -1] + values["bias"]
-    right = decided + values["choice_noise"] * rng.standard_normal(count) > 0
-    lapsed = rng.random(count) < values["lapse"]
-    return np.where(lapsed, rng.random(count) < 0.5, right).astype(np.int64), counts
+    right = p_right(session, values, final[:, None], np.zeros(count))[:, 0]
+    return (rng.random(count) < right).astype(np.int64), counts
 
 
 def numbers_of(cell: str) -> list[str]:

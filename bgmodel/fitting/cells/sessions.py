@@ -72,18 +72,24 @@ class Session:
         Each click reduces the effect of the next ones to a share, ``adaptation``, from which it
         recovers (Brunton et al. 2013).
         """
-        when, seen = self._seen
-        effect = self.click * _effects(self.click_s, adaptation, recovery_s)
-        grown = np.exp(leak_per_s * np.where(np.isfinite(self.click_s), self.click_s, 0.0))
-        total = np.pad((effect * grown).cumsum(axis=1), ((0, 0), (1, 0)))
-        return np.asarray(np.exp(-leak_per_s * when) * np.take_along_axis(total, seen, axis=1))
+        return _sums(self, leak_per_s, adaptation, recovery_s)
 
     @cached_property
-    def _seen(self) -> tuple[Array, Integers]:
+    def seen(self) -> tuple[Array, Integers]:
         """Times of the sum, s, and the number of clicks until then, (trials, bins + 1)."""
         when = np.column_stack([np.tile(self.middles_s, (len(self.end_s), 1)), self.end_s])
         pairs = zip(self.click_s, when, strict=True)
         return when, np.array([np.searchsorted(click_s, by, side="right") for click_s, by in pairs])
+
+
+@lru_cache(maxsize=256)
+def _sums(session: Session, leak_per_s: float, adaptation: float, recovery_s: float) -> Array:
+    """Return ``Session.sums``, which derivatives by other parameters need again and again."""
+    when, seen = session.seen
+    effect = session.click * _effects(session.click_s, adaptation, recovery_s)
+    grown = np.exp(leak_per_s * np.where(np.isfinite(session.click_s), session.click_s, 0.0))
+    total = np.pad((effect * grown).cumsum(axis=1), ((0, 0), (1, 0)))
+    return np.asarray(np.exp(-leak_per_s * when) * np.take_along_axis(total, seen, axis=1))
 
 
 def _effects(click_s: Array, adaptation: float, recovery_s: float) -> Array:

@@ -1,16 +1,27 @@
 """The exact density of spikes and choices: closed forms, paths of the noise, derivatives."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import ndtr
 from scipy.stats import norm, poisson
 
-from bgmodel.fitting.cells.grid import moved, noise_grid, p_right, passed
+from bgmodel.fitting.cells.grid import chosen, moved, noise_grid, p_right, passed
 from bgmodel.fitting.cells.model import SHARED
 from bgmodel.fitting.cells.reading import READINGS
 from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, Session, courses
 
-DEFAULT = {each.name: each.start for each in SHARED}
+TWO = {each.name: each.start for each in SHARED}
+
+
+def one_sum(values):
+    """Return parameters with which the sum that decides is that of the cells."""
+    of_sum = ("noise", "start_noise", "leak_per_s")
+    return values | {f"deciding_{name}": values[name] for name in of_sum} | {"shared_noise": 1.0}
+
+
+DEFAULT = one_sum(TWO)
 
 
 def session(trials=6, bins=8, cells=2, seed=3):
@@ -51,7 +62,7 @@ def poisson_log(data, cells, reading, sums):
 @pytest.mark.parametrize("name", READINGS)
 def test_without_noise_it_is_a_poisson_regression_and_a_probit_of_the_clicks(name):
     data, reading = session(), READINGS[name]
-    values = DEFAULT | {"noise": 1e-4, "start_noise": 1e-4, "choice_noise": 1.5}
+    values = one_sum(TWO | {"noise": 1e-4, "start_noise": 1e-4, "choice_noise": 1.5})
     cells = numbers(2, 0.1)
     sums = data.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
     right = 0.95 * ndtr((sums[:, -1] + values["bias"]) / 1.5) + 0.025
@@ -63,7 +74,7 @@ def test_without_noise_it_is_a_poisson_regression_and_a_probit_of_the_clicks(nam
 @pytest.mark.parametrize("leak", [-1.0, 0.0, 3.0])
 def test_without_gain_spikes_and_choice_are_independent(leak):
     data, reading = session(), READINGS["exponential"]
-    values, cells = DEFAULT | {"leak_per_s": leak}, numbers(2, 0.0)
+    values, cells = TWO | {"leak_per_s": leak, "noise": 3.0}, numbers(2, 0.0)
     right = p_right(data, values)
     spikes = poisson_log(data, cells, reading, np.zeros(data.on.shape))
     exact = spikes + np.log(np.where(data.choice == 1, right, 1 - right))
@@ -102,9 +113,19 @@ def test_choices_alone_are_those_of_the_closed_form():
     assert np.allclose(passed(data, DEFAULT, [], READINGS["linear"]).log_density, 0, atol=1e-9)
 
 
+def test_without_shared_noise_the_choice_is_that_of_the_deciding_sum_alone():
+    data, reading, cells = session(), READINGS["exponential"], numbers(2, 0.1)
+    values = TWO | {"shared_noise": 0.0}
+    silent = replace(data, choice=np.full(6, -1))
+    spikes = passed(silent, values, cells, reading).log_density
+    choice = np.log(chosen(p_right(data, values), data))
+    assert np.allclose(passed(data, values, cells, reading).log_density, spikes + choice, atol=1e-9)
+
+
 def test_the_mean_over_simulated_paths_of_the_noise_converges_to_it():
     data, reading, cells = session(trials=3), READINGS["exponential"], numbers(2, 0.1)
-    values, rng, runs = DEFAULT | {"noise": 3.0}, np.random.default_rng(8), 40_000
+    values = TWO | {"noise": 3.0, "deciding_leak_per_s": -1.0, "shared_noise": 0.7}
+    rng, runs = np.random.default_rng(8), 40_000
     sums = data.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
     exact = passed(data, values, cells, reading).log_density
     for k in range(3):
@@ -119,7 +140,16 @@ def test_the_mean_over_simulated_paths_of_the_noise_converges_to_it():
                 base = data.basis[b] @ cell[:KNOTS] + cell[-2] * past[k, b]
                 rate = reading.rate(base, cell[-1] * (sums[k, b] + n))[1] * BIN_S
                 log += count[k, b] * np.log(rate) - rate
-        right = ndtr((n + sums[k, -1] + values["bias"]) / values["choice_noise"])
+        sd, deciding_sd = (
+            np.sqrt(left**2 * start**2 + added)
+            for start, (left, added) in (
+                (values["start_noise"], moved(values["leak_per_s"], 3.0, data.end_s[k])),
+                (0.02, moved(-1.0, values["deciding_noise"], data.end_s[k])),
+            )
+        )
+        x = data.sums(-1.0, values["adaptation"], values["recovery_s"])[k, -1] + values["bias"]
+        x = x + deciding_sd * (0.7 * n / sd + np.sqrt(1 - 0.7**2) * rng.standard_normal(runs))
+        right = ndtr(x / values["choice_noise"])
         right = 0.95 * right + 0.025
         weight = np.exp(log - log.max()) * (right if data.choice[k] else 1 - right)
         error = weight.std() / weight.mean() / np.sqrt(runs)
@@ -130,13 +160,13 @@ def test_the_mean_over_simulated_paths_of_the_noise_converges_to_it():
 def test_derivatives_are_those_of_the_density(name):
     data, reading = session(), READINGS[name]
     cells = numbers(2, 0.1)
-    values = DEFAULT | {"noise": 3.0, "choice_noise": 1.0}
-    done = passed(data, values, cells, reading, [*DEFAULT])
+    values = TWO | {"noise": 3.0, "choice_noise": 1.0, "shared_noise": 0.8}
+    done = passed(data, values, cells, reading, [*TWO])
 
     def density(values, cells):
         return passed(data, values, cells, reading).log_density
 
-    for parameter, step in ((each, 1e-4) for each in DEFAULT):
+    for parameter, step in ((each, 1e-4) for each in TWO):
         above, below = (values | {parameter: values[parameter] + x} for x in (step, -step))
         apart = (density(above, cells) - density(below, cells)) / (2 * step)
         assert np.allclose(done.shared[parameter], apart, atol=2e-3), parameter
