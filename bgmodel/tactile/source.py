@@ -19,9 +19,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum, read_provenance, read_table
 from bgmodel.support.seeds import generator
-from bgmodel.tactile.decoder import EDGE, train
 from bgmodel.tactile.likelihood import Density, Likelihood, Pool, fit_likelihood
-from bgmodel.tactile.recordings import read_taps
 from bgmodel.task import Drawn
 from circuits.errors import CalibrationWarning, DataWarning, InputError, require
 
@@ -336,6 +334,10 @@ MM_PER_PX = 0.33
 
 def decoded_edges(seed: int, recordings: Path) -> pd.DataFrame:
     """Train on ``csv_train``; return true and decoded yaw (yaw_deg, edge_deg) of ``csv_val``."""
+    # Here, because tasks import this module, and those need torch and scipy.
+    from bgmodel.tactile.decoder import EDGE, train
+    from bgmodel.tactile.recordings import read_taps
+
     taps = read_taps(recordings / "csv_train", mm_per_px=MM_PER_PX)
     decoder = train(taps, seed=seed, training=EDGE)
     held = read_taps(recordings / "csv_val", mm_per_px=MM_PER_PX, rest=taps.rest_mm)
