@@ -42,7 +42,7 @@ SHOWN, FEWEST = 20, 10
 """Bins of the courses that are shown, and the fewest trials of a group."""
 NO_NOISE = ("noise=0.02", "start_noise=0.02")
 REFERENCE, NO_SHARED, NO_RECENT = "exponential", "no shared noise", "no recent rate"
-READINGS = ("linear", "step", "macaque D1", "macaque D2")
+READINGS = ("linear", "step", "macaque D1")
 """Readings that are compared with the reference."""
 MODELS = (REFERENCE, *READINGS, NO_SHARED, NO_RECENT)
 CHOICES_ALONE = "choices alone"
