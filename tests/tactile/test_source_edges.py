@@ -96,8 +96,8 @@ def test_one_part_of_a_recording_trains_the_decoder_and_another_is_read(monkeypa
             np.testing.assert_array_equal(taps.rest_mm, pins)
             return taps.labels.assign(edge_deg=taps.labels["yaw_deg"] + 3)
 
-    monkeypatch.setattr("bgmodel.tactile.source.read_taps", read_taps)
-    monkeypatch.setattr("bgmodel.tactile.source.train", train)
+    monkeypatch.setattr("bgmodel.tactile.recordings.read_taps", read_taps)
+    monkeypatch.setattr("bgmodel.tactile.decoder.train", train)
     assert decoded_edges(5, tmp_path).to_numpy().tolist() == [[30, 33], [-40, -37], [50, 53]]
 
 
