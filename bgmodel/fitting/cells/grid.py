@@ -57,7 +57,7 @@ def moved(leak_per_s: float, noise: float, time_s: Array | float) -> tuple[Array
 
 
 def variance(values: Values, time_s: Array | float, sum_of: str = "") -> Array:
-    """Return the variance of the noise of the cells' sum, or of the "deciding_" sum, at a time."""
+    """Return the variance of the noise of the cells' sum, or of the sum that decides, at a time."""
     left, added = moved(values[f"{sum_of}leak_per_s"], values[f"{sum_of}noise"], time_s)
     return np.asarray(left**2 * values[f"{sum_of}start_noise"] ** 2 + added)
 
