@@ -200,7 +200,9 @@ def _slid(likelihood: Likelihood, start: Array) -> tuple[Array, float, int]:
         inner = np.flatnonzero(np.minimum(-below, above) > FAR)
         below[inner], above[inner] = -np.inf, np.inf
         some = np.ix_(inner, inner)
-        axes[some] = np.linalg.inv(np.linalg.cholesky(precision[some])).T
+        # The diagonal is a little larger because the data may determine only a sum of some numbers.
+        damped = precision + SINGULAR * np.diag(np.diag(precision))
+        axes[some] = np.linalg.inv(np.linalg.cholesky(damped[some])).T
 
         def outer(x: Array, first: Array = first, axes: Array = axes) -> Array:
             return np.asarray(np.clip(freed.from_scale(first + axes @ x), freed.low, freed.high))

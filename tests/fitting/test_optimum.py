@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,7 @@ from bgmodel.fitting.exact.algorithms import EXPONENTIAL, GapModel
 from bgmodel.fitting.exact.responses import moments
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.likelihood import BinnedLikelihood, likelihood_of
-from bgmodel.fitting.optimum import TOLERANCE_NATS, Optimum, _scales, optimum
+from bgmodel.fitting.optimum import TOLERANCE_NATS, Optimum, _scales, _slid, optimum
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.trials.reading import read_trials
@@ -213,3 +214,31 @@ def test_with_a_deadline_predictions_end_there():
     design = design_of(drawn(CONSTANT, STRENGTHS, 60, 1, deadline_s=0.9, **CASES["constant"][1]))
     likelihood = likelihood_of(CONSTANT, design)
     assert likelihood.complete(likelihood.starts()[0]) is likelihood
+
+
+@pytest.mark.parametrize("third", [0.0, 1.0])
+def test_a_search_along_scores_finds_least_squares_where_only_a_sum_of_numbers_is_known(third):
+    """Of two proportional columns only one sum of coefficients follows from the data."""
+    rng = np.random.default_rng(2)
+    x = rng.standard_normal((3000, 3))
+    x[:, 2] = 2 * x[:, 1] + third * x[:, 2]
+    y = x @ [1.0, -0.5, 0.25] + rng.standard_normal(3000)
+
+    class Line:
+        freedom = SimpleNamespace(
+            low=np.full(3, -100.0), high=np.full(3, 100.0), to_scale=np.asarray,
+            from_scale=np.asarray, scale_rate=np.ones_like, log_prior=lambda v: 0.0,
+            prior_slope=lambda v: (np.zeros(3), np.zeros(3)),
+        )  # fmt: skip
+
+        def with_scores(self, vector):
+            off = y - x @ vector
+            return -(off**2) / 2, off[:, None] * x
+
+        def scores(self, vector):
+            return self.with_scores(vector)[1]
+
+    best, height, _ = _slid(Line(), np.zeros(3))
+    least, *_ = np.linalg.lstsq(x, y, rcond=None)
+    assert height == pytest.approx(-((y - x @ least) ** 2).sum() / 2, abs=1e-3)
+    assert x @ best == pytest.approx(x @ least, abs=1e-3)

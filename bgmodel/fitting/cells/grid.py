@@ -2,15 +2,16 @@
 
 The cells' sum z(t) = m(t) + n(t) has a part m that follows from the clicks and a noise n, an
 Ornstein-Uhlenbeck process that is the same for all clicks. Given z, spikes are Poisson. The choice
-is the sign of a second sum of the same clicks at the end of the trial, T, with a leak and a noise
-of its own: x(T) = m_x(T) + r sqrt(V_x(T) / V_z(T)) n(T) + sqrt(1 - r^2) times independent noise of
+is the sign of a second sum of the same clicks at the end of the trial, T, with another leak and
+noise: x(T) = m_x(T) + r sqrt(V_x(T) / V_z(T)) n(T) + sqrt(1 - r^2) times independent noise of
 variance V_x(T), where V_z and V_x are the variances of the noise of the sums, and r is their
 correlation. With equal parameters and r = 1 both sums are one; with r = 0 spikes and choice are
-independent given the clicks. What the deciding sum adds to n(T) does not depend on earlier n. The
-density of a trial is the mean of p(choice | x)
-prod p(spikes | x) over paths of n: n is one-dimensional, so that a sum over a grid (the forward
-algorithm) gives it without an error of simulation. Its derivatives are means over the paths given
-the data (Fisher's identity), from the forward and the backward pass.
+independent given the clicks. What the deciding sum adds to n(T) does not depend on earlier n.
+
+The density of a trial is the mean of p(choice | x) prod p(spikes | z) over paths of n: n is
+one-dimensional, so that a sum over a grid (the forward algorithm) gives it without an error of
+simulation. Its derivatives are means over the paths given the data (Fisher's identity), from the
+forward and the backward pass.
 """
 
 from __future__ import annotations
