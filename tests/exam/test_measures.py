@@ -142,6 +142,8 @@ def test_a_block_takes_signal_and_tone_of_a_receptor_from_a_cell_alone():
     from_gaba = gain * (nats("D1") + 0.55 * nats("GPe"))
     for receptors, hz in (
         ("AMPA, NMDA", rest["SNr"] - from_stn),
+        ("NMDA", rest["SNr"] - from_stn / 3),
+        ("NMDA, GABA-A", rest["SNr"] - from_stn / 3 + from_gaba),
         ("GABA-A", rest["SNr"] + from_gaba),
         ("AMPA, NMDA, GABA-A", rest["SNr"] - from_stn + from_gaba),
     ):
@@ -149,9 +151,21 @@ def test_a_block_takes_signal_and_tone_of_a_receptor_from_a_cell_alone():
     assert resting_hz(circuit)["GPe"] == rest["GPe"]
 
 
-def test_a_block_needs_cells_and_receptors_that_are_told_apart():
+def test_pathways_that_name_their_receptors_answer_with_their_own_shares():
     circuit = load_circuit("macaque")
-    for nucleus, receptors in (("SNr", "NMDA"), ("SNr", "mGluR"), ("nobody", "GABA-A")):
+    for ampa in (2 / 3, 0.5):
+        named = circuit.edited(
+            "set STN->GPe.synapse AMPA", f"scale STN->GPe AMPA {ampa}",
+            f"add STN->GPe NMDA like=STN->GPe weight={(1 - ampa) * circuit['STN->GPe'].weight}",
+        )  # fmt: skip
+        for receptors in ("AMPA", "NMDA", "AMPA, GABA-A"):
+            two, one = (blocked(each, "GPe", receptors).value for each in (named, circuit))
+            assert (two == pytest.approx(one, rel=1e-6)) == (ampa != 0.5)
+
+
+def test_a_block_needs_cells_and_their_receptors():
+    circuit = load_circuit("macaque")
+    for nucleus, receptors in (("SNr", "mGluR"), ("nobody", "GABA-A")):
         with pytest.raises(NotApplicable):
             blocked(circuit, nucleus, receptors)
     with pytest.raises(NotApplicable):
