@@ -341,7 +341,10 @@ def _new_row(line: str, rest: str) -> Edit | None:
 def _new_value(line: str, rest: str) -> Edit | None:
     match = SET.fullmatch(rest)
     row, _, field = _tidied(match[1]).partition(".") if match else ("", "", "")
-    return Edit(line, "set", row, field, value=match[2]) if match and row and field else None
+    if not (match and row and field):
+        return None
+    quoted = re.fullmatch(r"(['\"])(.*)\1", match[2])
+    return Edit(line, "set", row, field, value=quoted[2] if quoted else match[2])
 
 
 def _numbered(line: str, verb: str, words: Sequence[str]) -> Edit | None:

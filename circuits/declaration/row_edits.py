@@ -8,6 +8,7 @@ A new value must have the field's declared type::
     STN->GPe.delay_ms 4                 a field of a pathway
     STN->GPe.synapse AMPA               its receptor; the row is then called STN->GPe AMPA
     STN->GPe NMDA.weight 0.3            a field of one receptor of a pathway
+    D1.receptor ""                      no value: dopamine does not act on D1 itself
 
 A new row consists of its name and fields. Missing fields take their defaults, or the values of the
 row given as ``like``; a row with an amount is a course. A value with blanks needs quotes::

@@ -93,6 +93,14 @@ TRANSFERS: dict[str, Transfer] = {
         "exponential f-I of STN; Bogacz & Gurney 2007 after Hallworth 2003, Wilson 2004",
         _log,
     ),
+    "log": Transfer(
+        lambda x: np.log(np.maximum(x, 1.0)),
+        lambda x: (x > 1) / np.maximum(x, 1.0),
+        lambda x: -1.0 * (x > 1) / np.maximum(x, 1.0) ** 2,
+        "log(clip({x}, 1, inf))",
+        "logarithm, no less than zero: undoes exp, for sources that code by exponentials",
+        lambda a: np.where(a >= 0, _capped(a), np.nan),
+    ),
     "s_minus_log_s": Transfer(
         _s_minus_log_s,
         _s_minus_log_s_slope,
@@ -101,7 +109,10 @@ TRANSFERS: dict[str, Transfer] = {
         "S - ln S of what STN delivers to GPe; Bogacz & Gurney 2007. No input drives nothing",
     ),
 }
-"""All transfers by name. The ensemble engine has neither the ramp nor transfers added later."""
+"""All transfers by name.
+
+The ensemble engine has neither the ramp, nor the logarithm, nor transfers added later.
+"""
 
 
 def named(name: str) -> Transfer:

@@ -69,6 +69,38 @@ GAMES = {
     "cortex bursts in every task": ("add ctx amount=1.2 to_ms=120 rise_ms=20 decay_ms=120",),
 }
 """Edits of the default circuit that might raise its score without a meaning."""
+MECHANISMS = {
+    "cortex codes likelihoods": (
+        "set ctx.transfer exp", "set ctx.gain_hz_per_nat 4.4", "set ctx.baseline_hz 0",
+        *(f"set ctx->{name}.transfer log" for name in ("D1", "D2", "STN", "FSI", "ctx_inh")),
+    ),
+    "SNr commits": (
+        "add commitment cell=Rate transmitter=GABA transfer=saturating bias_nats=1.6"
+        " gain_hz_per_nat=10 tau_ms=5",
+        "add SNr->commitment weight=-20 tau_ms=4 delay_ms=2",
+        "add commitment->SNr weight=-3 tau_ms=4 delay_ms=2 pattern=diffuse",
+    ),
+    "faster legs": (
+        "set STN->SNr.tau_ms 4", "set STN.tau_ms 5", "set GPe->STN.tau_ms 4",
+        "set GPe->STN.delay_ms 4", "set D1->SNr.delay_ms 5", "set ctx->D1.delay_ms 3",
+    ),
+    "dopamine at cortical synapses": (
+        'set D1.receptor ""', 'set D2.receptor ""', "set ctx->D1.receptor D1",
+        "set ctx->D2.receptor D2",
+    ),
+    "dopamine at terminals": (
+        'set D1.receptor ""', 'set D2.receptor ""', "set D1->SNr.receptor D1",
+        "set D2->GPe.receptor D2",
+    ),
+}  # fmt: skip
+"""Mechanisms that the family of OUT = -ln P leaves open, as edits of the default circuit.
+
+Where cortex fires by the exponential of its input and synapses take the logarithm, only what all
+channels share changes. A nucleus that a silent SNr sets free silences it further. Dopamine acts on
+D1 and D2 themselves in the default circuit.
+"""
+FEW = 8
+"""Up to so many numbers are listed by name."""
 
 
 def examinees() -> dict[str, Model]:
@@ -106,16 +138,18 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
             make = partial(sat, name, seed, share, workers)
             file = name.replace("->", " to ")
             yield Piece("exam", f"{file}, seed {seed}", round(1000 * share), SECONDS, make)
-    for name in GAMES:
-        make = partial(gamed, name, SEED, share, workers)
-        yield Piece("games", name, round(1000 * share), SECONDS, make)
+    for kind, edits in (("games", GAMES), ("mechanisms", MECHANISMS)):
+        for name in edits:
+            make = partial(edited, edits[name], name, SEED, share, workers)
+            yield Piece(kind, name, round(1000 * share), SECONDS, make)
     yield Piece("others", "rates", 1, 1, others)
 
 
-def gamed(name: str, seed: int, share: float, workers: int) -> pd.DataFrame:
-    """Return the rows of an exam of the default circuit with edits that might raise its score."""
-    exam = Exam.shipped()
-    record = exam.take(DEFAULT, edits=GAMES[name], seed=seed, share=share, workers=workers)
+def edited(
+    edits: tuple[str, ...], name: str, seed: int, share: float, workers: int
+) -> pd.DataFrame:
+    """Return the rows of an exam of the default circuit with edits, under their name."""
+    record = Exam.shipped().take(DEFAULT, edits=edits, seed=seed, share=share, workers=workers)
     return record.table.assign(edit=name)
 
 
@@ -134,9 +168,13 @@ def games(tried: pd.DataFrame, plain: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for name, part in tried.groupby("edit", sort=False):
         after = part.set_index("id")["outcome"] == AGREES
-        won, lost = (", ".join(before.index[k]) for k in (after & ~before, before & ~after))
+        won, lost = (_listed(before.index[k]) for k in (after & ~before, before & ~after))
         rows.append((name, int(after.sum() - before.sum()), won, lost))
     return pd.DataFrame(rows, columns=["edit", "more", "won", "lost"])
+
+
+def _listed(ids: pd.Index) -> str:
+    return ", ".join(ids) if len(ids) <= FEW else f"{len(ids)} numbers"
 
 
 def judged(table: pd.DataFrame) -> pd.Series:
@@ -172,7 +210,7 @@ def ranks(domains: pd.DataFrame) -> pd.DataFrame:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the list, all answers, domains, stability, controls, cost, games, others' rates."""
+    """Return the list, all answers, domains, stability, controls, cost, edits, others' rates."""
     answers = made["exam"]
     plain = answers[(answers["examinee"] == DEFAULT) & (answers["sitting"] == SEED)]
     asked = made["others"][made["others"]["outcome"] != UNANSWERED]
@@ -200,6 +238,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
         "reasons": ("exam", reasons[reasons["outcome"].isin([FAILS, UNANSWERED])]),
         "cost": ("exam", cost.reset_index()),
         "games": ("games", games(made["games"], plain)),
+        "mechanisms": ("mechanisms", games(made["mechanisms"], plain)),
         "others": ("others", asked[["circuit", "id", "published", "value", "se", "z", "outcome"]]),
     }
 

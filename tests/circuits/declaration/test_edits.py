@@ -116,6 +116,14 @@ def test_edits_of_all_nuclei_come_first_then_rows_then_factors():
     assert TABLE.edited(*ALL) == by_hand.compensate(TABLE, rebound_nats={"SNr": 0.2})
 
 
+@pytest.mark.parametrize("value", ['""', "''"])
+def test_quotes_around_a_value_are_no_part_of_it(value):
+    circuit = load_circuit("macaque")
+    assert circuit.edited(f"set D1.receptor {value}").population("D1").receptor == ""
+    cited = circuit.edited('set D1.cite "mine, 2026"')
+    assert cited.population("D1").cite == "mine, 2026"
+
+
 def test_no_edits_leave_the_circuit_and_say_nothing():
     assert TABLE.edited() is TABLE
     assert Edits() == ()

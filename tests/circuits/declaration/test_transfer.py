@@ -37,6 +37,7 @@ def test_the_text_says_what_the_function_does(name):
         ("saturating", [-2, 5, 7], [0, 5, 5.5]),
         ("ramp", [-2, 0.9, 1.2], [0, 0.9, 1]),
         ("exp", [-2, 59, 61], [np.exp(-2), np.exp(59), np.exp(60)]),
+        ("log", [-2, 1, np.e], [0, 0, 1]),
         ("s_minus_log_s", [-2, 0, 1, np.e], [0, 0, 1, np.e - 1]),
     ],
 )
@@ -51,6 +52,7 @@ def test_transfers_end_at_their_stated_bounds(name, x, activity):
         ("saturating", [-0.1, 0, 5.5, 5.6], [np.nan, 0, 5.5, np.nan]),
         ("ramp", [-0.1, 0, 1, 1.1], [np.nan, 0, 1, np.nan]),
         ("exp", [-1, 0, 1, np.e], [np.nan, np.nan, 0, 1]),
+        ("log", [-0.1, 0, 1], [np.nan, 1, np.e]),
     ],
 )
 def test_an_activity_that_no_input_has_has_no_inverse(name, activity, x):

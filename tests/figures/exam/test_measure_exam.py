@@ -6,9 +6,10 @@ import pytest
 
 from bgmodel.exam.exam import Exam
 from circuits.anatomy import CIRCUITS, DEFAULT, load_circuit
-from circuits.dynamics.fixed_point import resting_hz
+from circuits.dynamics.fixed_point import resting_hz, solve, wired
 from figures.exam.measure_exam import (
     CONTROLS,
+    MECHANISMS,
     NO_MOTIFS,
     WITHOUT,
     examinees,
@@ -69,3 +70,20 @@ def test_rates_of_other_people_answer_what_is_about_rest():
     known = table[table["outcome"] != "not answered"]
     assert set(known["domain"]) == {"resting rates"}
     assert set(known["circuit"]) == {"topological_bg"}
+
+
+def test_a_cortex_that_codes_likelihoods_leaves_out_as_it_is():
+    circuit = load_circuit(DEFAULT, 4)
+    coded = circuit.edited(*MECHANISMS["cortex codes likelihoods"])
+    drive = np.random.default_rng(1).normal(0, 0.4, (50, 4))
+    wirings = [wired(each) for each in (circuit, coded)]
+    states = [solve(wiring, drive) for wiring in wirings]
+    out, cortex = (wirings[0].blocks_of(name) for name in (circuit.readout, circuit.input))
+    assert min(x[:, cortex].min() for x in states) > 0, "cortex falls silent"
+    nats, coded_nats = (x[:, out] for x in states)
+    read = nats < np.log(4)
+    assert read.sum() > 50
+    np.testing.assert_allclose(coded_nats[read], nats[read], atol=2e-3)
+    plain, other = (w.rates(x)[:, cortex] for w, x in zip(wirings, states, strict=True))
+    np.testing.assert_allclose(np.log(other) - states[1][:, cortex], np.log(4.4), atol=1e-6)
+    assert np.ptp(other) > 2 * np.ptp(plain)
