@@ -1,9 +1,9 @@
 """Shared by all measurements: stored pieces, estimates of the remaining time, and tables.
 
 A score consists of pieces, one condition each. A finished piece is stored in ``benchmarks/out``
-with its trials, seed and circuits, and is computed again only if one of these changes. Once all
-pieces are finished, the tables are written to the room of the score. ``--fast`` is the coarse form,
-with fewer trials, stored in ``benchmarks/out/fast``.
+with its trials, arguments, seed and circuits, and is computed again only if one of these changes.
+Once all pieces are finished, the tables are written to the room of the score. ``--fast`` is the
+coarse form, with fewer trials, stored in ``benchmarks/out/fast``.
 """
 
 from __future__ import annotations
@@ -11,9 +11,11 @@ from __future__ import annotations
 import argparse
 import inspect
 import io
+import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -103,9 +105,10 @@ class Score:
         return parameters | ({"fast": True} if fast else {})
 
     def entry(self, piece: Piece, folder: Path, fast: bool) -> Entry[pd.DataFrame]:
-        """Return the place of a piece from its trials, this seed and these circuits."""
+        """Return the place of a piece from its trials and arguments, this seed and circuits."""
         title = f"{self.name} {piece.kind} {piece.name}"
         key = {"piece": title, "seed": self.seed, **self.behind([piece.trials], fast)}
+        key["arguments"] = _arguments(piece.make)
         # As text, so that tables are made from the numbers that are written. A new version of the
         # package does not make them again.
         return Entry(
@@ -114,6 +117,17 @@ class Score:
             lambda arrays: pd.read_csv(io.StringIO(str(arrays["csv"]))),
             title,
         )  # fmt: skip
+
+
+def _arguments(make: Callable[..., Any]) -> list[str]:
+    """Return what a piece is computed from, as text, save the number of threads."""
+    if not isinstance(make, partial):
+        return []
+    names = inspect.signature(make.func).parameters
+    named = {**dict(zip(names, make.args, strict=False)), **make.keywords}
+    # An object whose text is its address is stated by its type.
+    texts = {name: re.sub(r" at 0x\w+", "", repr(value)) for name, value in named.items()}
+    return [f"{name}={text}" for name, text in sorted(texts.items()) if name != "workers"]
 
 
 def run(score: Score, pieces: Sequence[Piece], folder: Path, fast: bool, only: str) -> None:
@@ -129,10 +143,10 @@ def run(score: Score, pieces: Sequence[Piece], folder: Path, fast: bool, only: s
     there = [(piece, table) for piece, table in tables if table is not None]
     left = [piece.name for piece, table in tables if table is None]
     if left:
-        partial = score.partial and there
-        which = "tables of what is there" if partial else "no tables yet"
+        some = score.partial and there
+        which = "tables of what is there" if some else "no tables yet"
         print(f"{score.name}: {which}, what is left is {'; '.join(left)}")
-        if not partial:
+        if not some:
             return
     write_tables(score, there, fast)
 

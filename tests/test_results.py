@@ -3,6 +3,7 @@
 import re
 import sys
 from dataclasses import replace
+from functools import partial
 
 import pandas as pd
 import pytest
@@ -171,6 +172,23 @@ def score(tmp_path, monkeypatch):
         "test", 1, (2,), those, lambda made: {"all": ("kind", made["kind"])}, room=tmp_path
     )
     return small, computed, tmp_path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "again"), [({"size": 2}, True), ({"workers": 9}, False), ({}, False)]
+)
+def test_a_piece_is_made_again_where_its_arguments_changed(score, arguments, again):
+    made = []
+
+    def make(size, workers):
+        made.append(size)
+        return pd.DataFrame({"size": [size]})
+
+    one, _, _ = score
+    for given in ({}, arguments):
+        of = partial(make, **{"size": 1, "workers": 2} | given)
+        pieces.main(replace(one, pieces=lambda *_, of=of: [Piece("kind", "one", 10, 1, of)]))
+    assert len(made) == 1 + again
 
 
 def test_a_score_goes_on_where_it_was_stopped(score, capsys):
