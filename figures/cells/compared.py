@@ -21,8 +21,8 @@ import pandas as pd
 from scipy.optimize import minimize
 
 from bgmodel.fits import question
-from bgmodel.fitting.cells.grid import SUMS, chosen, p_right, variance
-from bgmodel.fitting.cells.model import SCALE, SHARED, CellsLikelihood, numbers_of
+from bgmodel.fitting.cells.grid import SUMS, chosen, p_right, read_by, variance
+from bgmodel.fitting.cells.model import SHARED, CellsLikelihood, numbers_of
 from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, Session, sessions_of
 from bgmodel.fitting.model_comparison import FOLDS
 from bgmodel.fitting.optimum import optimum
@@ -42,7 +42,7 @@ SHOWN, FEWEST = 20, 10
 """Bins of the courses that are shown, and the fewest trials of a group."""
 NO_NOISE = ("noise=0.02", "start_noise=0.02")
 REFERENCE, NO_SHARED, NO_RECENT = "exponential", "no shared noise", "no recent rate"
-READINGS = ("linear", "step", "macaque D1")
+READINGS = ("linear", "step", "macaque D1", "macaque D2")
 """Readings that are compared with the reference."""
 MODELS = (REFERENCE, *READINGS, NO_SHARED, NO_RECENT)
 CHOICES_ALONE = "choices alone"
@@ -176,7 +176,7 @@ def expected(likelihood: CellsLikelihood, vector: Array) -> Iterator[tuple[str, 
         weight = weights * p[on]
         weight /= weight.sum(axis=1, keepdims=True)
         x = (sums[:, :-1, None] + now)[on]
-        read = reading.read(values.get(SCALE.name, 1.0) * x)[0]
+        read = read_by(reading, values, x)[0]
         for name, count, past in zip(session.names, session.counts, session.past, strict=True):
             cell = np.array([values[each] for each in numbers_of(name)])
             base = (session.basis @ cell[:-2] + cell[-2] * past)[on]

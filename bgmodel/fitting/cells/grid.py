@@ -113,6 +113,15 @@ def _pieces(session: Session, values: Values, n: Array) -> tuple[Array, Array, A
     return first / first.sum(), steps / steps.sum(axis=1, keepdims=True), chosen(right, session)
 
 
+def read_by(reading: Reading, values: Values, x: Array) -> tuple[Array, Array, Array | float]:
+    """Return ``Reading.read`` of a sum of clicks in the middle of a bin, averaged over the bin.
+
+    The noise moves by noise^2 |t| in a time t, a quarter of noise^2 BIN_S on average.
+    """
+    scale = values.get("nats_per_click", 1.0)
+    return reading.read(scale * x, scale * values["noise"] * np.sqrt(BIN_S) / 2)
+
+
 @dataclass(frozen=True)
 class _Forward:
     """The forward pass over a session."""
@@ -142,7 +151,7 @@ def passed(
     first, steps, choice = _pieces(session, values, n)
     # Spikes by bins that belong to a trial, (these bins, values).
     x = sums[:, :bins][on][:, None] + n
-    read, slope = reading.read(scale * x)
+    read, slope, bend = read_by(reading, values, x)
     log_spikes, pulls = np.zeros(x.shape), []
     for count, past, cell in zip(session.counts, session.past, cells, strict=True):
         base, count = (session.basis @ cell[:-2] + cell[-2] * past)[on], count[on][:, None]
@@ -168,7 +177,8 @@ def passed(
     forward = _Forward(n, sums, steps, choice, spikes, ahead, size, end)
     behind, weighted = _backward(session, forward)
     paths = ahead[on] * behind[on]
-    by_sum, by_scale, of_cells = np.zeros(sums.shape), np.zeros(on.shape), []
+    by_sum, of_cells = np.zeros(sums.shape), []
+    by_scale, by_spread = np.zeros(on.shape), np.zeros(on.shape)
     for (pull, rise), past, cell in zip(pulls, session.past, cells, strict=True):
         pull *= paths
         base, gain = np.zeros(on.shape), np.zeros(on.shape)
@@ -177,6 +187,8 @@ def passed(
         gain[on] = (pull * read).sum(axis=1)
         derivatives = [base @ session.basis, (base * past).sum(axis=1), gain.sum(axis=1)]
         of_cells.append(np.column_stack(derivatives))
+        if reading.curve is not None:
+            by_spread[on] += (pull * (cell[-1] * bend)).sum(axis=1)
         pull *= cell[-1] * slope
         by_sum[:, :bins][on] += scale * pull.sum(axis=1)
         by_scale[on] += (pull * x).sum(axis=1)
@@ -185,6 +197,11 @@ def passed(
         else _by_shared(session, values, name, forward, behind, weighted, by_sum)
         for name in free
     }  # fmt: skip
+    if reading.curve is not None:
+        # Half the squared spread is scale^2 noise^2 BIN_S / 8.
+        by_squared = by_spread.sum(axis=1) * (scale * values["noise"]) ** 2 * BIN_S / 4
+        for name in {"nats_per_click", "noise"} & set(free):
+            shared[name] += by_squared / values[name]
     return Passed(log_density, shared, of_cells)
 
 

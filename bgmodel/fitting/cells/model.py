@@ -10,7 +10,16 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from bgmodel.fitting.cells.grid import SUMS, Passed, Values, chosen, moved, p_right, passed
+from bgmodel.fitting.cells.grid import (
+    SUMS,
+    Passed,
+    Values,
+    chosen,
+    moved,
+    p_right,
+    passed,
+    read_by,
+)
 from bgmodel.fitting.cells.reading import Reading, reading_of
 from bgmodel.fitting.cells.sessions import (
     BIN_S,
@@ -167,7 +176,7 @@ class CellsLikelihood(Likelihood):
         """Return each cell's numbers without noise of the sum: Poisson regression, by scoring."""
         on, reading = session.on, self.model.reading
         sums = session.sums(*(values[name] for name in SUMS))[:, :-1]
-        read = reading.read(values.get(SCALE.name, 1.0) * sums)[0][on]
+        read = read_by(reading, values, sums)[0][on]
         basis = np.broadcast_to(session.basis, (*on.shape, KNOTS))[on]
         per_cell = []
         for count, past in zip(session.counts, session.past, strict=True):
@@ -238,7 +247,7 @@ def drawn(
             left * n + np.sqrt(added) * rng.standard_normal(count),
             float(session.middles_s[k]),
         )
-        read = reading.read(values.get(SCALE.name, 1.0) * (sums[:, k] + n))[0]
+        read = read_by(reading, values, sums[:, k] + n)[0]
         for activity, cell, now in zip(level, cells, counts, strict=True):
             past = recent(activity / share[k])
             base = session.basis[k] @ cell[:-2] + cell[-2] * past

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from scipy.special import expit
+from scipy.special import expit, ndtr
 
 from bgmodel.support.arrays import Array
 from circuits.anatomy import checked_circuit
@@ -19,9 +20,13 @@ SHARPNESS, FLOOR, MOST_LOG = 8.0, 1e-4, 7.0
 """Sharpness of the threshold of a linear reading, its least factor, and the largest log rate."""
 REACH_NATS, POINTS = 8.0, 321
 """Largest input for which a circuit is solved, on either side, and the number of inputs."""
+SHARPEST = 0.05
+"""Least standard deviation, nats, over which the activity of a circuit is averaged."""
+STILL_HZ = 1e-6
+"""Change of a rate per nat that is rounding error, Hz."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Reading:
     """How a cell reads the sum of clicks.
 
@@ -36,7 +41,8 @@ class Reading:
     scaled : bool
         Whether the input is in nats, with nats per click to be fitted, or in clicks.
     curve : (input (points,), nats; activity (points,)), optional
-        The activity of a nucleus of a circuit in place of the line.
+        The activity of a nucleus of a circuit in place of the line, which continues beyond the
+        ends with the slope there.
     circuit : Circuit, optional
         The circuit of that nucleus.
     """
@@ -53,18 +59,27 @@ class Reading:
         known = {"model": self.name}
         return known if self.circuit is None else known | {"circuit": identity(self.circuit)}
 
-    def read(self, x: Array) -> tuple[Array, Array]:
-        """Return the function of the sum, and its derivative."""
+    def read(self, x: Array, spread: float = 0.0) -> tuple[Array, Array, Array | float]:
+        """Return the function of the sum, its derivative, and that by half the squared spread.
+
+        A curve is averaged over Gaussian inputs with that standard deviation, nats: the sum moves
+        within a bin. By the heat equation the last derivative is the second one by the input.
+        """
         if self.curve is not None:
-            at, rate = self.curve
-            place = np.clip((x - at[0]) / (at[1] - at[0]), 0, len(at) - 1.001)
-            below = place.astype(np.int64)
-            rise = np.diff(rate)[below]
-            return rate[below] + (place - below) * rise, rise / (at[1] - at[0])
+            at, value, slope = _averaged(self, float(np.hypot(spread, SHARPEST)))
+            width = at[1] - at[0]
+            place = (x - at[0]) / width
+            # Beyond the ends ``bend`` is 0, so that the line continues.
+            below = np.clip(place, 0, len(at) - 1).astype(np.int64)
+            bend = np.append(np.diff(slope) / width, 0.0)[below]
+            bend[place < 0] = 0.0
+            away = (place - below) * width
+            rise = slope[below] + bend * away
+            return value[below] + away * (slope[below] + rise) / 2, rise, bend
         if self.bent is not None:
             tanh = np.tanh(x / self.bent)
-            return tanh, (1 - tanh**2) / self.bent
-        return x, np.ones_like(x)
+            return tanh, (1 - tanh**2) / self.bent, 0.0
+        return x, np.ones_like(x), 0.0
 
     def rate(self, base: Array, drive: Array) -> tuple[Array, Array, Array | float]:
         """Return the logarithm of the rate, the rate, Hz, and the derivative of the log by drive.
@@ -78,6 +93,21 @@ class Reading:
         factor = np.logaddexp(0, rise) / SHARPNESS + FLOOR
         log = np.minimum(base + np.log(factor), MOST_LOG)
         return log, np.exp(log), expit(rise) / factor
+
+
+@lru_cache(maxsize=8)
+def _averaged(reading: Reading, spread: float) -> tuple[Array, Array, Array]:
+    """Return inputs, nats, with the value and the slope of a curve that is averaged over noise.
+
+    Between inputs the slope is a line, and the value its integral.
+    """
+    assert reading.curve is not None
+    at, rate = reading.curve
+    slopes = np.diff(rate) / np.diff(at)
+    x = np.linspace(at[0] - 4 * spread, at[-1] + 4 * spread, 2 * len(at))
+    slope = slopes[0] + ndtr((x[:, None] - at[1:-1]) / spread) @ np.diff(slopes)
+    rises = np.append(0.0, (slope[1:] + slope[:-1]) / 2 * np.diff(x))
+    return x, rate[0] + slopes[0] * (x[0] - at[0]) + np.cumsum(rises), slope
 
 
 READINGS = {
@@ -111,13 +141,15 @@ def nucleus_reading(circuit: Circuit, nucleus: str, name: str) -> Reading:
     """Return the steady activity of a nucleus's first channel, by the lead of its evidence.
 
     Activity follows evidence within tens of ms, much faster than the sum of clicks moves. It is
-    relative to rest, in units of 10 Hz.
+    relative to rest, in units of its change per nat there.
     """
     names = [row.name for row in circuit.populations]
     require(nucleus in names, "models", f"must name a nucleus, one of {', '.join(names)}", nucleus)
     lead = np.linspace(-REACH_NATS, REACH_NATS, POINTS)
-    wiring = wired(circuit)
+    wiring, middle = wired(circuit), POINTS // 2
     drive = np.stack([lead / 2, -lead / 2], axis=1)
     rates = wiring.rates(solve(wiring, drive))[:, wiring.blocks_of(nucleus)][:, 0]
-    activity = np.asarray((rates - rates[POINTS // 2]) / 10)
+    per_nat = (rates[middle + 1] - rates[middle - 1]) / (lead[middle + 1] - lead[middle - 1])
+    require(abs(per_nat) > STILL_HZ, "models", "must name a nucleus that follows evidence", name)
+    activity = np.asarray((rates - rates[middle]) / per_nat)
     return Reading(name, linear=True, scaled=True, curve=(lead, activity), circuit=circuit)

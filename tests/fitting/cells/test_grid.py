@@ -9,7 +9,7 @@ from scipy.stats import norm, poisson
 
 from bgmodel.fitting.cells.grid import chosen, moved, noise_grid, p_right, passed
 from bgmodel.fitting.cells.model import SHARED
-from bgmodel.fitting.cells.reading import READINGS
+from bgmodel.fitting.cells.reading import READINGS, reading_of
 from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, Session, courses
 
 TWO = {each.name: each.start for each in SHARED}
@@ -156,17 +156,17 @@ def test_the_mean_over_simulated_paths_of_the_noise_converges_to_it():
         assert abs(np.log(weight.mean()) + log.max() - exact[k]) < 4 * error
 
 
-@pytest.mark.parametrize("name", READINGS)
+@pytest.mark.parametrize("name", [*READINGS, "macaque D2"])
 def test_derivatives_are_those_of_the_density(name):
-    data, reading = session(), READINGS[name]
+    data, reading = session(), reading_of(name)
     cells = numbers(2, 0.1)
-    values = TWO | {"noise": 3.0, "choice_noise": 1.0, "shared_noise": 0.8}
-    done = passed(data, values, cells, reading, [*TWO])
+    values = TWO | {"noise": 3.0, "choice_noise": 1.0, "shared_noise": 0.8, "nats_per_click": 0.7}
+    done = passed(data, values, cells, reading, [*values])
 
     def density(values, cells):
         return passed(data, values, cells, reading).log_density
 
-    for parameter, step in ((each, 1e-4) for each in TWO):
+    for parameter, step in ((each, 1e-4) for each in values):
         above, below = (values | {parameter: values[parameter] + x} for x in (step, -step))
         apart = (density(above, cells) - density(below, cells)) / (2 * step)
         assert np.allclose(done.shared[parameter], apart, atol=2e-3), parameter

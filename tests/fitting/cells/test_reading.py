@@ -13,21 +13,34 @@ REST_HZ = 12.0
 
 
 def test_the_direct_pathway_of_the_exact_circuit_is_a_line_and_its_stn_exponential():
-    """Of evidence +-l/2: D1 has l/2, and STN's two channels a ratio of exp(l)."""
+    """Of evidence +-l/2, relative to the slope at rest: D1 has l, and STN's channels exp(l)."""
     direct, stn = (reading_of(f"bogacz_gurney {name}").read for name in ("D1", "STN"))
-    assert direct(LEAD)[0] == pytest.approx(LEAD / 2, abs=1e-9)
-    rate_hz, other_hz = (REST_HZ + 10 * stn(lead)[0] for lead in (LEAD, -LEAD))
+    assert direct(LEAD)[0] == pytest.approx(LEAD, abs=1e-9)
+    assert direct(10 * LEAD, 3.0)[0] == pytest.approx(10 * LEAD, abs=1e-9)
+    rate_hz, other_hz = (REST_HZ * (1 + stn(lead)[0] / 2) for lead in (LEAD, -LEAD))
     assert rate_hz / other_hz == pytest.approx(np.exp(LEAD), rel=1e-3)
 
 
-@pytest.mark.parametrize("name", [*READINGS, "macaque D1", "macaque STN"])
-def test_a_reading_has_its_derivative(name):
-    read, at = (
-        reading_of(name).read,
-        LEAD + 0.011,
-    )  # between the inputs at which circuits are solved
-    slope = (read(at + 1e-6)[0] - read(at - 1e-6)[0]) / 2e-6
-    assert read(at)[1] == pytest.approx(slope, abs=1e-6)
+@pytest.mark.parametrize("spread", [0.0, 0.7, 3.0])
+@pytest.mark.parametrize("name", [*READINGS, "macaque D1", "macaque D2", "macaque STN"])
+def test_a_reading_has_its_derivatives(name, spread):
+    read, at = reading_of(name).read, 6 * LEAD  # beyond the ends of a curve too
+    slope = (read(at + 1e-6, spread)[0] - read(at - 1e-6, spread)[0]) / 2e-6
+    _, by_input, by_spread = read(at, spread)
+    assert by_input == pytest.approx(slope, abs=1e-6)
+    if spread:  # that by the spread is of the curve between two inputs at which it is known
+        apart = read(at, spread + 1e-4)[0] - read(at, spread - 1e-4)[0]
+        assert apart / (2e-4 * spread) == pytest.approx(by_spread + 0 * at, abs=0.02)
+
+
+def test_a_curve_is_averaged_over_the_noise_of_its_input():
+    """By quadrature over the curve without noise, on both sides of the kinks of D2."""
+    read, spread = reading_of("macaque D2").read, 1.5
+    nodes = np.linspace(-6, 6, 4001)
+    weights = np.exp(-(nodes**2) / 2)
+    inputs = 3 * LEAD[:, None] + spread * nodes
+    mean = (read(inputs)[0] * weights).sum(axis=1) / weights.sum()
+    assert read(3 * LEAD, spread)[0] == pytest.approx(mean, abs=1e-3)
 
 
 def test_a_circuit_that_was_edited_is_another_reading():
@@ -39,6 +52,6 @@ def test_a_circuit_that_was_edited_is_another_reading():
 
 
 def test_unknown_readings_are_refused():
-    for name in ("sigmoid", "macaque D7", "nowhere D1"):
+    for name in ("sigmoid", "macaque D7", "macaque ctx_inh", "nowhere D1"):
         with refused("models" if name != "nowhere D1" else "circuit"):
             reading_of(name)
