@@ -287,24 +287,30 @@ def _shuffled(trials: Trials, seed: int) -> Integers:
     return order
 
 
-def recovered(folder: str, session: int, seed: int, sets: int) -> pd.DataFrame:
-    """Return how often 90 % intervals cover the true numbers in simulated sets, by kind of number.
+@cache
+def reference_of(folder: str) -> dict[str, float]:
+    """Return the numbers of a fit of the reference to all trials."""
+    return optimum(likelihood_of(trials_of(folder), REFERENCE)).values
 
-    Sets have the trials of one session; true numbers are those of a fit to it, with lapses of 5 %,
-    since a proportion of 0 is at the end of its range.
+
+def recovered(folder: str, session: int, seed: int, sets: int) -> pd.DataFrame:
+    """Return errors of numbers fitted to simulated sets, in standard errors, by kind of number.
+
+    Sets have the trials of one session; true numbers are those of a fit to all trials. A fit to
+    one session has many at the ends of their ranges, where standard errors say little. Numbers
+    that are searched on a logarithmic scale have their errors there.
     """
     trials = trials_of(folder)
     trials = trials.where(np.isin(np.arange(trials.trials), sessions_of(trials)[session].trials))
-    fitted = likelihood_of(trials, REFERENCE)
-    true, rows = optimum(fitted).vector, []
-    names = fitted.freedom.names
-    true[names.index("lapse")] = 0.05
+    fitted, rows = likelihood_of(trials, REFERENCE), []
+    space, names = fitted.freedom, fitted.freedom.names
+    true = np.array([reference_of(folder)[name] for name in names])
     for number in range(sets):
         simulated = fitted.simulated(true, stream(seed, f"session {session}", number))
         likelihood = likelihood_of(simulated, REFERENCE)
         vector = optimum(likelihood).vector
         error = np.sqrt(np.diag(np.linalg.inv(likelihood.information(vector)[0])))
-        z = (vector - true) / error
+        z = (space.to_scale(vector) - space.to_scale(true)) * space.scale_rate(vector) / error
         rows += [
             {"number": re.sub(r"^\S+ (\D+).*", r"\1", name).strip(), "z": z[k]}
             for k, name in enumerate(names)

@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 
 from bgmodel.fitting.cells.grid import SUMS, chosen, moved, p_right
+from bgmodel.fitting.cells.model import SHARED
 from bgmodel.fitting.cells.sessions import BIN_S, KNOTS
 from circuits.errors import quiet
 from figures.cells import compared
 from tests.fitting.cells.test_model import clicked, likelihood_of, true_vector
+
+OF_SUMS = {each.name for each in SHARED if each.free}
 
 
 @pytest.fixture(scope="module")
@@ -95,3 +98,16 @@ def test_choices_alone_follow_the_clicks(monkeypatch, likelihood):
     alone = compared.chosen_alone("")
     assert alone["choices"].sum() > 0.8 * 120 * np.log(0.5)
     assert alone["deciding_noise"].iloc[0] < 4
+
+
+def test_errors_of_recovered_numbers_are_in_standard_errors(monkeypatch, likelihood):
+    vector = true_vector(likelihood, noise=8.0, deciding_noise=2.0, **{"0 gain": 0.3})
+    trials = likelihood.simulated(vector, np.random.default_rng(3))
+    true = dict(zip(likelihood.freedom.names, vector, strict=True))
+    monkeypatch.setattr(compared, "trials_of", lambda folder: trials)
+    monkeypatch.setattr(compared, "reference_of", lambda folder: true)
+    with quiet():
+        z = compared.recovered("", 0, seed=5, sets=1).groupby("number")["z"]
+    assert set(z.groups) == {"gain", "past", "course", *OF_SUMS}
+    assert z.size()["gain"] == 3
+    assert 0.3 < z.std()["course"] < 3
