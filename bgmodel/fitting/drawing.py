@@ -39,12 +39,7 @@ LABELS = (
 
 @styled
 def draw_fits(fits: Mapping[str, pd.DataFrame], title: str) -> Figure:
-    """Draw data and models, as from ``cells_of``, over strength, and a quantile-probability plot.
-
-    Markers are data with 95 % intervals (Wilson's for choices, 1.96 standard errors for the
-    others). Models are lines, or dashes over conditions if there is a single strength, shown where
-    the data have at least ``quantiles.FEWEST`` responses.
-    """
+    """Draw data (95 % intervals) and models, as from ``cells_of``, over strength, probability."""
     figure, axes = _axes()
     first = next(iter(fits.values()))
     place, labels, group = _places(first)

@@ -97,10 +97,7 @@ class Fit(Facts):
         return self.parameters()
 
     def plot(self) -> Figure:
-        """Draw data with 95 % intervals and the model over strength: choices, times and errors.
-
-        With known evidence there are three panels: hazards per reading, and psychophysical kernels.
-        """
+        """Draw data with 95 % intervals and the model; see the likelihood's ``draw``."""
         peak = self.optimum.likelihood, self.optimum.vector
         return peak[0].draw({"Model": self.cells()}, {"Model": peak}, peak[0].design.who)
 
@@ -147,11 +144,7 @@ def _impossible(fitted: Optimum) -> list[str]:
 
 
 def widened(drawn: Posterior, simulation: Array) -> Array:
-    """Return the central interval with ``SHARE`` of a posterior, (2, parameters).
-
-    The distance of each end from the median and the Gaussian error of simulated trials,
-    (parameters,), are added in quadrature; a NaN error, at a bound, has no effect.
-    """
+    """Return the central interval of a posterior, (2, parameters), with the simulation error."""
     middle = np.median(drawn.draws, axis=0)
     low, high = drawn.interval(SHARE)
     half = NormalDist().inv_cdf((1 + SHARE) / 2) * np.nan_to_num(simulation)

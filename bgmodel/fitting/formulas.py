@@ -39,10 +39,9 @@ class Formula:
     def matrix(
         self, conditions: Mapping[str, Sequence[str]], cell: Integers, cells: int
     ) -> dict[str, Array]:
-        """Return the columns of the design by name, (cells,) each, from the level of each cell.
+        """Return the columns of the design by name, (cells,) each.
 
-        Levels that are all numbers have a slope. Functions such as ``center`` are over trials,
-        whose cells are ``cell`` (trials,). Collinear columns and cells without a value are refused.
+        Levels that are all numbers have a slope; functions such as ``center`` are over trials.
         """
         from formulaic.errors import FormulaicError
 

@@ -51,10 +51,7 @@ class Directions:
             return np.asarray(1 / np.sqrt(np.diag(self.information)))
 
     def cautions(self) -> list[str]:
-        """Return warnings of pairs and parameters that these data cannot identify.
-
-        Of pairs it gives the cosine, and the ridge along which one compensates for the other.
-        """
+        """Return warnings of pairs and parameters that these data cannot identify."""
         cosines = self.cosines
         warnings = []
         for i, j in zip(*np.triu_indices(len(self.names), 1), strict=True):

@@ -55,11 +55,7 @@ class TrialModel(Protocol):
         """All parameters, with their ranges."""
 
     def log_density(self, trials: Trials, values: Mapping[str, Array]) -> Array:
-        """Return the log density of each trial given those before it, (trials,), nats.
-
-        Of the response and its time, in 1/s; of the response alone if there are no times. It may
-        be -inf where the model rules a trial out, which counts as the log of ``TINY``.
-        """
+        """Return each trial's log density given those before it, nats (of 1/s if timed)."""
 
     def simulate(
         self, trials: Trials, values: Mapping[str, Array], rng: np.random.Generator
@@ -190,10 +186,9 @@ class Likelihood:
         return np.asarray(self.density(vector).sum(axis=(1, 2)) * self.design.grid.width_s)
 
     def starts(self) -> list[Array]:
-        """Return the starting points of a search, with the non-decision time from fast responses.
+        """Return the starting points of a search, with t0_s from fast responses.
 
-        A second one, in the middle of the range, has the parameters that start at a bound: a
-        likelihood may have a maximum on either side.
+        A second one has parameters that start at a bound in the middle of their range.
         """
         freed, times_s = self.freedom, self.design.observed.rt_s
         first = freed.start
@@ -222,10 +217,7 @@ class Likelihood:
         return np.asarray((apart / np.where(width > 0, width, 1.0)[:, None]).T)
 
     def information(self, vector: Array) -> tuple[Array, tuple[str, ...]]:
-        """Return the information on the numbers of a fit, and the names of those without effect.
-
-        From the scores of all trials (Berndt et al. 1974).
-        """
+        """Return the information on the numbers, and the names of those without effect."""
         scores = self.scores(vector)
         still = ~(scores != 0).any(axis=0)
         return scores.T @ scores, tuple(np.array(self.freedom.names)[still].tolist())
@@ -424,11 +416,7 @@ def likelihood_of(
 def _without_times(
     model: AnyModel, known: Sequence[Parameter], named: Sequence[str]
 ) -> list[Parameter]:
-    """Return parameters of which those that choices alone leave open are not free by default.
-
-    The non-decision time has no effect on choices. Of a test they give the product of sensitivity
-    and bound, and little of what else sets the time of a decision.
-    """
+    """Return parameters of which those that choices alone leave open are not free by default."""
     late = {RESPONSE[0].name, RESPONSE[1].name}
     for name in (each.removeprefix(ADDED) for each in named):
         must = "must be left out: it has no effect on choices without times"

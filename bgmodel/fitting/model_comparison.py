@@ -58,9 +58,7 @@ def predicted(
 ) -> Predicted:
     """Return the log likelihood of each trial under the fit to the other folds.
 
-    The trials of each cell are divided evenly. With the same seed all models have the same folds,
-    so that they can be compared trial by trial. Searches begin at ``start``; ``tell`` is called
-    with the number of folds done.
+    The trials of each cell are divided evenly; with one seed all models have the same folds.
     """
     part = _divided(likelihood.groups, folds, seed)
     each = np.empty(len(part))
@@ -81,10 +79,9 @@ def predicted(
 
 
 def better_by(first: Predicted, second: Predicted, person: Integers | None = None) -> Better:
-    """Return the advantage of one model's predictions over another's, nats.
+    """Return the advantage of predictions over others' on the same folds, nats.
 
-    Both must have the same folds and simulated evidence. With several people, indexed by ``person``
-    (trials,), they are the sample, since trials of one person are alike; by default trials are.
+    With several people, ``person`` (trials,), they are the sample: trials of one are alike.
     """
     apart = first.each - second.each
     if person is not None and person.max() > 0:

@@ -184,8 +184,7 @@ def _climbed(likelihood: Likelihood, start: Array, iterations: int) -> tuple[Arr
 def _slid(likelihood: Likelihood, start: Array) -> tuple[Array, float, int]:
     """Return the best point, its height and the number of evaluations of a search along scores.
 
-    Directions are those in which the scores of the trials are uncorrelated, with a variance of 1,
-    apart from numbers that are near their bounds. They are taken anew after ``SHORT`` iterations.
+    Directions are those in which the scores are uncorrelated, apart from numbers near bounds.
     """
     from scipy.optimize import minimize
 

@@ -292,12 +292,7 @@ class ParameterSpace:
         return np.array([each.parameter.start for each in self.moved])
 
     def at_bound(self, vector: Array) -> Truths:
-        """Return which numbers of a fit are at a bound of their range, (numbers,).
-
-        A coefficient of a formula is at a bound as well if the parameter is, in any of its cells.
-        Ranges of numbers that differ by factors are far wider than likely values: they are at a
-        bound within a share of the bound itself.
-        """
+        """Return which numbers are at a bound, as are coefficients of a parameter at one."""
         low, high, width = self.low, self.high, self.high - self.low
         least = np.where(self.by_factors, AT_BOUND * np.abs(low) + AT_BOUND**2 * width,
                          AT_BOUND * width)  # fmt: skip

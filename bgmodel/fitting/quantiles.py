@@ -25,10 +25,9 @@ PERCENT = {q: round(100 * q) for q in QUANTILES}
 
 
 def observed_quantiles(rt_s: Array, response: Integers) -> dict[str, float]:
-    """Return ``correct_q10_s``, its standard error ``correct_q10_se``, ..., ``wrong_q90_se``, s.
+    """Return ``correct_q10_s``, its error ``correct_q10_se``, ..., s; NaN below ``FEWEST``.
 
-    NaN for a response with fewer than ``FEWEST`` trials. Hazen's rule has a bias below 0.2 standard
-    errors in small samples; errors are those of Maritz & Jarrett (1978), the limit of a bootstrap.
+    Hazen's rule has little bias in small samples; errors are those of Maritz & Jarrett (1978).
     """
     from scipy.stats.mstats import mjci
 
@@ -69,12 +68,7 @@ def conditions_of(cells: pd.DataFrame) -> list[str]:
 
 
 def residuals(cells: pd.DataFrame) -> pd.DataFrame:
-    """Return differences between quantiles of data and model, the largest ``z`` first.
-
-    Cells are as from ``fit.cells_of``; ``residual_ms`` is data minus model, ``se_ms`` the standard
-    error of the data and ``z`` their ratio. Responses that occur fewer than ``FEWEST`` times have
-    no rows.
-    """
+    """Return differences between quantiles of data and model, the largest ``z`` first."""
     columns = ["strength", *conditions_of(cells)]
     differences = pd.DataFrame(
         [{**{name: row[name] for name in columns}, **each} for row, each in _each(cells)],

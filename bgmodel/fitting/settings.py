@@ -144,11 +144,7 @@ class FitSettings:
         return by_parameter
 
     def split(self, trials: Trials) -> tuple[Self, list[Formula]]:
-        """Return the settings without the formulas of predictors between people, and these.
-
-        A predictor that differs only between people needs a hierarchy, and must not share a formula
-        with columns that differ within people.
-        """
+        """Return the settings without formulas of predictors between people, and these."""
         apart = set() if self.pooled else _between(trials)
         between = [each for each in self._parsed if apart & set(each.columns)]
         for name, column in self.varied.items():
@@ -311,13 +307,7 @@ class FitSettings:
         folder: Path | None = None,
         alternatives: int | None = None,
     ) -> AnyModel:
-        """Return a model to fit.
-
-        By a name in ``gaps.GAPS`` (two alternatives) or ``alternatives.models.MODELS`` (any
-        number), as a circuit with a channel for each (name, .toml file or Circuit), or a
-        ``TrialModel``. Simulated trials last ``seconds``, which does not change parameters, and are
-        kept in ``folder``.
-        """
+        """Return a model by its name, as a circuit, or a ``TrialModel``; see ``fits.fit``."""
         from bgmodel.fitting.alternatives.models import MODELS, check_many, circuit_model
         from bgmodel.fitting.exact.algorithms import GAPS, GapModel
         from bgmodel.fitting.likelihood import TrialModel
@@ -425,10 +415,7 @@ def own_name(name: str, model: AnyModel) -> str:
 
 
 def shared_ranges(likelihoods: Mapping[str, Likelihood]) -> dict[str, Likelihood]:
-    """Return likelihoods whose coefficients have one range: the widest of any person.
-
-    The range of a slope follows from the values of its covariate, which differ between people.
-    """
+    """Return likelihoods whose coefficients have one range: the widest of any person."""
     import numpy as np
 
     every = [each.freedom for each in likelihoods.values()]

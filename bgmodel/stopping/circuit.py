@@ -34,12 +34,7 @@ the signal."""
 
 
 def with_observed_stop(evidence: StopEvidence) -> Evidence:
-    """Return the go evidence with the ideal observer's stop signal as an input of the circuit.
-
-    The input is ``c = ln(1 + exp z)``, reading by reading, where z is the log odds of a stop trial:
-    a circuit with ``with_inputs("STN")`` then computes the output of ``StopMsprt``. The input is
-    limited to ``MOST_NATS``, which blocks every response already.
-    """
+    """Return go evidence with the ideal observer's ``c = ln(1 + exp z)`` as an input."""
     added = np.minimum(np.logaddexp(0, log_odds_of_stop(evidence)), MOST_NATS)
     return replace(evidence.go, inputs_nats=added[:, :, None])
 
@@ -69,10 +64,7 @@ def decide_with_stop(
 
 
 def receiving(model: BasalGanglia, signal: StopSignal) -> BasalGanglia:
-    """Return a model with an input for a stop signal.
-
-    Raises if common input is cancelled at the nucleus, so that the signal would have no effect.
-    """
+    """Return a model with an input for a signal; refuse nuclei at which it is cancelled."""
     name = signal.nucleus
     nucleus = name.partition("[")[0]
     if nucleus in (model.circuit.input, *CANCELLED) and not model.circuit.centred:
@@ -111,11 +103,7 @@ def step_response(
 
 
 def closed_form(trace: Trace, ssd_ms: npt.ArrayLike, signal: StopSignal, added: Array) -> Trace:
-    """Add a stop signal to go trials by the closed form: OUT plus c(t - SSD).
-
-    ``added`` is c at the ticks of the trace, from the onset of the signal on, see
-    ``step_response``; delays, (trials,) ms, are NaN in go trials.
-    """
+    """Add a stop signal to go trials by the closed form: OUT plus c(t - SSD), c in ticks."""
     sample_ms = trace.time_ms[1] - trace.time_ms[0]
     onset = np.nan_to_num(signal.onsets(ssd_ms), nan=np.inf)
     since = (trace.time_ms - trace.onset_ms - onset[:, None]) / sample_ms

@@ -33,11 +33,7 @@ def draw(
     models: Mapping[str, Sequence[StopTrials]] | None = None,
     heading: str = "",
 ) -> Figure:
-    """Draw the inhibition function and the distributions of times, with those of models.
-
-    A model is given by copies of the trials with its responses. Without one the inhibition function
-    of a race with a constant SSRT is drawn.
-    """
+    """Draw the inhibition function and times; models are given by copies with their responses."""
     with quiet(DataWarning):  # few trials are in the title
         ssrt = estimate_ssrt(trials, checked=False)
     go = trials.rt_ms[~trials.stop]
@@ -78,10 +74,7 @@ def draw(
 
 
 def _pooled(trials: StopTrials) -> StopTrials:
-    """Return the trials with delays to the nearest step of 50 ms where there are many delays.
-
-    Recorded delays of a staircase differ from its steps by a few ms.
-    """
+    """Return the trials with delays to the nearest step of 50 ms where there are many delays."""
     if len(np.unique(trials.ssd_ms[trials.stop])) <= MOST_DELAYS:
         return trials
     return replace(trials, ssd_ms=np.round(trials.ssd_ms / STEP_MS) * STEP_MS)

@@ -147,10 +147,7 @@ def nth_time(times_ms: Array, p: float) -> float:
 
 
 def told(ssrt: StopEstimate, ssrt_ms: float, task: StopTask) -> str:
-    """Return estimates of simulated stop trials in sentences, with the one to report.
-
-    ``ssrt_ms`` is the estimate by integration at each delay, see ``ssrt_by_delay``.
-    """
+    """Return estimates of simulated stop trials in sentences; ``ssrt_ms`` is by each delay."""
     failed, missed = ssrt.failed_minus_go_ms, ""
     if ssrt.omissions:
         missed = f", {ssrt.omissions:.1%} of go trials missed"

@@ -21,10 +21,7 @@ RESOLUTION_MS = 10.0
 
 @dataclass(frozen=True)
 class StopSignal:
-    """How a stop signal reaches a circuit.
-
-    Warns if the input to STN is so large that STN rings, is 0, or ends without a cancel.
-    """
+    """How a stop signal reaches a circuit."""
 
     nucleus: str = "STN"
     """Nucleus that receives the signal, in all channels, or one channel of it: "STN[0]"."""
@@ -68,11 +65,7 @@ class StopSignal:
 def with_stop(
     evidence: Evidence, ssd_ms: npt.ArrayLike, signal: StopSignal, every_ms: float | None = None
 ) -> Evidence:
-    """Return evidence with a stop signal as an input of the circuit.
-
-    Delays, (trials,) ms from the onset of evidence, are NaN in go trials; ``every_ms`` is the
-    resolution of the input's onset, as for ``with_input``.
-    """
+    """Return evidence with a stop signal as an input; delays (trials,) ms are NaN in go trials."""
     check_evidence(evidence)
     ssd = np.asarray(reals("ssd_ms", ssd_ms), dtype=np.float64)
     require(ssd.shape == (evidence.trials,), "ssd_ms", f"must be ({evidence.trials},)", ssd.shape)
@@ -82,10 +75,7 @@ def with_stop(
 def with_onsets(
     evidence: Evidence, onset_ms: Array, signal: StopSignal, every_ms: float | None = None
 ) -> Evidence:
-    """Return evidence with a stop signal that reaches the nucleus at ``onset_ms``, (trials,).
-
-    Times are ms from the onset of evidence, NaN without a signal.
-    """
+    """Return evidence with a stop signal that reaches the nucleus at ``onset_ms``, (trials,)."""
     end = evidence.step_ms * (evidence.steps + 1)
     if np.isfinite(onset_ms).any() and np.nanmin(onset_ms) >= end:
         must = f"must leave the signal time before the end, {end:g} ms"
@@ -164,10 +154,7 @@ def _per_trial(name: str, evidence: Evidence, numbers: npt.ArrayLike) -> Array:
 
 
 def cancelled(evidence: Evidence, at_ms: npt.ArrayLike) -> Evidence:
-    """Return evidence that is back at the prior from a time of each trial on.
-
-    Times, (trials,) ms, are from the onset of evidence; NaN or infinite for never.
-    """
+    """Return evidence that is back at the prior from a time of each trial on, (trials,) ms."""
     reading = np.arange(1, evidence.steps + 1)
     read = reading <= evidence.readings[:, None]
     late = read & (evidence.step_ms * reading >= np.asarray(at_ms, float)[:, None])

@@ -137,10 +137,7 @@ class StopMsprt:
         return replace(go, out_nats=out, readout=OF_MSPRT)
 
     def decide(self, evidence: StopEvidence, posterior: float, stop_posterior: float) -> Decision:
-        """Return the decision of each trial; the last choice, after the responses, is to withhold.
-
-        Responses are withheld for good where the probability of a stop trial is ``stop_posterior``.
-        """
+        """Return the decision of each trial; the last choice is to withhold for good."""
         responses = evidence.go.hypotheses
         levels = -np.log(np.array([[*[posterior] * responses, stop_posterior]]))
         decision = first_crossing(self.run(evidence), levels, forced=False, checked=False)

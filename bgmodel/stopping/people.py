@@ -29,13 +29,7 @@ SHIPPED = STOP_SET
 def read_people(
     source: pd.DataFrame | str | Path = SHIPPED, *, columns: Columns = OURS
 ) -> dict[str, StopTrials]:
-    """Return the stop-signal trials of each participant, read by ``read_trials``.
-
-    Raises
-    ------
-    ValueError
-        As for ``read_trials``, without delays, and for the impossible trials of a participant.
-    """
+    """Return the stop-signal trials of each participant, read by ``read_trials``."""
     people = {}
     for who, trials in read_trials(source, columns=columns).by_participant().items():
         try:
@@ -46,16 +40,9 @@ def read_people(
 
 
 def estimates_of(people: dict[str, StopTrials]) -> pd.DataFrame:
-    """Return the estimates of every participant, one row each.
+    """Return the fields of ``StopEstimate`` of every participant, one row each.
 
-    Columns participant_id and the fields of ``StopEstimate``; ``refusal`` says why the guide
-    accepts no estimate of a participant. It is "no responses on go trials" or "no stop trials"
-    where no estimate can be computed.
-
-    Warns
-    -----
-    UserWarning
-        Once, if participants have fewer stop trials than the guide asks for.
+    ``refusal`` says why there is no accepted estimate. Warns of too few stop trials once.
     """
     rows, few = [], 0
     for who, trials in people.items():
@@ -112,12 +99,7 @@ def truncated_means(times_ms: Array, limits_ms: Array) -> Array:
 
 
 def violations_of(people: Mapping[str, StopTrials], width_ms: float = WIDTH_MS) -> pd.DataFrame:
-    """Return violations of independence by delay, over participants.
-
-    The stop-signal reaction time of each participant is that of the integration method;
-    participants of whom the consensus guide accepts no estimate are left out. Counts are sums over
-    participants, times means over them; ``people`` counts those with failed stops at these delays.
-    """
+    """Return violations of independence by delay, over participants with an accepted SSRT."""
     tables = []
     for trials in people.values():
         ssrt = _accepted_ssrt(trials)

@@ -195,11 +195,7 @@ class StopTask(StopSignal):
 def decided(
     task: StopTask, model: BasalGanglia, evidence: Evidence, level: float, rng: np.random.Generator
 ) -> tuple[Decision, Array]:
-    """Return a circuit's decisions, and the stop-signal delays, (trials,) ms, NaN in go trials.
-
-    Trials without a response are forced by the deadline. ``rng`` draws stop trials, delays and
-    trigger failures, the same for any circuit.
-    """
+    """Return a circuit's decisions, forced by deadlines, and delays, ms, NaN in go trials."""
     from bgmodel.stopping.circuit import receiving
 
     task.check_ends(evidence.step_ms * int(evidence.readings.min()))

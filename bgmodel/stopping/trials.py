@@ -106,15 +106,7 @@ class StopTrials(Facts):
 
     @classmethod
     def of(cls, trials: Trials) -> StopTrials:
-        """Return the stop-signal trials of one person's record, which has delays.
-
-        Which responses are correct is unknown if there are neither strengths nor wrong responses.
-
-        Raises
-        ------
-        ValueError
-            Without delays, or as for ``StopTrials``.
-        """
+        """Return the stop-signal trials of one person's record, which has delays."""
         if trials.ssd_s is None:
             raise InputError("must have stop-signal delays", "ssd")
         known = trials.strength is not None or (trials.response == 0).any()
@@ -136,10 +128,7 @@ class StopTrials(Facts):
                       ssd_s=self.ssd_ms / 1000)  # fmt: skip
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return one row per trial, as ``people.read_people`` reads it.
-
-        Columns trial, rt and ssd (s), outcome, and correct (1 or 0) where it is known.
-        """
+        """Return one row per trial as ``read_people`` reads it, with the outcome."""
         import pandas as pd
 
         times = {"rt": self.rt_ms / 1000, "ssd": self.ssd_ms / 1000}
@@ -152,10 +141,7 @@ class StopTrials(Facts):
 def stop_trials(decision: Decision, ssd_ms: npt.ArrayLike, responses: int) -> StopTrials:
     """Return a model's decisions at one threshold as stop-signal trials.
 
-    The response is withheld in undecided trials, and where the index of the choice is
-    ``responses``, the number of the go task's hypotheses, or more. Delays, (trials,) ms from the
-    onset of evidence, are NaN in go trials. ValueError if a signal comes after the end of its
-    trial, which would count as a successful stop.
+    A choice from ``responses`` on, or none, withholds. ValueError for a signal after the end.
     """
     made = (decision.choice != UNDECIDED) & (decision.choice < responses)
     rt_ms = np.where(made, np.maximum(decision.time_ms, 0.0), np.nan)
@@ -184,10 +170,7 @@ def _warn_of_seconds(name: str, latest_ms: float) -> None:
 def drawn_delays(
     trials: int, delays_ms: npt.ArrayLike, share: float, rng: np.random.Generator | int
 ) -> Array:
-    """Draw a stop-signal delay for each trial, uniformly from a grid (K,) ms; NaN in go trials.
-
-    ``share`` is the probability of a stop signal.
-    """
+    """Draw stop-signal delays from a grid, ms, in a share of trials; NaN in the others."""
     delays, rng = check_delays(delays_ms), generator(rng)
     require(0 <= share <= 1, "share", "must be within 0..1", share)
     count = whole("trials", trials, 1)

@@ -104,10 +104,7 @@ def _named(table: pd.DataFrame, stimulus: str, number: int | None) -> int:
 
 
 def correctness(table: pd.DataFrame, stimulus: str) -> npt.NDArray[np.int8]:
-    """Return 1 for a response equal to ``stimulus``, 0 for another, -1 for none; (trials,).
-
-    Warns if accuracy differs between stimuli: models treat all alternatives alike.
-    """
+    """Return 1 for a response equal to ``stimulus``, 0 for another, -1 for none; (trials,)."""
     shown, answers = names_of(table[stimulus]), names_of(table["response"])
     coded = np.where(silent(table), NO_RESPONSE, shown == answers).astype(np.int8)
     _warn_of_unequal(shown, coded, participants(table))

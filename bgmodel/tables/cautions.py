@@ -78,11 +78,7 @@ def check_no_stops(table: pd.DataFrame) -> None:
 def people_and_times(
     table: pd.DataFrame, wanted: Sequence[str], used: Sequence[str], unit: str = "s"
 ) -> tuple[npt.NDArray[np.str_], Array]:
-    """Return the participant and response time, s, of each row of a table of any trials, checked.
-
-    Rows are numbered from 0; ``used`` are the columns, besides ``OURS``, that tell copies of
-    trials.
-    """
+    """Return the checked participant and response time, s, of each row of a table."""
     check_columns(table, wanted)
     check_people(table, used)
     who = participants(table)
@@ -95,10 +91,7 @@ def people_and_times(
 
 
 def check_times(rt_s: Array) -> None:
-    """Refuse times (trials,) not in s, NaN without a response; warn of doubtful units and rounding.
-
-    Whole numbers with a median above 5 are refused: hundredths of a second.
-    """
+    """Refuse times (trials,) not in s; warn of doubtful units, rounding and anticipations."""
     timed = rt_s[np.isfinite(rt_s)]
     if len(timed) < FEWEST:
         return
@@ -181,11 +174,7 @@ def warn_of_far(strength: Array) -> None:
 
 
 def warn_of_units(strength: Array) -> None:
-    """Warn if signed strengths seem to be in per cent in some trials and in shares in others.
-
-    At least two strengths must also occur a hundred times as large, and such pairs must include all
-    but a few of the strengths.
-    """
+    """Warn if some signed strengths seem to be in per cent and others in shares."""
     sizes, counts = np.unique(np.abs(strength[strength != 0]), return_counts=True)
     larger = np.array([np.isclose(sizes, 100 * size, rtol=SAME, atol=0) for size in sizes])
     pairs = int(larger.sum())
@@ -212,10 +201,7 @@ def warn_of_mixed_units(rt_s: Array, participant: npt.NDArray[np.str_]) -> None:
 def warn_of_copies(table: pd.DataFrame, used: Sequence[str]) -> None:
     """Warn of more duplicate trials than by chance: standard errors would be too small.
 
-    Only columns in use are compared. Rounded times may coincide by chance: how often times within
-    0.1 s of each other are equal is estimated from rows that differ in other columns. A warning
-    needs 10 duplicates, 1 % of all rows, and an excess of a quarter and of 5 standard errors over
-    chance.
+    How often close times are equal by chance is estimated from rows that differ elsewhere.
     """
     table = table[[name for name in (*OURS, *used) if name in table]]
     copies = int(table.duplicated().sum())
@@ -260,11 +246,7 @@ def _pairs(rt_s: Array) -> Array:
 def warn_of_twins(
     participant: npt.NDArray[np.str_], rt_s: Array, response: npt.NDArray[np.int8]
 ) -> None:
-    """Warn if two participants have the same trials: one of them under two names.
-
-    Trials are compared in the order of times; participants with fewer than 10 distinct times are
-    not compared.
-    """
+    """Warn if two participants have the same trials: one of them under two names."""
     seen: dict[bytes, str] = {}
     twins = []
     for who in np.unique(participant).tolist():
@@ -330,11 +312,7 @@ def warn_without_strength(
     response: npt.NDArray[np.int8],
     alternatives: int = 2,
 ) -> None:
-    """Warn if a column may hold the strength; otherwise, if response 1 may not be the correct one.
-
-    A column may hold it if its numbers vary, and it either has a suitable name or has at least
-    three values and is correlated with the responses (1, 0 or -1).
-    """
+    """Warn if a column may hold the strength, or else if response 1 may not be correct."""
     candidates = []
     for name in table:
         if name in (*OURS, *used):

@@ -159,10 +159,7 @@ def with_index(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def with_times(table: pd.DataFrame) -> tuple[pd.DataFrame, bool]:
-    """Return a table with a column rt, which is empty if it was absent, and whether it has times.
-
-    Warns if there is no such column; one that may hold the times has to be named.
-    """
+    """Return a table with a column rt, empty if it was absent, and whether it has times."""
     if "rt" not in table and not any(TIME.fullmatch(str(name).strip().lower()) for name in table):
         DataWarning.warn("there is no column rt: these trials are read as choices without times")
         table = table.assign(rt=np.nan)
@@ -278,10 +275,7 @@ def numbers(column: pd.Series) -> Array:
 
 
 def times(column: pd.Series, unit: str = "s") -> Array:
-    """Return response times above 0, (rows,), s; NaN if missing, or if it is HSSM's code for that.
-
-    ``unit`` is that of the column; a median that seems to be in another unit is refused.
-    """
+    """Return response times above 0, (rows,), s; NaN if missing, or HSSM's code for that."""
     known = isinstance(unit, str) and unit in UNITS
     require(known, "rt_unit", f"must be one of {', '.join(UNITS)}", unit)
     values = numbers(column)
@@ -324,10 +318,7 @@ def delays(column: pd.Series, unit: str = "s") -> Array:
 
 
 def responses(column: pd.Series, rt: pd.Series, upper: str | None = None) -> npt.NDArray[np.int8]:
-    """Return 1 for 1 or the name ``upper``, 0 for the other, -1 without a response; (rows,).
-
-    Where ``rt`` holds HSSM's code for no response, the response is ignored.
-    """
+    """Return 1 for 1 or the name ``upper``, 0 for the other, -1 without a response; (rows,)."""
     require(isinstance(upper, str | None), "upper", "must be the name of a response", upper)
     missing = silent(pd.DataFrame({"rt": rt, "response": column}))
     names = names_of(column)
@@ -354,10 +345,7 @@ def responses(column: pd.Series, rt: pd.Series, upper: str | None = None) -> npt
 def withholding(
     table: pd.DataFrame, withheld: str, upper: str | None = None
 ) -> tuple[npt.NDArray[np.int8], int]:
-    """Return responses, (rows,), one of which is given by waiting, and the code of that one.
-
-    A row without a response is that one too; ``upper`` is needed only to code it as 1.
-    """
+    """Return responses, (rows,), one of which is given by waiting, and the code of that one."""
     column, missing = table["response"], silent(table)
     names = names_of(column)
     waited = missing | (names == withheld)

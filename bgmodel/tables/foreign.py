@@ -58,11 +58,7 @@ def _cells(path: Path, separator: str) -> pd.DataFrame:
 
 
 def renamed(table: pd.DataFrame, **names: str | None) -> pd.DataFrame:
-    """Return a table with our column names; ``names`` has the user's, None where they agree.
-
-    A table of PyDDM (RT or rt, and choice) is recognised by its columns if neither rt nor response
-    is named, and responses of HSSM (1 and -1) by their values: -1 becomes 0.
-    """
+    """Return a table with our column names, those of PyDDM and responses of HSSM recognised."""
     table = named(table, {name: (OTHER.get(name, name), theirs) for name, theirs in names.items()})
     if names.get("rt") is None and names.get("response") is None:
         table = _of_pyddm(table)

@@ -68,11 +68,7 @@ def read_once(task: EvidenceTable) -> NamedEvidence:
 def trials_of(
     task: Task, seed: int, name: str, *, prior: Sequence[float] | None = None, **more: Any
 ) -> NamedEvidence:
-    """Return the trials of a task: drawn with the stream of ``seed`` and ``name``, or of a table.
-
-    ``prior`` (channels,) is that assumed by the integrator, equal if None; ``more`` is as for
-    ``Drawn.evidence``.
-    """
+    """Return a task's trials: drawn with the stream of ``seed`` and ``name``, or of a table."""
     if isinstance(task, EvidenceTable):
         from bgmodel.tables.evidence import read_evidence_table
 

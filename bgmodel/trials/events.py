@@ -76,11 +76,7 @@ def read_events(path: Path, columns: Mapping[str, str] | None = None) -> pd.Data
 
 
 def _files(path: Path) -> list[Path]:
-    """Return the files of events, sorted; ValueError without any, or for several tasks.
-
-    Hidden and empty files, and copies under derivatives or sourcedata or with "desc-" in their
-    name, are no data.
-    """
+    """Return the files of events, sorted, without hidden, empty or derived ones."""
     if not path.is_dir():
         return [path]
     all_files = sorted(file for file in path.rglob(f"*{ENDING}") if _is_data(file, path))
@@ -192,12 +188,7 @@ def restored_delays(trials: Trials, step_ms: float = STEP_MS, *, use_times: bool
 def _path(
     ssd: Array, rt: Array, missing: Truths, step_ms: float, use_times: bool
 ) -> tuple[Integers, float]:
-    """Return the step of the staircase that each stop trial belongs to, and the contradictions.
-
-    A state is the current step of each staircase. Each trial takes its delay from one staircase and
-    moves it. The smallest number of contradictions from a state to the end is computed backwards in
-    time; the best path is then followed forwards.
-    """
+    """Return each stop trial's step of a staircase, and the contradictions, by Viterbi's method."""
     levels = int(np.ceil(ssd.max() / step_ms)) + 4
     steps = np.arange(levels)
     after = np.clip(steps + np.where(np.isnan(rt), 1, -1)[:, None], 0, levels - 1)

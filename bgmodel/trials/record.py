@@ -150,11 +150,7 @@ class Trials(Facts):
 
     @property
     def correct(self) -> Array:
-        """Whether a response is correct, (trials,): 1, 0, or NaN if unknown.
-
-        The correct side is that of the strength; without strengths, and with more than two
-        alternatives, it is response 1.
-        """
+        """1 or 0 for the side of the strength (response 1 without); NaN if unknown, (trials,)."""
         side = np.ones(self.trials)
         if self.strength is not None and self.alternatives == 2:
             side = np.sign(self.strength)
@@ -162,13 +158,7 @@ class Trials(Facts):
         return np.where((self.response == NO_RESPONSE) | (side == 0), np.nan, right)
 
     def where(self, mask: Truths) -> Trials:
-        """Return a subset of the trials.
-
-        Parameters
-        ----------
-        mask : (trials,) bool
-            Which trials to keep.
-        """
+        """Return a subset of the trials; ``mask`` is (trials,) bool."""
         per_trial = ("participant", "rt_s", "response", *self._more)
         columns = {name: getattr(self, name) for name in per_trial}
         parts: dict[str, Any] = {n: None if x is None else x[mask] for n, x in columns.items()}

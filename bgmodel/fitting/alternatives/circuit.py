@@ -83,11 +83,7 @@ class ManyCrossings:
         return self._counted[row]
 
     def decided(self, rows: list[tuple[int, float]], drift: float) -> Array:
-        """Return the probability of a wrong and of a correct decision in each bin, (2, bins).
-
-        ``rows`` are stored thresholds and their weights; ``drift`` is that of the correct channel
-        minus that of the others, 1/sqrt(s).
-        """
+        """Return the probability of a wrong and of a correct decision in each bin, (2, bins)."""
         seen = np.sum([weight * self.counted(row)[0] for row, weight in rows], axis=0)
         never = np.sum([weight * self.counted(row)[1] for row, weight in rows], axis=0)
         low, columns = self._columns
@@ -119,11 +115,7 @@ def count(
     bins: Any, choice: Any, evidence: Any, parts: Any, drifts: Any, low: Any,
     decided: Any, never: Any,
 ) -> None:  # fmt: skip
-    """Add trials at one threshold to grids of time and evidence, over the density of all drifts.
-
-    ``low`` is the first bin of evidence, ``decided`` (2, bins, evidence) holds wrong and correct
-    choices, and ``never`` (evidence,) trials without a decision.
-    """
+    """Add trials at one threshold to grids of time and evidence, over the density of all drifts."""
     trials, channels = evidence.shape
     for trial in range(trials):
         if not parts[trial % len(parts)]:
@@ -183,11 +175,7 @@ def _crossed(trace: Trace, sums: Array, thresholds_nats: Array) -> tuple[npt.NDA
 
 @dataclass(frozen=True)
 class ManyCircuitModel(CircuitModel):
-    """A circuit of three or more channels; parameters as for ``CircuitModel``.
-
-    All channels but that of the correct alternative receive the same evidence. Thresholds begin
-    just above the log odds of the prior.
-    """
+    """A circuit of three or more channels: all wrong alternatives have the same evidence."""
 
     def _check_channels(self) -> None:
         """Raise ValueError unless the circuit has three to twelve channels."""

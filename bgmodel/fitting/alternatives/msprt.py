@@ -86,10 +86,7 @@ def _log_odds(sums: Any, share: Any, after: Any) -> None:
 
 @inlined
 def _variance(share: Any, i: Any) -> Any:
-    """Return the variance of a channel's log odds per unit of time.
-
-    The derivative by its own sum is 1, by another one minus the posterior of that among the others.
-    """
+    """Return the variance of a channel's log odds per unit of time."""
     rest, squares = 0.0, 0.0
     for j in range(len(share)):
         if j != i:
@@ -132,10 +129,7 @@ def odds_of(alternatives: int) -> Array:
 
 @lru_cache(maxsize=32)
 def passages(alternatives: int, drift: float, trials: int, seed: int) -> npt.NDArray[np.int32]:
-    """Return first passages of paths with unit gain, (parts, thresholds, 2, steps).
-
-    ``drift`` is that of the correct channel minus that of the others, in units of the gain.
-    """
+    """Return counts of first passages of paths with unit gain, (parts, thresholds, 2, steps)."""
     odds = odds_of(alternatives)
     counts = np.zeros((PARTS, len(odds), 2, len(ends()) - 1), np.int32)
     rng = stream(seed, "msprt", alternatives, f"{drift:.6g}")

@@ -83,10 +83,7 @@ def _middle(survivors: Array) -> Array:
 
 
 def arrived(time_s: Array, drift: Array, bound: Array) -> Array:
-    """Return the probability that an accumulator has reached its bound, (cells, times).
-
-    The first time is 0, s; drift, 0 or more, and bound are (cells, 1), 1/sqrt(s) and sqrt(s).
-    """
+    """Return the probability that an accumulator is at its bound by time_s, (cells, times)."""
     from scipy.special import log_ndtr, ndtr
 
     sd = np.sqrt(np.maximum(time_s, 1e-12) / 2)

@@ -54,11 +54,9 @@ def finer(likelihood: Likelihood) -> Likelihood:
 
 
 def moved_by_bins(likelihood: Likelihood, there: Directions) -> Array:
-    """Return the error of each estimate at the optimum that is due to bins, (parameters,).
+    """Return the error of each estimate that is due to bins, (parameters,).
 
-    By a step of Fisher scoring in the likelihood with finer bins, which removes ``1 - 1 / PARTS``
-    of an error in proportion to their width; 0 if the model has bins of one width only, or
-    parameters are not identifiable.
+    By a step of Fisher scoring with finer bins, which removes ``1 - 1 / PARTS`` of the error.
     """
     if not (_has_bins(likelihood) and np.isfinite(there.standard_errors).all()):
         return np.zeros(len(there.vector))
@@ -181,11 +179,7 @@ class Slow(NamedTuple):
 
 
 def slow_trials(fitted: Optimum) -> Slow:
-    """Return the gain in log likelihood of an optimum if a share of trials is slow.
-
-    A slow trial is one of the model's with an exponential delay. Parameters stay at the optimum, so
-    this is a lower bound on the gain of a fit of share and delay.
-    """
+    """Return the gain in log likelihood of an optimum if a share of trials is delayed."""
     observed, density = fitted.likelihood.design.observed, fitted.density
     log = observed.each(density)
     best = Slow(0.0, 0.0, 0.0)

@@ -79,11 +79,7 @@ class Excess:
         return Excess(*map(spread, (self.off, self.variance, self.parts, self.size)))
 
     def p(self, enough: float, fixed: int = 0) -> float:
-        """Return the probability of a larger chi-square.
-
-        Sums smaller than ``enough`` are tested together; ``fixed`` sums are common to data and
-        model.
-        """
+        """Return the probability of a larger chi-square; sums below ``enough`` are pooled."""
         variance = self.variance + (jackknifed(self.parts) ** 2 if len(self.parts) else 0.0)
         some = variance > 0
         alone, rest = some & (self.size >= enough), some & (self.size < enough)

@@ -23,19 +23,13 @@ NEGLIGIBLE = 1e-20
 
 
 def accuracy(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
-    """Return the probability of the response that the drift (1/sqrt(s)) favours.
-
-    ``1 / (1 + exp(-2 A |v|))``, with a constant bound A, sqrt(s) (Palmer, Huk & Shadlen 2005).
-    """
+    """Return the probability of the response favoured by the drift (Palmer, Huk & Shadlen 2005)."""
     odds = 2 * np.asarray(bound) * np.abs(drift)
     return np.asarray(1 / (1 + np.exp(-odds)))
 
 
 def mean_time_s(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
-    """Return the mean decision time, s; arguments as for ``accuracy``.
-
-    ``(A / v) tanh(A v)``, ``A^2`` without drift (Palmer, Huk & Shadlen 2005).
-    """
+    """Return the mean decision time, s (Palmer, Huk & Shadlen 2005)."""
     v, a = np.broadcast_arrays(np.abs(np.asarray(drift, float)), np.asarray(bound, float))
     still = v * a < 1e-6
     safe = np.where(still, 1.0, v)
@@ -43,11 +37,7 @@ def mean_time_s(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
 
 
 def sd_time_s(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
-    """Return the standard deviation of decision times, s, equal for both responses.
-
-    From the cumulant ``ln(cosh(A v) / cosh(A sqrt(v^2 + 2 s)))`` of the time: ``sqrt(2/3) A^2``
-    without drift.
-    """
+    """Return the standard deviation of decision times, s, from the cumulants of the time."""
     v, a = np.broadcast_arrays(np.abs(np.asarray(drift, float)), np.asarray(bound, float))
     x = np.maximum(a * v, 0.02)  # below it the following difference would be rounding error
     variance = a**4 * (np.tanh(x) / x**3 - 1 / (x * np.cosh(x)) ** 2)
@@ -72,10 +62,10 @@ def constant_at_rest(bound: float, time_s: Array, start: npt.ArrayLike = 0.0) ->
 
 
 def standard_at_rest(away: Array, scaled: Array, terms: int = TERMS) -> Array:
-    """Return the density at a bound for bounds 1 apart and no drift, of any shape.
+    """Return the density at a bound for bounds 1 apart and no drift.
 
-    ``away`` is the distance from the start to this bound, ``scaled`` the time, above 0, divided by
-    the squared distance between the bounds. With 4 terms the error is below 1e-9.
+    ``away`` is the distance from the start to this bound, ``scaled`` the time divided by the
+    squared distance between the bounds, of any shape.
     """
     shape = np.broadcast_shapes(np.shape(away), np.shape(scaled))
     far, late = (np.array(np.broadcast_to(x, shape), float).ravel() for x in (away, scaled))
@@ -137,11 +127,7 @@ def falling_at_rest(
 
 
 def _solved_of(first: Array, bound: Array, slope: Array, times: Array, width: Array) -> Array:
-    """Solve the integral equations by forward substitution, (starts, 2, times), 1/s.
-
-    ``first`` is twice the flux at each bound from the starts, negative where the bound is
-    approached.
-    """
+    """Solve the integral equations by forward substitution, (starts, 2, times), 1/s."""
     density = -first
     weight = width / np.sqrt(2 * np.pi)
     from_same, from_other = np.empty(len(times)), np.empty(len(times))
@@ -202,10 +188,7 @@ def binned(
     width_s: Array,
     bins: Integers,
 ) -> Array:
-    """Return the probabilities of both responses in bins of time, at drifts, (cells, 2, bins).
-
-    Densities of ``with_drift`` are integrated with weights ``width_s``; ``bins`` must not decrease.
-    """
+    """Return the probabilities of both responses in bins of time, at drifts, (cells, 2, bins)."""
     v = np.asarray(drift, float)
     variance = np.zeros(v.shape) + np.asarray(drift_sd, float) ** 2
     return _binned(at_rest * width_s, bound, time_s, bins, v, float(start), variance)

@@ -70,11 +70,7 @@ def responded(
 
 @compiled
 def _delay(decided: Array, t0: Array, t0_sd: Array, delayed: Array) -> None:
-    """Add the decisions of each bin to later bins; times are in bins.
-
-    The share of a later bin is that of the Gaussian between its edges, counted from the centre of
-    the bin of decisions: mass is preserved whatever t0 is.
-    """
+    """Add the decisions of each bin to later bins; times are in bins."""
     bins = decided.shape[2]
     for cell in range(len(decided)):
         # Bins of decisions and of responses, and interpolation between the latter, each add to the
@@ -167,10 +163,7 @@ class Observed:
         return np.asarray(log - np.log(kept)[self.cell])
 
     def outcomes(self, density: Array) -> tuple[Array, Array]:
-        """Return probabilities of a response in each bin (cells, 2, bins), and of none (cells,).
-
-        Within the window of response times; they sum to 1 in each cell.
-        """
+        """Return probabilities of a response in each bin and of none, given the window."""
         mass = density * self.grid.width_s
         missing = np.zeros(len(mass))
         if self.deadline_s is not None:

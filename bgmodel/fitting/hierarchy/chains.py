@@ -137,11 +137,7 @@ class _Chains:
     tell: Callable[[str], None]
 
     def warmed(self, group: Group) -> _Kept:
-        """Return the guide and the states at the end of a warm-up.
-
-        In each round the guide is made from all but the first quarter of the draws of the one
-        before.
-        """
+        """Return guide and states after a warm-up, whose rounds each make a new guide."""
         rngs = [stream(self.seed, "hierarchy", number) for number in range(CHAINS)]
         kept = _Kept(None, [self.sampler.first(group, rng) for rng in rngs], [], 0)
         for number in range(ROUNDS):

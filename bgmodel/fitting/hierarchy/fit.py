@@ -82,20 +82,14 @@ class GroupFit(Facts):
 
     @cached_property
     def between(self) -> Array:
-        """Standard deviation between people, (chains, draws, parameters), in their own units.
-
-        From the standard deviation on the scale by the slope at the median person.
-        """
+        """Standard deviation between people, (chains, draws, parameters), in their own units."""
         mean = np.stack([each.mean for each in self.chains])
         sd = np.stack([each.sd for each in self.chains])
         return np.asarray(sd * self.scale.slope(mean))
 
     @cached_property
     def slopes(self) -> dict[str, Array]:
-        """Change of the median person's parameter per unit of each predictor, (chains, draws).
-
-        In units of the parameter: for two groups of people it is their difference.
-        """
+        """Change of the median person's parameter per unit of each predictor, in its units."""
         mean = np.stack([each.mean for each in self.chains])
         slope = np.stack([each.slopes for each in self.chains])
         changes = {}
@@ -121,10 +115,7 @@ class GroupFit(Facts):
         return {(self.parameters[j], self.parameters[k]): draws[..., k, j] for k, j in pairs}
 
     def correlations(self) -> pd.DataFrame:
-        """Return correlations between people: median, low_95, high_95 (0.95), above_zero.
-
-        One row per pair of parameters in which people differ, none if the fit has no correlations.
-        """
+        """Return correlations between people: median, low_95, high_95, above_zero."""
         rows = {
             pair: [*np.quantile(draws, [0.5, 0.025, 0.975]), (draws > 0).mean()]
             for pair, draws in self.correlation.items()
@@ -225,11 +216,7 @@ class GroupFit(Facts):
         return pd.concat(parts, ignore_index=True)
 
     def difference(self, first: str, second: str) -> dict[str, float]:
-        """Return the posterior of a parameter of the median person minus another one.
-
-        ``median``, ``low`` and ``high`` (central interval of 0.9), and ``above_zero``, the
-        probability that it is positive; names are such as ``bound[instruction=accuracy]``.
-        """
+        """Return the posterior of one parameter of the median person minus another."""
         for field, name in (("first", first), ("second", second)):
             if name not in self.parameters:
                 raise InputError.of(field, f"must be one of {', '.join(self.parameters)}", name)
@@ -265,11 +252,7 @@ class GroupFit(Facts):
         ]
 
     def to_datatree(self) -> xarray.DataTree:
-        """Return posterior, log likelihood per trial and data for ArviZ; see ``labels``.
-
-        Numbers of the group are the median person's, and ``..._between_people``, standard
-        deviations.
-        """
+        """Return posterior, log likelihood per trial and data for ArviZ; see ``labels``."""
         from bgmodel.fitting.hierarchy.labels import labelled
 
         names = self.parameters
@@ -296,12 +279,7 @@ class GroupFit(Facts):
         return draw_group(self.to_dataframe(), self.summary(), trials)
 
     def plot_cells(self) -> Figure:
-        """Draw data and model over strength, with all people's trials pooled, as ``Fit.plot``.
-
-        The model is the mixture of everyone's predictions (``pooled.pooled``); all must have the
-        same strengths and conditions. Bars are as if all trials were of one person; averages of
-        other people would differ more.
-        """
+        """Draw data and model over strength, with all people's trials pooled, as ``Fit.plot``."""
         from bgmodel.fitting.drawing import draw_fits
 
         table = pooled(self.typical.values())

@@ -219,10 +219,7 @@ class Group:
         return replace(self, slopes=slopes)
 
     def log_own_prior(self) -> float:
-        """Return the log prior density of means and standard deviations, up to a constant.
-
-        Given the correlations, which also set how far standard deviations spread.
-        """
+        """Return the log prior density of means and standard deviations given correlations."""
         inverse, prior, highest, unshared = self.law
         if (self.mean > highest).any():
             return -np.inf
@@ -259,10 +256,7 @@ def priors_of(space: ParameterSpace, scale: Scale) -> Array:
 
 @compiled
 def log_mean(mean: float, prior: Array) -> float:
-    """Return the log density, on the scale, of the prior of a mean, up to a constant.
-
-    Gaussian on the own scale of the parameter, as in a fit of one person, or uniform in it.
-    """
+    """Return the log prior density of a mean on the scale, up to a constant."""
     low, unit, kind, middle, sd, _, _ = prior
     found = -np.logaddexp(0.0, -mean)
     if sd == np.inf:
@@ -281,8 +275,7 @@ def log_mean(mean: float, prior: Array) -> float:
 def log_sd(sd: float, inverse: float, correlated: int) -> float:
     """Return the log prior density of a standard deviation, up to a constant.
 
-    Half-t; with correlations given these (Huang & Wand 2013), of whose inverse this is one of the
-    diagonal, and 1 without.
+    Half-t; with correlations given the inverse of these (Huang & Wand 2013).
     """
     freedom = CORRELATED if correlated else FREEDOM
     tails = np.log(inverse + sd**2 / (freedom * SPREAD**2))
@@ -303,10 +296,7 @@ def shift(scores: Array, k: int, inverse: Array) -> float:
 def asked_mean(
     k: int, mean: Array, sd: Array, average: Array, error: float, normal: float, law: Law
 ) -> float:
-    """Return a proposal for a mean given people, their average, its error, and the other means.
-
-    From their Gaussian times that near the prior, of which ``gain_of_mean`` is aware.
-    """
+    """Return a proposal for a mean given people and the other means; see ``gain_of_mean``."""
     inverse, prior, _, _ = law
     middle = average[k] + sd[k] * -shift((average - mean) / sd, k, inverse)
     spread = error / np.sqrt(inverse[k, k])
@@ -361,10 +351,7 @@ def draw_covariance(away: Array, sd: Array, law: Law, rng: np.random.Generator) 
 
 
 def group_of(means: Array, variances: Array | None = None, shared: Truths | bool = False) -> Group:
-    """Return the mean and variance of people's estimates (people, parameters), as a start.
-
-    Their error variances are added, as in the EM algorithm.
-    """
+    """Return mean and variance of people's estimates (people, parameters), with their errors."""
     spread = means.var(axis=0)
     if variances is not None:
         spread = spread + variances.mean(axis=0)

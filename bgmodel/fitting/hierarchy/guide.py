@@ -52,11 +52,7 @@ class Guide:
     def people_moved(
         self, group: Group, scaled: Array, vague: Array, rng: np.random.Generator
     ) -> tuple[Array, Array]:
-        """Move people given the group; return them and the rise of each log likelihood.
-
-        The rise is under the surrogate. ``vague`` has the probability with which each parameter is
-        chosen by moves of a single one.
-        """
+        """Move people given the group; return them and the rise of the surrogate."""
         _, now, rise = self._moved(group, scaled, vague, rng, MOVES_OF_PEOPLE, 1.0)
         return now, rise
 
@@ -85,12 +81,7 @@ def _wander(
     between: tuple[Array, Array, Integers], step: Array, cumulative: Array, law: Law,
     surrogate: tuple[Array, ...], rng: np.random.Generator,
 ) -> Array:  # fmt: skip
-    """Move a group and its people in place; return the rise of everyone's log likelihood.
-
-    ``share`` of the moves are of people; ``cumulative`` holds the cumulative probabilities of all
-    parameters but the last to be moved alone. ``offsets`` (people, parameters) are those of slopes
-    in ``between``.
-    """
+    """Move a group and its people in place; return the rise of everyone's log likelihood."""
     slopes = between[0]
     logs = values(scaled, surrogate)
     before = logs.copy()
@@ -135,11 +126,7 @@ def _move_people(
     mean: Array, sd: Array, scaled: Array, offsets: Array, logs: Array, step: Array,
     cumulative: Array, law: Law, surrogate: tuple[Array, ...], rng: np.random.Generator,
 ) -> None:  # fmt: skip
-    """Move each person given the group: one parameter to a draw from it, or all by a step.
-
-    The group's density of a parameter drawn from it cancels that of the prior. Parameters that
-    people share stay where they are in steps.
-    """
+    """Move each person given the group: one parameter to a draw from it, or all by a step."""
     size, root, inverse = len(mean), surrogate[0], law[0]
     for person in range(len(scaled)):
         now, middle = scaled[person], mean + offsets[person]
@@ -172,10 +159,7 @@ def _move_group(
     mean: Array, sd: Array, scaled: Array, offsets: Array, step: Array, law: Law,
     rng: np.random.Generator,
 ) -> None:  # fmt: skip
-    """Draw a mean or a standard deviation as ``Group.drawn``; both in turn are not reversible.
-
-    Nor are means in turn, or means and covariances, if parameters are correlated.
-    """
+    """Draw a mean or a standard deviation as ``Group.drawn``; both in turn are not reversible."""
     (people, size), correlated = scaled.shape, len(law[3])
     average = np.array([(scaled[:, k] - offsets[:, k]).mean() for k in range(size)])
     for turn in range(size):

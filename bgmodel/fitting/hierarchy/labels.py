@@ -88,10 +88,7 @@ def labelled(
 
 
 def each_trial(likelihoods: Mapping[str, Likelihood], vectors: Array) -> Array:
-    """Return the log likelihood of each trial, (chains, draws, trials), nats.
-
-    ``vectors`` is (chains, draws, people, parameters).
-    """
+    """Return the log likelihood of each trial at draws, (chains, draws, trials), nats."""
     parts = [
         np.array([[likelihood.each(vector) for vector in chain[:, k]] for chain in vectors])
         for k, likelihood in enumerate(likelihoods.values())
@@ -180,12 +177,7 @@ LABELS = {"sensitivity": "sensitivity (1/√s)", "bound": "bound (√s)"}
 
 @styled
 def draw_group(people: pd.DataFrame, group: pd.DataFrame, trials: int) -> Figure:
-    """Draw a panel for each parameter: people in the order of their medians, and the group.
-
-    Points are medians and lines central intervals of 0.9; the dashed line and the band are the
-    median person's parameter and its interval. Values of one parameter in several conditions share
-    the axis, and the order of the first.
-    """
+    """Draw a panel for each parameter: people by their medians, and the group, with 90 %."""
     count = people["participant"].nunique()
     rows = -(-len(group) // COLUMNS)
     figure, grid = panels(rows, COLUMNS, size=(7.2, 0.5 + rows * (1.1 + 0.13 * count)))

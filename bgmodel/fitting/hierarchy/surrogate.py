@@ -66,10 +66,7 @@ class Surrogate:
 def surrogate_of(
     over_people: SharedMap, draws: Array, log_likelihood: Array, rng: np.random.Generator
 ) -> Surrogate:
-    """Return the surrogate from draws on the scale, and from new points around them.
-
-    ``draws`` are (draws, people, parameters), their log likelihoods (draws, people), nats.
-    """
+    """Return the surrogate from draws (draws, people, parameters), and from points around them."""
     jobs = [
         (k, draws[:, k], log_likelihood[:, k], of_person)
         for k, of_person in enumerate(rng.spawn(draws.shape[1]))
@@ -120,10 +117,7 @@ def _farthest(points: Array, number: int) -> Integers:
 
 
 def _fitted(points: Array, logs: Array) -> tuple[Array, Array, Array, float, float]:
-    """Fit one person's surrogate at points (points, parameters).
-
-    Returns quadratic, points, weights, length and ceiling.
-    """
+    """Return quadratic, points, weights, length and ceiling of one person's surrogate."""
     from scipy.linalg import cholesky, solve_triangular
     from scipy.spatial.distance import cdist
 

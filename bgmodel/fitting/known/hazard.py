@@ -71,10 +71,7 @@ def decisions(
 def delayed(
     decided: Array, at_s: Array, rt_s: Array, offsets: Integers, t0_s: float, sd_s: float
 ) -> Array:
-    """Return the density of each alternative at each response time, (trials, alternatives), 1/s.
-
-    ``at_s`` are the times of the readings; the non-decision time is Gaussian.
-    """
+    """Return the density of each alternative at each response time, (trials, alternatives), 1/s."""
     trials, count = len(rt_s), decided.shape[1]
     density = np.zeros((trials, count))
     for trial in range(trials):
@@ -108,10 +105,7 @@ def answered(
 
 @compiled
 def lowest_between(out: Reals, time_s: Array, starts: Array, ends: Array, seen: Integers) -> Array:
-    """Return the lowest OUT after each reading, until the next one; 0 beyond the last reading.
-
-    ``starts`` and ``ends`` are when each reading comes, and the next one, (trials, readings), s.
-    """
+    """Return the lowest OUT after each reading, until the next one; 0 beyond the last reading."""
     trials, ticks, count = out.shape
     lowest = np.zeros((trials, starts.shape[1], count))
     for trial in range(trials):

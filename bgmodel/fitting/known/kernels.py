@@ -30,11 +30,7 @@ DATA = "data"
 
 
 def kernels(likelihood: Any, vector: Array, *, positions: int = POSITIONS) -> pd.DataFrame:
-    """Return psychophysical kernels of the data and of a model, a ``KnownLikelihood``.
-
-    The model's is of its choices given the response times of the data. To the columns of ``kernel``
-    are added ``of``, "data" or the name of the model, and ``align``, "onset" or "response".
-    """
+    """Return psychophysical kernels of the data and of a model, aligned to onset and response."""
     import pandas as pd
 
     of = {DATA: None, likelihood.model.name: likelihood.chosen(vector)}
@@ -101,10 +97,7 @@ def _aligned(trials: KnownTrials, some: Integers, positions: int, align: str) ->
 
 
 def _logit(design: Array, target: Array) -> tuple[Array, Array]:
-    """Return weights and standard errors of a conditional logit, by Newton's method.
-
-    ``design`` is (trials, weights, alternatives), ``target`` the probability of each choice.
-    """
+    """Return weights and standard errors of a conditional logit, by Newton's method."""
     scale = np.maximum(design.std(axis=(0, 2)), 1e-12)
     x = design / scale[:, None]
     precision = np.eye(x.shape[1]) / PRIOR_SD**2
@@ -130,9 +123,7 @@ FEWEST = 10
 def hazards(likelihood: Any, vector: Array) -> pd.DataFrame:
     """Return the share of running trials that respond after each reading and before the next.
 
-    Each interval between readings is shifted by the mean non-decision time. The model's share is
-    the mean of its probabilities in the same trials, each given that it has not responded before;
-    ``standard_error`` is that of the observed share under the model. Empty without times.
+    Intervals are shifted by the mean non-decision time; ``standard_error`` is under the model.
     """
     import pandas as pd
 
@@ -162,11 +153,7 @@ TITLES = (
 
 @styled
 def draw_known(peaks: Mapping[str, Peak], title: str) -> Figure:
-    """Draw hazards per reading and psychophysical kernels, data (95 % intervals) and models.
-
-    A hazard is the share of running trials that respond after a reading, aligned by each model's
-    non-decision time, and for data by the first model's.
-    """
+    """Draw hazards per reading and psychophysical kernels, data (95 % intervals) and models."""
     design = next(iter(peaks.values()))[0].design
     shares, kerns = (
         {name: table(*peak) for name, peak in peaks.items()} for table in (hazards, kernels)

@@ -91,11 +91,7 @@ class KnownLikelihood(Likelihood):
         )  # fmt: skip
 
     def responses(self, values: Values) -> tuple[Array, Array]:
-        """Return the density at each response time, 1/s, and the probability of none, (trials,).
-
-        The density is (trials, alternatives), 0 in trials without a response; for choices without
-        times it is the probability of each.
-        """
+        """Return the density at each response time, 1/s, and the probability of none."""
         decided, left = self.decisions(values)
         trials, rt_s, none = self.trials, self.trials.rt_s, 1 - values["lapse"]
         if not trials.timed:
@@ -109,10 +105,7 @@ class KnownLikelihood(Likelihood):
         return np.where(np.isfinite(rt_s)[:, None], density, 0.0), none * left
 
     def answered(self, values: Values, by_s: Array) -> Array:
-        """Return the probability of each response by times (trials, times), by alternative.
-
-        Given the readings before the trial's own response: later ones may not be known.
-        """
+        """Return the probability of each response by times (trials, times)."""
         trials, share = self.trials, values["lapse"]
         lapsed = np.clip(by_s / trials.span_s, 0.0, 1.0) / trials.alternatives
         probability = answered(
@@ -207,11 +200,7 @@ class KnownLikelihood(Likelihood):
         return [replace(self, outputs=each, _decided={}) for each in self.outputs.parts()]
 
     def starts(self) -> list[Array]:
-        """Return the starts of a search, for two values of the non-decision time.
-
-        The threshold is the median OUT of the chosen alternative at the reading of the decision,
-        the noise a large or a small share of the spread of that OUT.
-        """
+        """Return starts for two non-decision times and two noises, at the data's level."""
         freed = self.freedom
         fastest = float(np.nanquantile(self.trials.rt_s, 0.05)) if self.trials.timed else 0.0
         starts = []

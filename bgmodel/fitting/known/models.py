@@ -37,10 +37,7 @@ class Outputs(Protocol):
     """OUT of a model on the readings of some trials."""
 
     def out(self, values: Values) -> Array:
-        """Return OUT (runs, seen readings, alternatives) at values of the parameters.
-
-        The readings of all trials, each up to its response, are concatenated.
-        """
+        """Return OUT (runs, seen readings, alternatives), all trials' readings concatenated."""
 
     def parts(self) -> list[Outputs]:
         """Return the outputs without each part of simulated runs; empty without simulation."""
@@ -73,11 +70,7 @@ def read(trials: KnownTrials) -> tuple[Array, Array]:
 
 
 def leaky_sums(log_likelihood: Array, time_s: Array, leak_hz: float = 0.0) -> Array:
-    """Return sums of readings after each reading, (trials, readings, alternatives), nats.
-
-    The sum falls by ``exp(-leak_hz dt)`` in the time dt since the reading before; without a leak it
-    is the running sum. Times are infinite after the last reading.
-    """
+    """Return sums of readings that decay at ``leak_hz``, (trials, readings, alternatives), nats."""
     if leak_hz == 0:
         return np.cumsum(log_likelihood, axis=1)
     known = np.where(np.isfinite(time_s), time_s, 0.0)
@@ -91,10 +84,7 @@ def leaky_sums(log_likelihood: Array, time_s: Array, leak_hz: float = 0.0) -> Ar
 
 
 def runs_of_cues(log_likelihood: Array) -> Array:
-    """Return the number of readings in a row, up to each, that favour each alternative.
-
-    A reading favours the alternative under which it is most likely; a tie ends every run.
-    """
+    """Return the number of readings in a row, up to each, that favour each alternative."""
     ordered = np.sort(log_likelihood, axis=2)
     clear = ordered[:, :, -1] > ordered[:, :, -2]
     favoured = (log_likelihood == ordered[:, :, -1:]) & clear[:, :, None]

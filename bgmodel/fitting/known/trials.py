@@ -233,10 +233,7 @@ def gap_s(trials: KnownTrials) -> float:
 
 
 def intervals(trials: KnownTrials) -> tuple[Array, Array]:
-    """Return when each reading before the response and the next one come, (trials, readings), s.
-
-    After the last reading of a trial it is the median time between readings.
-    """
+    """Return when each reading before the response and the next one come, (trials, readings), s."""
     after = np.concatenate([trials.time_s[:, 1:], np.full((trials.trials, 1), np.inf)], axis=1)
     starts = trials.time_s
     ends = np.where(np.isfinite(after), after, starts + gap_s(trials))
@@ -261,10 +258,7 @@ def responding(
     values: Mapping[str, float],
     rng: np.random.Generator,
 ) -> KnownTrials:
-    """Return trials with responses: decisions with non-decision times, and lapses.
-
-    Without a decision ``choice`` is -1 and ``decided_s`` NaN.
-    """
+    """Return trials with responses: decisions with non-decision times, and lapses."""
     delay = values["t0_s"] + values["t0_sd_s"] * rng.standard_normal(len(choice))
     rt_s = decided_s + np.maximum(delay, 0.001)
     lapsed = rng.random(len(choice)) < values["lapse"]

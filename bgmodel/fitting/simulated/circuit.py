@@ -145,11 +145,7 @@ class CircuitModel(InParts):
         }
 
     def decided(self, values: Mapping[str, Array], strength: Array, grid: Grid) -> Array:
-        """Return the probability of a decision in each bin; see ``algorithms.Model``.
-
-        Between simulated values of an axis, the time of each trial is interpolated; between those
-        of the bias, the probability.
-        """
+        """Return the probability of a decision in each bin; see ``algorithms.Model``."""
         names = (THRESHOLD, *(each.name for each in self._more))
         none = np.zeros(len(strength))
         settings = np.stack([values.get(name, none) for name in names], axis=1)
@@ -172,10 +168,7 @@ class CircuitModel(InParts):
         return list(itertools.product(*(map(float, axis.values) for axis in self.axes)))
 
     def stored(self, point: tuple[float, ...], bias: float = 0.0) -> FirstPassageTimes:
-        """Return the crossings at values of the axes, read from the folder or simulated.
-
-        ``bias``, nats, is the input of the channel of response 1, or if negative of response 0.
-        """
+        """Return the crossings at values of the axes and a bias, nats, read or simulated."""
         key = (*point, bias) if bias else point
         if key not in self._kept:
             if self._part_of is not None:
@@ -189,10 +182,7 @@ class CircuitModel(InParts):
         return self._kept[key]
 
     def biased(self, point: tuple[float, ...], size: float) -> FirstPassageTimes:
-        """Return the crossings with a bias to response 1, and those with the opposite bias.
-
-        The control variates are those without a bias.
-        """
+        """Return the crossings with a bias to response 1, and those with the opposite bias."""
         if not size:
             return self.stored(point)
         key = (*point, size, -size)

@@ -42,10 +42,7 @@ class Control:
         return replace(self, walks=self.walks.part(parts))
 
     def excess(self, odds: float, drift: Array, bins: int) -> Array:
-        """Return the excess probability of decisions by the walks, (bins, 2, drifts).
-
-        This is estimated minus exact, delayed by the lag; drifts, 1/sqrt(s), favour response 1.
-        """
+        """Return the walks' estimated minus exact probability of decisions, (bins, 2, drifts)."""
         levels = self.walks.thresholds_nats
         bound = np.polyval(self.bound_of_odds, odds)
         place = float(np.interp(-bound, levels, np.arange(len(levels))))

@@ -168,11 +168,7 @@ class FirstPassageTimes:
 
 @dataclass(frozen=True)
 class Counts:
-    """Trials on a grid of time and evidence.
-
-    Those decided are counted by the evidence for their choice, spread over neighbouring bins of
-    evidence so that sums of smooth weights are preserved; others by that for choice 0.
-    """
+    """Trials on a grid of time and evidence for their choice; undecided ones for choice 0."""
 
     decided: Array  # (1 or 2, bins, evidence); with a bias, choices 0 and 1 are apart
     never: Array  # (evidence,), without a decision
@@ -256,10 +252,7 @@ def _seen(weighed: Sequence[tuple[Counts, float]]) -> tuple[Array, tuple[slice, 
 
 
 def _moved(largest: Array) -> Array:
-    """Return the offset moved from the exponents of evidence to those of time.
-
-    Late trials have accumulated evidence whose exponential alone would overflow.
-    """
+    """Return the offset moved from the exponents of evidence, which would overflow, to time."""
     if largest.max() > 2 * LARGEST_EXPONENT:
         raise InputError(
             f"a circuit that still decides after {largest.max():.0f} nats of evidence cannot be "
@@ -325,10 +318,9 @@ def _count(settings: Sequence[tuple[FirstPassageTimes, float]], row: int) -> Cou
 
 
 def _sharpened(counts: Array) -> Array:
-    """Return counts over evidence, corrected so that weighted sums are those of the trials.
+    """Return counts corrected for the division of trials between the two nearest bins.
 
-    Dividing a trial between the two nearest bins adds, for trials anywhere in a bin, a twelfth of
-    the second difference of a weight; this is removed from the counts.
+    It adds a twelfth of the second difference of a weight.
     """
     padded = np.pad(counts, [(0, 0)] * (counts.ndim - 1) + [(1, 1)])
     return np.asarray(counts - np.diff(padded, n=2, axis=-1) / 12)

@@ -59,11 +59,7 @@ def simulation_error(
 
 
 def without_parts(likelihood: Likelihood, there: Directions) -> list[tuple[Likelihood, Array]]:
-    """Return the likelihood without each part of simulated trials, and its optimum.
-
-    A number that is at a bound of its range at the optimum of all trials, ``there``, stays there.
-    The list is empty if the model is computed exactly.
-    """
+    """Return the likelihood without each part of simulated trials, and its optimum."""
     left = likelihood.without_parts()
     if not left:
         return []
@@ -80,11 +76,7 @@ def without_parts(likelihood: Likelihood, there: Directions) -> list[tuple[Likel
 
 
 def _uphill(likelihood: Likelihood, vector: Array, step: Array, common: Array) -> Array:
-    """Return the end of a step, halved until it leads uphill and within the range.
-
-    On a ridge the surface is not parabolic, and a Newton step may end far down on the other side.
-    ``common`` is the slope shared by all parts, since a search ends slightly off the optimum.
-    """
+    """Return the end of a step, halved until it leads uphill; ``common`` is all parts' slope."""
     low, high = likelihood.freedom.low, likelihood.freedom.high
     start = likelihood(vector)
     for halved in range(HALVED):
@@ -111,11 +103,7 @@ def _beside(vector: Array, k: int, step: float) -> tuple[Array, Array]:
 
 
 def _curvature(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
-    """Return minus the second derivatives of the log likelihood by the numbers inside.
-
-    These are derivatives for the data, not expected ones: the two differ if a model does not fit,
-    and simulated trials move the surface of the data.
-    """
+    """Return minus the second derivatives for the data, by the numbers inside."""
     steps = _steps(likelihood, vector, inside)
     slopes = []
     for k, step in zip(np.flatnonzero(inside), steps, strict=True):

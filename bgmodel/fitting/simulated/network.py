@@ -69,11 +69,7 @@ class LikelihoodNetwork(Facts):
         rt: npt.ArrayLike,
         response: npt.ArrayLike,
     ) -> Array:
-        """Return the log density of responses 1 or -1, log 1/s, in the arguments' common shape.
-
-        ``v``, 1/sqrt(s), is the drift in favour of response 1, ``threshold`` the OUT at which the
-        circuit decides, nats, ``t0`` the mean non-decision time, s.
-        """
+        """Return the log density of responses 1 or -1, log 1/s, at HSSM's inputs."""
         arguments = np.broadcast_arrays(
             *(np.asarray(x, float) for x in (v, threshold, t0, rt, response))
         )

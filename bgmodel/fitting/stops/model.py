@@ -113,11 +113,7 @@ class StopModel:
         return float(threshold_nats(np.asarray(bound), np.asarray(self.noise(sensitivity))))
 
     def latency_ms(self, threshold: float, strength_nats: float) -> float:
-        """Return the time from a stop signal to its effect, ms.
-
-        It is the time at which c reaches the threshold or, where the strength is less than that,
-        half of the strength; 0 for a step and for an unknown threshold.
-        """
+        """Return when c reaches the threshold, or half of a weaker signal, ms; 0 for a step."""
         if self.time_ms is None or self.added is None or not strength_nats > 0:
             return 0.0
         known = float(np.nan_to_num(threshold))
@@ -131,10 +127,7 @@ TEST = StopModel(CONSTANT.name)
 
 
 def circuit_stop(circuit: str | Circuit = "macaque", noise_nats: float = NOISE_NATS) -> StopModel:
-    """Return the stop process of a circuit of two channels, from its response to 1 nat in STN.
-
-    The closed form scales this response with the strength.
-    """
+    """Return the stop process of a circuit of two channels, from its response to 1 nat in STN."""
     table = checked_circuit(circuit, 2)
     time_ms, added = step_response(BasalGanglia(table), StopSignal(), time_ms=LASTING_MS)
     return StopModel(table.name, noise_nats, time_ms, added, table)
@@ -221,11 +214,7 @@ def laid(trials: Trials, slowing_ms: tuple[float, float] | None = None) -> StopD
 
 
 def go_process(trials: Trials) -> dict[str, float]:
-    """Fit a diffusion between constant bounds to one person's go trials, by maximum likelihood.
-
-    The result, ``GO``, is NaN where it is unknown which responses are correct, where fewer are
-    correct than by chance, and with fewer than 10 go responses.
-    """
+    """Fit a diffusion between constant bounds to one person's go trials: ``GO``, NaN if unknown."""
     unknown = dict.fromkeys(GO, np.nan)
     one = StopTrials.of(trials)
     go = ~one.stop & one.responded

@@ -182,10 +182,7 @@ class StopRace:
         return replace(trials, rt_s=np.where(made, rt_ms / 1000, np.nan), response=coded)
 
     def later(self, strength_nats: float, since_ms: Array, left_ms: Array) -> Array:
-        """Return the probability of a response after the effect of a weak signal, (times,).
-
-        ``since_ms`` is the time from the stimulus to the effect, ``left_ms`` that which is left.
-        """
+        """Return the probability of a response after the effect of a weak signal, (times,)."""
         go = self.go
         noise = np.array([self.process.noise(go["sensitivity"])])
         raised = float(raised_bound(np.array([go["bound"]]), noise, strength_nats)[0])
@@ -195,10 +192,7 @@ class StopRace:
 
 @lru_cache(maxsize=KEPT)
 def responses(race: StopRace, trials: Trials, strength_nats: float) -> tuple[Array, Array]:
-    """Return p(respond) over the time of a signal's effect, as steps: their times, ms, and sizes.
-
-    It is the distribution of go times if the signal blocks. If it does not, some respond later.
-    """
+    """Return p(respond) over the time of a signal's effect, as steps: times, ms, and sizes."""
     data = laid(trials, race.slowing_ms)
     times, share = data.times_ms, data.responded
     if not race.threshold > strength_nats:

@@ -202,10 +202,7 @@ def _warn_of_several(choices: Trials) -> None:
 def _laid(
     choices: Trials, by: Sequence[str], rt_window: tuple[float, float] | None, sides: bool
 ) -> Design:
-    """Return the cells of choices, with the trials within the window binned on a grid.
-
-    If a response is withheld, cells are of one side: only the other response has times.
-    """
+    """Return the cells of choices, with the trials within the window binned on a grid."""
     sides = sides or choices.withheld is not None
     response, keys = mirrored(choices), _keys(choices, by, sides)
     cells = sorted(set(keys))

@@ -156,11 +156,7 @@ def play(
     seed: int,
     chooser: Chooser | None = None,
 ) -> Played:
-    """Let several runs of a learner play a bandit.
-
-    The draws of the bandit depend on the seed alone, so that learners can be compared in pairs.
-    Without a chooser, choices are drawn from the learner's probabilities.
-    """
+    """Let several runs of a learner play a bandit, with draws that depend on the seed alone."""
     learner, draws = learner_of(learner), bandit.draw(trials, runs, seed)
     state, every = learner.start((runs,)), np.arange(runs)
     choice = np.empty(draws.best.shape, np.int8)
@@ -180,10 +176,7 @@ def play(
 
 
 def relative_regret(played: Played, reference: Played) -> tuple[float, float]:
-    """Return mean regret over that of a reference on the same draws, and its standard error.
-
-    The error is that of a ratio of means over paired runs (delta method).
-    """
+    """Return mean regret over that of a reference, and the error of the ratio (delta method)."""
     ours, other = played.regret, reference.regret
     same = "must have as many runs as the other"
     require(len(ours) == len(other), "reference", same, len(other))
@@ -220,11 +213,7 @@ class ValueCircuit:
         self.model.warn_of_noise(self.model.threshold(None, self.posterior))
 
     def evidence(self, values: npt.ArrayLike, number: int = 0) -> Evidence:
-        """Return the evidence of trials with values (trials, 2).
-
-        Each block ``number`` has its own noise. The truth is the larger value, action 1 if they are
-        equal.
-        """
+        """Return evidence of trials with values (trials, 2); each block has its own noise."""
         pairs = np.asarray(reals("values", values), dtype=np.float64)
         require(
             pairs.ndim == 2 and pairs.shape[1] == 2, "values", "must be (trials, 2)", pairs.shape
@@ -242,11 +231,7 @@ class ValueCircuit:
         )
 
     def decide(self, values: npt.ArrayLike, number: int = 0) -> Decision:
-        """Return the decisions of the circuit; each block has its own noise in the circuit as well.
-
-        Posteriors are not compared with the proportion correct: readings are likelihoods only if
-        values differ by ``difference``.
-        """
+        """Return the decisions of the circuit, not compared with the proportion correct."""
         evidence = self.evidence(values, number)
         level = self.model.threshold(None, self.posterior)
         return self.model.unadapted.decided(evidence, level, first_trial=number * evidence.trials)

@@ -63,10 +63,7 @@ def log_density(
 
 
 def choice_probability(drift: Array, bound: Array, start: Array) -> Array:
-    """Return the probability of response 1, lapses included; arguments broadcast.
-
-    ``(1 - exp(-2 v (A + z))) / (1 - exp(-4 v A))`` without lapses.
-    """
+    """Return the probability of response 1, lapses included; arguments broadcast."""
     v = np.where(np.abs(drift) < 1e-6, 1e-6, drift)
     p = np.expm1(-2 * v * (bound + start)) / np.expm1(-4 * v * bound)
     return np.asarray((1 - LAPSES) * p + LAPSES / 2)
@@ -151,11 +148,7 @@ class ValueModel:
         return self.learner(**{name: value[..., :1] for name, value in special.items()})
 
     def diffusion(self, trials: Trials, values: Mapping[str, Array]) -> tuple[Array, ...]:
-        """Return drift, bound, start and non-decision time, s, (..., trials) each.
-
-        They depend on all earlier trials. ``values`` are parameters by name, (..., trials). A
-        parameter of the learner that differs between trials raises.
-        """
+        """Return drift, bound, start and t0_s in each trial, given all earlier ones."""
         pairs, bound = pairs_of(trials), values["bound"]
         if self.learner is None:
             drift = values["drift"]
@@ -175,11 +168,7 @@ class ValueModel:
     def simulate(
         self, trials: Trials, values: Mapping[str, Array], rng: np.random.Generator
     ) -> Trials:
-        """Return a new response and time in each trial, given the person's own earlier trials.
-
-        What the item that was not chosen would have earned is unknown; ``simulated.simulated``
-        makes people who learn from their own choices.
-        """
+        """Return new responses and times, given the person's own earlier trials."""
         drift, bound, start, t0_s = self.diffusion(trials, values)
         response, rt_s = draw(drift, bound, start, t0_s, rng.random((4, trials.trials)))
         rt_s = rt_s if trials.timed else np.full(trials.trials, np.nan)
@@ -245,11 +234,7 @@ def likelihood(
     vary: dict[str, str] | None = None,
     formulas: Sequence[Formula] = (),
 ) -> ValueLikelihood:
-    """Return the likelihood of one person's choices and times under a model of value learning.
-
-    Values follow from all earlier trials, those that a part of the likelihood leaves out included.
-    The drift of the baseline model varies with the pair.
-    """
+    """Return the likelihood of one person's choices and times under a model of value learning."""
     model, vary = model_of(model), dict(vary or {})
     pairs_of(trials)
     if model.learner is None:
@@ -317,11 +302,7 @@ PAIRS = (("AB", 0.8, 0.2), ("CD", 0.7, 0.3), ("EF", 0.6, 0.4))
 def simulated(
     model: ValueModel | str, values: Mapping[str, Array], *, trials: int = 60, seed: int
 ) -> Trials:
-    """Return the choices, times and rewards of simulated people, named by numbers from 0.
-
-    ``values`` are their parameters, (people,) each. Three pairs of ``trials`` trials take turns.
-    Each person has a separate random stream.
-    """
+    """Return trials of simulated people, with parameters (people,), who learn three pairs."""
     model, trials = model_of(model), whole("trials", trials, 2)
     names = {each.name for each in model.parameters}
     require(names == set(values), "values", f"must be {', '.join(sorted(names))}", list(values))

@@ -33,11 +33,7 @@ class Pairs:
 
 @lru_cache(maxsize=256)
 def pairs_of(trials: Trials) -> Pairs:
-    """Return the trials of one person by pair, in the order of presentation.
-
-    They need rewards and the condition "pair"; response 1 is the better item. A pair with fewer
-    than two trials raises.
-    """
+    """Return the trials of one person by pair, in the order of presentation."""
     who, columns = trials.people(), trials.conditions
     require(len(who) == 1, "participant", "must be one person, who learns", ", ".join(who))
     for name in ("response", "reward"):
