@@ -44,12 +44,6 @@ class Directions:
             errors[some] = np.sqrt(np.diag(np.linalg.inv(cosines))) / length[some]
         return errors
 
-    @property
-    def alone(self) -> Array:
-        """Standard error of each with all others known."""
-        with np.errstate(divide="ignore"):
-            return np.asarray(1 / np.sqrt(np.diag(self.information)))
-
     def cautions(self) -> list[str]:
         """Return warnings of pairs and parameters that these data cannot identify."""
         cosines = self.cosines

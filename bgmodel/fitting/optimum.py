@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from bgmodel.fitting.exact.responses import moments
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.support.arrays import Array, Truths
 
@@ -52,11 +51,6 @@ class Optimum:
     def values(self) -> dict[str, float]:
         """The numbers of the fit by name."""
         return dict(zip(self.likelihood.freedom.names, self.vector.tolist(), strict=True))
-
-    @property
-    def moments(self) -> dict[str, Array]:
-        """Accuracy, mean and sd of each cell; see ``responses.moments``."""
-        return moments(self.complete.density, self.complete.likelihood.design.grid)
 
     @property
     def at_bound(self) -> Truths:

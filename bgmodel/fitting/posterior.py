@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,9 +11,6 @@ from bgmodel.fitting.identify import Directions
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
-
-if TYPE_CHECKING:
-    import xarray
 
 POSTERIOR_SEED = 24_201
 WALKERS, STEPS, MOST_STEPS = 32, 500, 3000
@@ -41,27 +37,14 @@ class Posterior:
         """Whether the chain is long compared with its autocorrelation time."""
         return self.lasts >= ENOUGH
 
-    def interval(self, share: float = 0.9) -> Array:
-        """Return the central interval with a share of the posterior, (2, parameters)."""
-        return np.asarray(np.quantile(self.draws, [(1 - share) / 2, (1 + share) / 2], axis=0))
-
-    def to_datatree(self) -> xarray.DataTree:
-        """Return ``posterior`` and ``sample_stats`` for ArviZ; dependent walkers are one chain."""
-        import xarray  # only when labels are needed
-
-        axes = {"chain": [0], "draw": np.arange(len(self.draws))}
-        draws = {
-            name: xarray.DataArray(values[None], axes)
-            for name, values in zip(self.names, self.draws.T, strict=True)
-        }
-        stats = {"lp": xarray.DataArray(self.log_density[None], axes)}
-        groups = {"posterior": xarray.Dataset(draws), "sample_stats": xarray.Dataset(stats)}
-        return xarray.DataTree.from_dict(groups)
-
     @property
     def mean(self) -> Array:
         """Mean of each parameter."""
         return np.asarray(self.draws.mean(axis=0))
+
+    def interval(self, share: float = 0.9) -> Array:
+        """Return the central interval with a share of the posterior, (2, parameters)."""
+        return np.asarray(np.quantile(self.draws, [(1 - share) / 2, (1 + share) / 2], axis=0))
 
 
 def posterior(

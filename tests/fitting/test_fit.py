@@ -7,6 +7,7 @@ import pytest
 
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import QUANTILES
+from bgmodel.fitting.exact.responses import moments as of_density
 from bgmodel.fitting.fit import cells_of, fit_likelihood, widened
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.parameters import Parameter
@@ -78,7 +79,8 @@ def test_cells_hold_data_beside_the_model(fit, likelihood):
         for q in QUANTILES:
             assert row[f"q{round(100 * q)}_s"] == np.quantile(rt, q)
             assert row[f"model_q{round(100 * q)}_s"] == pytest.approx(np.quantile(rt, q), abs=0.06)
-    moments = fit.optimum.moments
+    whole = fit.optimum.complete
+    moments = of_density(whole.density, whole.likelihood.design.grid)
     assert table["model_accuracy"].to_numpy() == pytest.approx(moments["accuracy"], rel=1e-12)
     assert table["model_accuracy"].to_numpy() == pytest.approx(table["accuracy"], abs=0.05)
     assert table["model_mean_s"].to_numpy() == pytest.approx(table["mean_s"], abs=0.04)

@@ -44,7 +44,6 @@ def test_errors_are_those_of_the_inverse_of_the_information():
     assert errors.standard_errors == pytest.approx(
         np.sqrt(np.diag(np.linalg.inv(errors.information)))
     )
-    assert errors.alone == pytest.approx(1 / np.sqrt(np.diag(errors.information)))
     assert errors.cosines == pytest.approx(errors.cosines.T)
     assert np.diag(errors.cosines) == pytest.approx(1)
 

@@ -90,10 +90,3 @@ def test_no_chain_is_worth_more_than_its_draws():
     assert _correlated(both) == pytest.approx(_correlated(slow[1:, :, :1]))
     with np.errstate(invalid="ignore"):
         assert _correlated(np.zeros((400, 8, 1))) == 400
-
-
-def test_draws_are_a_tree_of_labelled_arrays():
-    drawn = Posterior(["a", "b"], np.arange(6.0).reshape(3, 2), -np.arange(3.0), 3.0, 60.0)
-    tree = drawn.to_datatree()
-    assert tree["posterior"]["b"].sel(chain=0).values.tolist() == [1, 3, 5]
-    assert tree["sample_stats"]["lp"].sel(draw=2).item() == -2

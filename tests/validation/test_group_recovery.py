@@ -11,7 +11,8 @@ from scipy.stats import binom, kstest
 
 from bgmodel.fitting.hierarchy.approximation import Expansion
 from bgmodel.fitting.hierarchy.group import Scale, group_of
-from bgmodel.fitting.hierarchy.sampler import Sampler
+from bgmodel.fitting.hierarchy.sampler import Sampler, guided
+from bgmodel.support.processes import local_map
 from bgmodel.support.seeds import stream
 from tests.validation.groups import MOST_SD, RANGES, group
 
@@ -46,7 +47,7 @@ def ranks(number, shift=0.0):
     expansion = Expansion(point, pull, np.array([np.diag(each**2 / ERRORS**2) for each in slope]))
     sampler = Sampler([Measured(each) for each in values], expansion)
     state, warm = sampler.run(sampler.first(group_of(point), rng), WARM_UP)
-    guide = sampler.guide_from(warm.part(WARM_UP // 4), rng)
+    guide = guided(local_map(sampler.people), warm.part(WARM_UP // 4), rng)
     _, draws = replace(sampler, guide=guide).run(state, SWEEPS)
     low, high = SCALE.to(np.array([RANGES[name] for name in NAMES]).T)
     inside = (draws.mean >= low) & (draws.mean <= high) & (draws.sd <= MOST_SD)

@@ -15,23 +15,28 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.deciding.decision import first_crossing
-from bgmodel.deciding.trace import Trace
 from bgmodel.fitting.exact.algorithms import SENSITIVITY
 from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.simulated.circuit import LEVELS, LOWEST_LOG_ODDS, THRESHOLD, CircuitModel
-from bgmodel.fitting.simulated.crossings import BATCH, LARGEST_EXPONENT, Run, interpolated, log_odds
+from bgmodel.fitting.simulated.crossings import (
+    BATCH,
+    LARGEST_EXPONENT,
+    Run,
+    crossed,
+    interpolated,
+    log_odds,
+    sharpened,
+)
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.compiling import compiled
 from bgmodel.support.seeds import stream
 from bgmodel.tables.alternatives import MOST
-from circuits.errors import require
 
 DRIFTS = (0.0, 1.0, 2.0, 4.0, 7.0, 11.0)
 """Drifts at which trials are simulated, 1/sqrt(s)."""
@@ -79,7 +84,7 @@ class ManyCrossings:
                 self.bins[row], self.choice[row], self.evidence[row], self.parts,
                 np.array(DRIFTS), low, decided, never,
             )  # fmt: skip
-            self._counted[row] = _sharpened(decided), _sharpened(never)
+            self._counted[row] = sharpened(decided), sharpened(never)
         return self._counted[row]
 
     def decided(self, rows: list[tuple[int, float]], drift: float) -> Array:
@@ -102,12 +107,6 @@ class ManyCrossings:
 def _ratio(exponent: Array) -> Array:
     """Return likelihood ratios; evidence whose ratio would overflow does not occur that early."""
     return np.asarray(np.exp(np.minimum(exponent, LARGEST_EXPONENT)))
-
-
-def _sharpened(counts: Array) -> Array:
-    """Return counts corrected for division between bins; see ``simulated.crossings``."""
-    padded = np.pad(counts, [(0, 0)] * (counts.ndim - 1) + [(1, 1)])
-    return np.asarray(counts - np.diff(padded, n=2, axis=-1) / 12)
 
 
 @compiled
@@ -156,31 +155,19 @@ def simulated_many(
             steps += drift * BIN_S * (np.arange(channels) == 0)
             sums = steps.cumsum(axis=1)
             sums -= sums.mean(axis=2, keepdims=True)
-            parts.append(_crossed(run(sums, number * trials + first), sums, thresholds_nats))
+            bins, choice, sums = crossed(run(sums, number * trials + first), sums, thresholds_nats)
+            evidence = np.clip(np.round(sums / UNIT), -32_000, 32_000).astype(np.int16)
+            parts.append((bins.astype(np.int16), choice.astype(np.int8), evidence))
     bins, choice, evidence = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
     return ManyCrossings(thresholds_nats, bins, choice, evidence)
-
-
-def _crossed(trace: Trace, sums: Array, thresholds_nats: Array) -> tuple[npt.NDArray[Any], ...]:
-    """Return bin, choice and evidence of each trial at each threshold."""
-    decision = first_crossing(trace, thresholds_nats, forced=False, checked=False)
-    never = decision.choice < 0
-    # A tick at the very end of a reading still depends on it.
-    bins = np.ceil(np.where(never, 0.0, decision.time_ms) / (1000 * BIN_S) - 1e-9) - 1
-    bins = np.where(never, sums.shape[1] - 1, np.maximum(bins, 0)).astype(np.int16)
-    evidence = np.round(sums[np.arange(len(sums)), bins] / UNIT)
-    evidence = np.clip(evidence, -32_000, 32_000).astype(np.int16)
-    return bins, decision.choice.astype(np.int8), evidence
 
 
 @dataclass(frozen=True)
 class ManyCircuitModel(CircuitModel):
     """A circuit of three or more channels: all wrong alternatives have the same evidence."""
 
-    def _check_channels(self) -> None:
-        """Raise ValueError unless the circuit has three to twelve channels."""
-        channels = self.circuit.channels
-        require(3 <= channels <= MOST, "circuit", f"must have 3 to {MOST} channels", channels)
+    fewest_channels: ClassVar[int] = 3
+    most_channels: ClassVar[int] = MOST
 
     @property
     def _more(self) -> tuple[Parameter, ...]:

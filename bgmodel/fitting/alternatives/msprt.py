@@ -153,6 +153,7 @@ class MsprtModel(InParts):
     """The multihypothesis sequential probability ratio test in continuous time, simulated."""
 
     any_width: ClassVar = True
+    threshold_name: ClassVar[str] = THRESHOLD
     alternatives: int
     trials: int = TRIALS  # as for a circuit
     seed: int = SIMULATION_SEED
@@ -160,11 +161,6 @@ class MsprtModel(InParts):
 
     def __post_init__(self) -> None:
         whole("trials", self.trials, PARTS)
-
-    @property
-    def threshold_name(self) -> str:
-        """``threshold_nats``."""
-        return THRESHOLD
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -199,9 +195,5 @@ class MsprtModel(InParts):
 
     def identity(self) -> dict[str, object]:
         """Return all that its predictions depend on."""
-        return {
-            "model": "msprt",
-            "alternatives": self.alternatives,
-            "trials": self.trials,
-            "seed": self.seed,
-        }
+        names = ("alternatives", "trials", "seed")
+        return {"model": "msprt"} | {name: getattr(self, name) for name in names}

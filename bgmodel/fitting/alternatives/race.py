@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.fitting.exact.algorithms import BOUND, SENSITIVITY, distinct
+from bgmodel.fitting.exact.algorithms import BOUND, SENSITIVITY, Model, distinct
 from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.simulated.circuit import SIMULATION_SEED, TRIALS
@@ -30,7 +30,7 @@ FINE = 5
 
 
 @dataclass(frozen=True)
-class RaceModel:
+class RaceModel(Model):
     """Independent accumulators of evidence; the first to reach the bound decides.
 
     Each has noise of variance 1/2 per second, so that differences have unit variance, as in the
@@ -40,11 +40,7 @@ class RaceModel:
 
     alternatives: int
     any_width: ClassVar = True
-
-    @property
-    def threshold_name(self) -> str:
-        """``bound``."""
-        return BOUND.name
+    threshold_name: ClassVar[str] = BOUND.name
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -63,14 +59,6 @@ class RaceModel:
         errors = others * np.diff(wrong) * _middle((1 - right) * (1 - wrong) ** (others - 1))
         fine = np.stack([errors, correct], axis=1)
         return np.asarray(fine.reshape(len(strength), 2, grid.bins, FINE).sum(axis=3))
-
-    def halves(self) -> tuple[RaceModel, RaceModel]:
-        """Return itself twice, since it is exact."""
-        return self, self
-
-    def left_out(self) -> tuple[RaceModel, ...]:
-        """Return an empty tuple, since no trial is simulated."""
-        return ()
 
     def identity(self) -> dict[str, object]:
         """Return its name and the number of alternatives."""
@@ -161,14 +149,10 @@ class LcaModel(InParts):
     seed: int = SIMULATION_SEED
     seconds: float = 3.0  # length of a trial, s
     _parts: Truths = field(default_factory=lambda: np.ones(PARTS, dtype=np.bool_), repr=False)
+    threshold_name: ClassVar[str] = BOUND.name
 
     def __post_init__(self) -> None:
         whole("trials", self.trials, FEWER * PARTS)
-
-    @property
-    def threshold_name(self) -> str:
-        """``bound``."""
-        return BOUND.name
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -197,10 +181,5 @@ class LcaModel(InParts):
 
     def identity(self) -> dict[str, object]:
         """Return all that its predictions depend on."""
-        return {
-            "model": "lca",
-            "alternatives": self.alternatives,
-            "trials": self.trials,
-            "seed": self.seed,
-            "seconds": self.seconds,
-        }
+        names = ("alternatives", "trials", "seed", "seconds")
+        return {"model": "lca"} | {name: getattr(self, name) for name in names}

@@ -21,12 +21,9 @@ from bgmodel.support.arrays import Array, Integers, Truths
 
 FALL = Parameter("fall_per_s", 0.0, 10.0, 1.0, "rate at which the gap falls, 1/s; 0 is constant")
 STEEPNESS = Parameter(
-    "fall_shape",
-    1.0,
-    6.0,
-    3.0,
+    "fall_shape", 1.0, 6.0, 3.0,
     "exponent of a Weibull function: 1 falls at once, as exponentially, 6 late and steeply",
-)
+)  # fmt: skip
 FLOOR = Parameter(
     "floor", 0.0, 0.95, 0.0, "share of the bound that remains at late times", free=False
 )
@@ -55,36 +52,8 @@ class Gap:
         return bound * floor + falls * left(x, *more), falls * rate * slope(x, *more)
 
 
-def _exponential(x: Array) -> Array:
-    return np.exp(-x)
-
-
-def _exponential_slope(x: Array) -> Array:
-    return -np.exp(-x)
-
-
-def _hyperbolic(x: Array) -> Array:
-    return 1 / (1 + x)
-
-
-def _hyperbolic_slope(x: Array) -> Array:
-    return -1 / (1 + x) ** 2
-
-
-def _weibull(x: Array, k: float) -> Array:
-    return np.exp(-(x**k))
-
-
-def _weibull_slope(x: Array, k: float) -> Array:
-    return np.asarray(-k * x ** (k - 1) * np.exp(-(x**k)))
-
-
 CONSTANT = Gap("constant_gap", "a(t) = A")
-EXPONENTIAL = Gap(
-    "falling_gap",
-    "exponential, g(x) = exp(-x)",
-    (FALL, FLOOR),
-)
+EXPONENTIAL = Gap("falling_gap", "exponential, g(x) = exp(-x)", (FALL, FLOOR))
 HYPERBOLIC = Gap(
     "hyperbolic_gap",
     "hyperbolic, g(x) = 1 / (1 + x) (Voskuilen, Ratcliff & Smith 2016)",
@@ -99,9 +68,12 @@ GAPS = {each.name: each for each in (CONSTANT, EXPONENTIAL, HYPERBOLIC, WEIBULL)
 """The shapes by the name of the model."""
 SHAPES: dict[str, tuple[Callable[..., Array], Callable[..., Array]]] = {
     CONSTANT.name: (np.ones_like, np.zeros_like),
-    EXPONENTIAL.name: (_exponential, _exponential_slope),
-    HYPERBOLIC.name: (_hyperbolic, _hyperbolic_slope),
-    WEIBULL.name: (_weibull, _weibull_slope),
+    EXPONENTIAL.name: (lambda x: np.exp(-x), lambda x: -np.exp(-x)),
+    HYPERBOLIC.name: (lambda x: 1 / (1 + x), lambda x: -1 / (1 + x) ** 2),
+    WEIBULL.name: (
+        lambda x, k: np.exp(-(x**k)),
+        lambda x, k: np.asarray(-k * x ** (k - 1) * np.exp(-(x**k))),
+    ),
 }
 """g and its derivative, of ``x = r t`` and of further parameters: apart from the records, which
 are saved."""
@@ -113,35 +85,23 @@ SENSITIVITY = Parameter(
 """Bounds and start for a largest strength of 1; ``likelihood_of`` divides them by the largest."""
 BOUND = Parameter("bound", 0.1, 8.0, 0.7, "half of the gap in units of the noise, sqrt(s)")
 START = Parameter(
-    "start",
-    -0.9,
-    0.9,
-    0.0,
+    "start", -0.9, 0.9, 0.0,
     "start of the evidence as a share of the bound: 1 is that of response 1, -1 that of response 0",
     free=False,
-)
-"""A bias of the test to one response; none by default."""
+)  # fmt: skip
 BIAS = Parameter(
-    "bias_nats",
-    -1.2,
-    1.2,
-    0.0,
+    "bias_nats", -1.2, 1.2, 0.0,
     "constant input of the channel of response 1, or if negative of response 0, in the circuit's "
-    "nats",
-    free=False,
-)
-"""A bias of a circuit to one response; none by default."""
+    "nats", free=False,
+)  # fmt: skip
+"""Biases of the test and of a circuit to one response; none by default."""
 SIDED = (START.name, BIAS.name)
 """Parameters that depend on which response is called 1."""
 SPREAD = Parameter(
-    "start_spread",
-    0.0,
-    0.9,
-    0.0,
+    "start_spread", 0.0, 0.9, 0.0,
     "half of the range from which the start is drawn uniformly in each trial, as a share of the "
-    "distance between its mean and the nearer bound",
-    free=False,
-)
+    "distance between its mean and the nearer bound", free=False,
+)  # fmt: skip
 DRIFT_SD = Parameter(
     "drift_sd", 0.0, 5.0, 0.0, "standard deviation of the drift across trials, 1/sqrt(s)",
     free=False,
@@ -174,30 +134,28 @@ class Model(Protocol):
 
     def halves(self) -> tuple[Model, Model]:
         """Return two copies of the model whose simulation errors, if any, are independent."""
+        return self, self
 
     def left_out(self) -> tuple[Model, ...]:
         """Return the model without each part of its simulated trials in turn; empty if exact."""
+        return ()
 
     def identity(self) -> dict[str, object]:
         """Return all that its predictions depend on, for provenance."""
 
 
 @dataclass(frozen=True)
-class GapModel:
+class GapModel(Model):
     """The sequential test in continuous time, computed exactly."""
 
     gap: Gap = CONSTANT
     any_width: ClassVar = True
+    threshold_name: ClassVar[str] = BOUND.name
 
     @property
     def name(self) -> str:
         """Name of its gap, such as ``constant_gap``."""
         return self.gap.name
-
-    @property
-    def threshold_name(self) -> str:
-        """``bound``."""
-        return BOUND.name
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -241,14 +199,6 @@ class GapModel:
             return at_rest, np.full(len(time_s), bound)
         gap, slope = self.gap.at(bound, shape, time_s)
         return passage.falling_at_rest(gap, slope, time_s, width_s, starts), gap
-
-    def halves(self) -> tuple[Model, Model]:
-        """Return itself twice, since it is exact."""
-        return self, self
-
-    def left_out(self) -> tuple[Model, ...]:
-        """Return an empty tuple, since no trial is simulated."""
-        return ()
 
     def identity(self) -> dict[str, object]:
         """Return its name, which is all that it depends on."""

@@ -16,7 +16,7 @@ from bgmodel.fitting.hierarchy.group import Group, shift
 from bgmodel.fitting.hierarchy.guide import SINGLE, Guide, guide_of
 from bgmodel.fitting.hierarchy.surrogate import surrogate_of
 from bgmodel.support.arrays import Array
-from bgmodel.support.processes import SharedMap, local_map
+from bgmodel.support.processes import SharedMap
 
 UNGUIDED = 0.2
 """Share of the sweeps with a guide that do without it, so that chains leave points where the
@@ -186,10 +186,6 @@ class Sampler:
         log = self.logs(asked)
         taken = np.log(state.rng.uniform()) < (log - state.log - rise).sum()
         return State(group, asked, log, state.rng) if taken else state
-
-    def guide_from(self, draws: Draws, rng: np.random.Generator) -> Guide:
-        """Return a guide made from draws."""
-        return guided(local_map(self.people), draws, rng)
 
 
 def guided(over_people: SharedMap, draws: Draws, rng: np.random.Generator) -> Guide:

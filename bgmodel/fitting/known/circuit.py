@@ -11,7 +11,7 @@ import numpy as np
 from bgmodel.evidence import Evidence
 from bgmodel.fitting.known.hazard import lowest_between
 from bgmodel.fitting.known.models import LEAK, Outputs, Values, leaky_sums, read, sizes
-from bgmodel.fitting.known.trials import KnownTrials, intervals
+from bgmodel.fitting.known.trials import KnownTrials, gaps_s, intervals
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.simulated.circuit import SIMULATION_SEED
 from bgmodel.integrators.basal_ganglia import REFUSED_TIMES, BasalGanglia
@@ -64,17 +64,12 @@ class KnownCircuit:
         """Name of the circuit."""
         return self.circuit.name
 
-    @property
-    def gains(self) -> Array:
-        """Gains at which it is simulated."""
-        return gain_of(self.circuit) * np.array(FACTORS)
-
     def parameters(self, alternatives: int) -> tuple[Parameter, ...]:
         """Return gain, leak (fixed: it would need other simulations), threshold and noise."""
         low, high = self.circuit.readable_nats
-        about, gains = "drive of the circuit, nats, per nat of evidence", self.gains
+        about, gain = "drive of the circuit, nats, per nat of evidence", gain_of(self.circuit)
         return (
-            Parameter("gain", float(gains[0]), float(gains[-1]), gain_of(self.circuit), about),
+            Parameter("gain", gain * FACTORS[0], gain * FACTORS[-1], gain, about),
             LEAK,
             *sizes((low, high, 0.3 * high), (0.01, 2 * high, 0.05 * high), "OUT, nats"),
         )
@@ -87,12 +82,9 @@ class KnownCircuit:
             problem = "of a circuit can't be free: fix it at a value, such as leak_hz=0.5"
             raise InputError(f"leak_hz {problem}", "free")
         gains = self._usable(trials, values[LEAK.name])
-        out = np.stack([self._simulated(trials, g, values[LEAK.name]) for g in gains])
-        return Simulated(out, gains)
-
-    def runs_of(self, trials: int) -> int:
-        """Return the number of runs of each trial, given the number of trials."""
-        return self.runs or int(np.clip(SIMULATED // trials, FEWEST, MOST))
+        return Simulated(
+            np.stack([self._simulated(trials, g, values[LEAK.name]) for g in gains]), gains
+        )
 
     def identity(self) -> dict[str, Any]:
         """Return the circuit's hash, engine, runs and seed."""
@@ -102,21 +94,22 @@ class KnownCircuit:
     def _usable(self, trials: KnownTrials, leak_hz: float) -> Array:
         """Return the gains at which the evidence is not too strong for the circuit."""
         evidence, _ = on_grid(trials, leak_hz)
-        model = BasalGanglia(self.circuit, self.engine, float(self.gains[0]), self.seed)
+        gains = gain_of(self.circuit) * np.array(FACTORS)
+        model = BasalGanglia(self.circuit, self.engine, float(gains[0]), self.seed)
         lead = model.lead_nats(evidence) / model.gain
-        usable = lead * self.gains < REFUSED_TIMES * self.circuit.max_lead_nats
+        usable = lead * gains < REFUSED_TIMES * self.circuit.max_lead_nats
         if usable.sum() < 2:
             model.check_strength(evidence)
             raise InputError(
                 f"the evidence is too strong for {self.name}: is it in nats?", "evidence"
             )
-        return np.asarray(self.gains[usable])
+        return np.asarray(gains[usable])
 
     def _simulated(self, trials: KnownTrials, gain: float, leak_hz: float) -> Array:
         """Return OUT (runs, seen readings, alternatives) at one gain."""
         evidence, step_s = on_grid(trials, leak_hz)
         starts, ends = intervals(trials)
-        runs = self.runs_of(trials.trials)
+        runs = self.runs or int(np.clip(SIMULATED // trials.trials, FEWEST, MOST))
         # No trial falls that far: engines are faster if rates aren't stored.
         model = BasalGanglia(self.circuit, self.engine, gain, self.seed).until(NEVER_NATS)
         lowest = np.zeros((runs, trials.trials, starts.shape[1], trials.alternatives))
@@ -187,9 +180,7 @@ def on_grid(trials: KnownTrials, leak_hz: float = 0.0) -> tuple[Evidence, float]
 
 def _step_s(trials: KnownTrials) -> float:
     """Return the common step of the times of all readings, s, or that of the grid."""
-    time_s = trials.time_s[np.isfinite(trials.time_s)]
-    gaps = np.diff(np.where(np.isfinite(trials.time_s), trials.time_s, np.nan), axis=1)
-    gaps = gaps[np.isfinite(gaps)]
+    time_s, gaps = trials.time_s[np.isfinite(trials.time_s)], gaps_s(trials)
     least = float(gaps.min()) if gaps.size else float(time_s.max())
     least = least if least > 0 else GRID_S
     regular = np.abs(time_s / least - np.round(time_s / least)).max() < 1e-6

@@ -20,11 +20,9 @@ import numpy as np
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
 from bgmodel.support.compiling import compiled
 
-NOTHING = 1e-14
-"""A trial ends once the probability of no decision is below this."""
-
-FARTHEST = 9.0
-"""Non-decision times further from their mean, in standard deviations, have a density of 0."""
+NOTHING, FARTHEST = 1e-14, 9.0
+"""Probability of no decision at which a trial ends, and distance of non-decision times from their
+mean, in standard deviations, from which their density is 0."""
 SQRT_2PI = float(np.sqrt(2 * np.pi))
 
 

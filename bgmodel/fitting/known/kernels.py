@@ -53,11 +53,8 @@ def kernel(
 ) -> pd.DataFrame:
     """Return the weight, per nat, of the reading at each position in the choice.
 
-    A conditional logit, ``P(i) ~ exp(b_i + sum_k w_k x_ik)`` with x the log-likelihoods of
-    readings: for two alternatives it is the logistic regression of choice on the difference of
-    evidence at each position. Readings after the response are left out; position 1 is the first, or
-    the last before the response. ``chosen`` (trials, alternatives) replaces choices by a model's
-    probabilities.
+    By a conditional logit, ``P(i) ~ exp(b_i + sum_k w_k x_ik)`` with x the log-likelihoods of
+    readings; ``chosen`` (trials, alternatives) replaces choices by a model's probabilities.
     """
     import pandas as pd
 

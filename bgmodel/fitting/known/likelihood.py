@@ -43,11 +43,9 @@ the spread of OUT at decisions as noise."""
 
 @dataclass(frozen=True)
 class KnownLikelihood(Likelihood):
-    """The likelihood of trials with known evidence under a model.
+    """The likelihood of trials with known evidence; a lapse is uniform up to the latest response.
 
-    A decision at reading k has the probability of ``hazard``. The non-decision time is Gaussian, a
-    lapse is any response at any time up to the latest response. A trial without a response is one
-    without a decision.
+    A trial without a response is one without a decision.
     """
 
     model: KnownModel
@@ -72,23 +70,20 @@ class KnownLikelihood(Likelihood):
     def decisions(self, values: Values) -> tuple[Array, Array]:
         """Return the probability of a decision at each reading, and of none; see ``hazard``."""
         key = tuple(value for name, value in values.items() if name not in RESPONSES)
-        if key not in self._decided:
-            while len(self._decided) >= CACHED:
-                del self._decided[next(iter(self._decided))]
-            self._decided[key] = self._decisions(values)
-        return self._decided[key]
-
-    def _decisions(self, values: Values) -> tuple[Array, Array]:
-        """Compute ``decisions``."""
+        if key in self._decided:
+            return self._decided[key]
+        while len(self._decided) >= CACHED:
+            del self._decided[next(iter(self._decided))]
         out = self.outputs.out(values)
         if values[RUN.name]:
             out = out - values[RUN.name] * self._more_cues
         level = self.model.sign * values["threshold"] + values[URGENCY.name] * self.trials.seen_s
         bias = [0.0, *(values[f"{BIAS}{name}"] for name in self.trials.names[1:])]
-        return decisions(
+        self._decided[key] = decisions(
             np.ascontiguousarray(out), level, np.array(bias), values["noise"],
             self.trials.offsets, self.trials.ends,
         )  # fmt: skip
+        return self._decided[key]
 
     def responses(self, values: Values) -> tuple[Array, Array]:
         """Return the density at each response time, 1/s, and the probability of none."""

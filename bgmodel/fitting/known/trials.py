@@ -11,7 +11,6 @@ import numpy as np
 from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
 from bgmodel.fitting.trials.design import ALONE, Design
 from bgmodel.support.arrays import Array, Integers, Truths
-from bgmodel.support.saved import Facts, span
 from bgmodel.tables.columns import EVERYONE
 from bgmodel.trials.readings import Readings
 from bgmodel.trials.record import Trials
@@ -25,8 +24,8 @@ MOST_EARLY = 0.5
 """Largest tolerated share of responses that precede the first reading of their trial."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class KnownTrials(Facts):
+@dataclass(frozen=True, eq=False)
+class KnownTrials:
     """Choices and response times of one participant, with the readings of each trial.
 
     Warns if responses precede the first reading of their trial; raises if more than half of them
@@ -42,40 +41,10 @@ class KnownTrials(Facts):
     rt_s: Array  # (trials,), s; NaN without a response, or everywhere for choices alone
     ids: tuple[str, ...]
     forced: bool = False  # Whether the last reading of a trial forces a response.
-    source: str = "a table"
     who: str = EVERYONE
 
     def __post_init__(self) -> None:
-        self._check_shapes()
-        self._check_times()
-        self._check_responses()
-
-    def _check_shapes(self) -> None:
-        shape = self.log_likelihood.shape
-        good = len(shape) == 3 and shape[2] == len(self.names) >= 2
-        must = "must have shape (trials, readings, alternatives)"
-        require(good, "log_likelihood", must, shape)
-        require(self.time_s.shape == shape[:2], "time_s", f"must be {shape[:2]}", self.time_s.shape)
-        for name in ("lengths", "choice", "rt_s", "ids"):
-            count = len(getattr(self, name))
-            require(count == shape[0], name, f"must hold {shape[0]} trials", count)
-        require(shape[0] >= FEWEST, "trials", f"must be at least {FEWEST}", shape[0])
-
-    def _check_times(self) -> None:
-        read = np.arange(self.time_s.shape[1]) < self.lengths[:, None]
-        good = np.isfinite(self.time_s) & (self.time_s >= 0)
-        later = np.diff(np.where(read, self.time_s, np.nan), axis=1, prepend=-1.0) > 0
-        wrong = read & ~(good & later)
-        if wrong.any():
-            trial, reading = np.argwhere(wrong)[0]
-            raise InputError(
-                "times of readings must be 0 or later and increase within a trial, got "
-                f"{self.time_s[trial, reading]:g} s at reading {reading + 1} of trial "
-                f"{self.ids[trial]}",
-                "time",
-            )
-
-    def _check_responses(self) -> None:
+        require(self.trials >= FEWEST, "trials", f"must be at least {FEWEST}", self.trials)
         answered = self.choice >= 0
         if self.timed and not np.array_equal(answered, np.isfinite(self.rt_s)):
             trial = self.ids[int(np.argmax(answered != np.isfinite(self.rt_s)))]
@@ -184,32 +153,6 @@ class KnownTrials(Facts):
             self.rt_s[seen].max() if seen.any() else self.time_s[self.time_s < np.inf].max()
         )
 
-    def facts(self) -> dict[str, str]:
-        """Return numbers of trials, readings and responses, and the range of times."""
-        answered = self.choice >= 0
-        counts = {
-            f"chose {name}": f"{(self.choice == k).sum()}" for k, name in enumerate(self.names)
-        }
-        return {
-            "source": self.source,
-            "trials": f"{self.trials}",
-            "readings": f"{self.lengths.sum()}",
-            "readings before the response": f"{self.seen.sum()}",
-            **counts,
-            "no response": f"{(~answered).sum()}",
-            "rt_s": span(self.rt_s),
-        }
-
-    def summary(self) -> str:
-        """Return one sentence: trials, readings, responses."""
-        facts = self.facts()
-        chose = ", ".join(f"{name} {facts[f'chose {name}']}" for name in self.names)
-        return (
-            f"{self.source}: {self.trials} trials with {facts['readings']} readings, of which "
-            f"{facts['readings before the response']} come before the response; chosen: {chose}, "
-            f"none {facts['no response']}; times {facts['rt_s']} s"
-        )
-
 
 @lru_cache(maxsize=64)
 def known_trials(trials: Trials) -> KnownTrials:
@@ -221,22 +164,22 @@ def known_trials(trials: Trials) -> KnownTrials:
     return KnownTrials(
         readings.log_likelihood, readings.time_s, readings.lengths, readings.names,
         readings.choice, trials.rt_s, tuple(trial for _, trial in readings.ids), readings.forced,
-        trials.source, who[0],
+        who[0],
     )  # fmt: skip
 
 
-def gap_s(trials: KnownTrials) -> float:
-    """Return the median time between readings, s."""
+def gaps_s(trials: KnownTrials) -> Array:
+    """Return all times between two readings of a trial, s."""
     gaps = np.diff(np.where(np.isfinite(trials.time_s), trials.time_s, np.nan), axis=1)
-    gaps = gaps[np.isfinite(gaps)]
-    return float(np.median(gaps)) if gaps.size else LONE_S
+    return np.asarray(gaps[np.isfinite(gaps)])
 
 
 def intervals(trials: KnownTrials) -> tuple[Array, Array]:
     """Return when each reading before the response and the next one come, (trials, readings), s."""
     after = np.concatenate([trials.time_s[:, 1:], np.full((trials.trials, 1), np.inf)], axis=1)
-    starts = trials.time_s
-    ends = np.where(np.isfinite(after), after, starts + gap_s(trials))
+    starts, gaps = trials.time_s, gaps_s(trials)
+    median_s = float(np.median(gaps)) if gaps.size else LONE_S
+    ends = np.where(np.isfinite(after), after, starts + median_s)
     most = max(int(trials.seen.max()), 1)
     return starts[:, :most], ends[:, :most]
 
@@ -247,7 +190,7 @@ def waiting(readings: Readings, forced: bool = True) -> KnownTrials:
     return KnownTrials(
         readings.log_likelihood, readings.time_s, readings.lengths, readings.names,
         np.full(count, -1), np.full(count, np.nan), tuple(trial for _, trial in readings.ids),
-        forced, "simulated",
+        forced,
     )  # fmt: skip
 
 

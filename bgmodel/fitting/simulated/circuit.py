@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -79,19 +79,19 @@ class CircuitModel(InParts):
     _kept: dict[tuple[float, ...], FirstPassageTimes] = field(default_factory=dict, repr=False)
     _part_of: tuple[CircuitModel, Truths] | None = field(default=None, repr=False)
 
+    fewest_channels: ClassVar[int] = 2
+    most_channels: ClassVar[int] = 2
+
     def __post_init__(self) -> None:
-        self._check_channels()
+        channels, few, most = self.circuit.channels, self.fewest_channels, self.most_channels
+        number = "two" if few == most else f"{few} to {most}"
+        require(few <= channels <= most, "circuit", f"must have {number} channels", channels)
         from circuits.declaration.table import NATS
 
         must = f"must be one whose OUT is in nats, not in {self.circuit.unit}"
         require(self.circuit.unit == NATS, "circuit", must, self.circuit.name)
         engine_of(self.engine)
         whole("trials", self.trials, PARTS)  # their parts give the simulation error
-
-    def _check_channels(self) -> None:
-        """Raise ValueError unless the circuit has two channels."""
-        channels = self.circuit.channels
-        require(channels == 2, "circuit", "must have two channels for a fit", channels)
 
     @property
     def threshold_name(self) -> str:
@@ -163,10 +163,6 @@ class CircuitModel(InParts):
         probability[mirrored] = probability[mirrored, ::-1]
         return probability
 
-    def points(self) -> list[tuple[float, ...]]:
-        """Return all values of the axes at which crossings are stored."""
-        return list(itertools.product(*(map(float, axis.values) for axis in self.axes)))
-
     def stored(self, point: tuple[float, ...], bias: float = 0.0) -> FirstPassageTimes:
         """Return the crossings at values of the axes and a bias, nats, read or simulated."""
         key = (*point, bias) if bias else point
@@ -209,18 +205,11 @@ class CircuitModel(InParts):
         return self.mechanism.apply(self.circuit, point)
 
     def _key(self, point: tuple[float, ...], bias: float = 0.0) -> dict[str, Any]:
-        settings = {
-            name: value for name, value in self.identity().items() if name not in ("axes", "edits")
-        }
-        at: dict[str, Any] = {
-            "circuit": identity(self.at(point)),
-            "thresholds_nats": self.thresholds_nats.tolist(),
-        }
-        if self.circuit.centred:
-            at["centred"] = True
-        if bias:
-            at["bias_nats"] = bias
-        return {**settings, **at}
+        key = {**self.identity(), "circuit": identity(self.at(point))}
+        key["thresholds_nats"] = self.thresholds_nats.tolist()
+        more: dict[str, Any] = {"centred": True} if self.circuit.centred else {}
+        more |= {"bias_nats": bias} if bias else {}
+        return {n: value for n, value in key.items() if n not in ("axes", "edits")} | more
 
     def entry(self, point: tuple[float, ...], bias: float = 0.0) -> Entry[FirstPassageTimes]:
         """Return the place of the crossings at values of the axes and a bias."""

@@ -66,10 +66,8 @@ def decided(
 ) -> Array:
     """Return the probability of a decision for 0 and 1 in each bin, (drifts, 2, bins).
 
-    ``settings`` are the same trials at the settings of a circuit around the requested one, with
-    weights. If a trial's choice is the same at all of them, its time is interpolated; otherwise it
-    is divided among them. Drifts, 1/sqrt(s), favour response 1. The estimate is unbiased: with a
-    control it may be negative, by less than its error.
+    ``settings`` are the same trials at settings of a circuit around the requested one, with
+    weights. The estimate is unbiased: with a control it may be negative, by less than its error.
     """
     first, v = settings[0][0], np.asarray(drift, float)
     levels = first.thresholds_nats

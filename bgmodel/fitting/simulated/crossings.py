@@ -314,10 +314,10 @@ def _count(settings: Sequence[tuple[FirstPassageTimes, float]], row: int) -> Cou
             for name in ("bins", "choice", "evidence")
         )
         count(bins, choice, evidence, share, group[0].parts, EVIDENCE_BIN, decided, never)
-    return Counts(_sharpened(decided), _sharpened(never))
+    return Counts(sharpened(decided), sharpened(never))
 
 
-def _sharpened(counts: Array) -> Array:
+def sharpened(counts: Array) -> Array:
     """Return counts corrected for the division of trials between the two nearest bins.
 
     It adds a twelfth of the second difference of a weight.
@@ -346,24 +346,18 @@ def simulated(
             steps = rng.normal(0.0, math.sqrt(BIN_S / 2), (few, readings, 2))
             steps += np.array([drift, -drift]) * BIN_S / 2
             read = steps.cumsum(axis=1)
-            trace = run(read, number * trials + first)
-            parts.append(_crossed(trace, read, thresholds_nats))
+            apart = read[:, :, 0] - read[:, :, 1]
+            parts.append(crossed(run(read, number * trials + first), apart, thresholds_nats))
     bins, choice, evidence = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
-    return FirstPassageTimes(
-        thresholds_nats,
-        nodes,
-        np.ascontiguousarray(bins, np.int16),
-        np.ascontiguousarray(choice, np.int8),
-        np.ascontiguousarray(evidence, np.float32),
-    )
+    small = bins.astype(np.int16), choice.astype(np.int8), evidence.astype(np.float32)
+    return FirstPassageTimes(thresholds_nats, nodes, *small)
 
 
-def _crossed(trace: Trace, read: Array, thresholds_nats: Array) -> tuple[npt.NDArray[Any], ...]:
-    """Return bin, choice and evidence of each trial at each threshold."""
+def crossed(trace: Trace, read: Array, thresholds_nats: Array) -> tuple[npt.NDArray[Any], ...]:
+    """Return bin, choice and evidence, of those read (trials, ...), at each threshold."""
     decision = first_crossing(trace, thresholds_nats, forced=False, checked=False)
     never = decision.choice < 0
     # A tick at the very end of a reading still depends on it.
     bins = np.ceil(np.where(never, 0.0, decision.time_ms) / (1000 * BIN_S) - 1e-9) - 1
     bins = np.where(never, read.shape[1] - 1, np.maximum(bins, 0)).astype(np.int64)
-    apart = read[:, :, 0] - read[:, :, 1]
-    return bins, decision.choice, apart[np.arange(len(read)), bins]
+    return bins, decision.choice, read[np.arange(len(read)), bins]

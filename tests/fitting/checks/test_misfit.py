@@ -12,6 +12,7 @@ from scipy.stats import chi2
 
 from bgmodel.fitting.checks.misfit import FIXED, Excess, misfit
 from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.exact.responses import moments
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import Optimum
@@ -88,7 +89,8 @@ def test_data_that_the_model_does_not_fit_are_said_with_the_worst_cell(some):
 
 def test_z_scores_are_those_of_the_data_in_standard_deviations_of_the_model():
     fit, _ = fitted(CLEAN)
-    table, expected = fit.cells(), fit.optimum.moments
+    table, whole = fit.cells(), fit.optimum.complete
+    expected = moments(whole.density, whole.likelihood.design.grid)
     n = table["trials"]
     sd = np.sqrt(expected["accuracy"] * (1 - expected["accuracy"]) / n)
     z = (table["accuracy"] - expected["accuracy"]) / sd

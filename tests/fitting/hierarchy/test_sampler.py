@@ -19,7 +19,9 @@ from bgmodel.fitting.hierarchy.group import (
     priors_of,
 )
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler, joined
+from bgmodel.fitting.hierarchy.sampler import guided as guide_from
 from bgmodel.fitting.parameters import Parameter, freedom
+from bgmodel.support.processes import local_map
 from bgmodel.support.seeds import stream
 from tests.fitting.hierarchy.known import Known, wide
 
@@ -81,7 +83,9 @@ def draws(approximation, people, sweeps, guided=False, group=None, warm_up=200):
     state = sampler.first(group or Group(MIDDLE, np.ones(2)), stream(SEED))
     state, warm = sampler.run(state, warm_up)
     if guided:
-        sampler = replace(sampler, guide=sampler.guide_from(warm, stream(SEED, "surrogate")))
+        sampler = replace(
+            sampler, guide=guide_from(local_map(sampler.people), warm, stream(SEED, "surrogate"))
+        )
     return sampler.run(state, sweeps)[1]
 
 
@@ -138,7 +142,7 @@ def astray(people):
     others = [Gaussian(each.middle + 0.7 * each.error, 1.4 * each.error) for each in people]
     sampler, start = Sampler(others, expansion(others)), Group(MIDDLE, np.ones(2))
     _, warm = sampler.run(sampler.first(start, stream(SEED)), 300)
-    guide = sampler.guide_from(warm, stream(SEED, "astray"))
+    guide = guide_from(local_map(sampler.people), warm, stream(SEED, "astray"))
     return replace(Sampler(people, expansion(people)), guide=guide)
 
 
@@ -176,7 +180,7 @@ def test_a_surrogate_that_is_wrong_changes_no_posterior(people, astray):
 def test_moves_under_an_exact_surrogate_have_the_posterior(people):
     sampler = Sampler(people, expansion(people))
     _, warm = sampler.run(sampler.first(Group(MIDDLE, np.ones(2)), stream(SEED)), 300)
-    guide = sampler.guide_from(warm, stream(SEED, "exact"))
+    guide = guide_from(local_map(sampler.people), warm, stream(SEED, "exact"))
 
     def moved(state):
         group, scaled, _ = guide.all_moved(state.group, state.scaled, sampler.vague, state.rng)

@@ -30,13 +30,9 @@ def test_an_interval_lasts_until_the_next_reading_even_if_it_comes_after_the_res
 @pytest.mark.parametrize(
     ("changed", "field"),
     [
-        ({"time_s": np.zeros((20, 3))}, "time"),
-        ({"time_s": np.tile([0.1, -0.2, 0.3], (20, 1))}, "time"),
         ({"rt_s": np.full(20, 0.05)}, "time"),
         ({"choice": np.zeros(20, int)}, "response"),
         ({"choice": np.full(20, -1)}, "rt"),
-        ({"lengths": np.full(5, 3)}, "lengths"),
-        ({"log_likelihood": np.zeros((20, 3, 2))}, "log_likelihood"),
     ],
 )
 def test_what_makes_no_sense_is_refused(changed, field):

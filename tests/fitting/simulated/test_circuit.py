@@ -207,9 +207,3 @@ def test_trials_too_few_for_their_parts_are_refused(trials):
     with pytest.raises(ValueError, match="trials must be a whole number >= 16"):
         model(trials=trials)
     assert len(model(trials=16).left_out()) == 16
-
-
-def test_points_are_all_values_of_the_axes():
-    points = model(mechanism=MECHANISMS["onset_stn"]).points()
-    assert len(points) == len(set(points)) == 13 * 5
-    assert model().points() == [()]
