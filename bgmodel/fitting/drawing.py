@@ -121,7 +121,6 @@ def _predicted(cells: pd.DataFrame, name: str) -> pd.Series:
 
 
 def _probability(accuracy: pd.Series, name: str) -> pd.Series:
-    """Return the probability of correct or of wrong responses."""
     return accuracy if name == "correct" else 1 - accuracy
 
 

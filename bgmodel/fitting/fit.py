@@ -104,10 +104,9 @@ class Fit(Facts):
     def parameters(self) -> pd.DataFrame:
         """Return one row per number of the fit.
 
-        Columns parameter, value, standard_error (all others free; from the expected information and
-        a circuit's simulated trials), simulation_error (the part due to these; NaN at a bound), low
-        and high (central 0.9 of the posterior, widened by the simulation error; NaN if none),
-        at_bound.
+        ``standard_error`` is with all others free; ``simulation_error`` the part due to a circuit's
+        trials (NaN at a bound); ``low`` and ``high`` the central 0.9 of the posterior, if there is
+        one.
         """
         errors = self.simulation.parameters
         columns = {
@@ -160,10 +159,9 @@ def cells_with_misfit(fitted: Optimum, apart: Misfit) -> pd.DataFrame:
 def cells_of(design: Design, density: Array) -> pd.DataFrame:
     """Return data and predictions of densities (cells, 2, bins), 1/s, one row per cell.
 
-    ``accuracy`` is the share of response 1, which the strength favours; ``mean_s``, ``sd_s`` and
-    ``q10_s`` to ``q90_s`` are of all responses; each has its prediction, within the window of
-    response times, as ``model_...``. ``correct_...`` and ``wrong_...`` are of one response, their
-    quantiles NaN below ``quantiles.FEWEST`` trials; ``_se`` are standard errors of the data.
+    ``accuracy`` is the share of response 1, which the strength favours; times are of all responses,
+    or ``correct_...`` and ``wrong_...``; predictions are ``model_...``, and ``_se`` standard
+    errors.
     """
     every, _ = design.observed.outcomes(density)
     mass = design.observed.with_times(every)
@@ -214,9 +212,7 @@ def fit_likelihood(
 ) -> Fit:
     """Find the optimum, its identifiability and misfit, and, with ``draws``, the posterior.
 
-    ``tell`` is called with texts on the progress. Warns of misfit, unidentified parameters or ones
-    at a bound, a non-decision time above 1 s, an error of simulation or bins of time above a third
-    of the standard error, and too few posterior samples.
+    Warns of whatever makes the result doubtful; ``tell`` is called with the progress.
     """
     tell("optimum")
     fitted = optimum(likelihood, tell=lambda done, best: tell(f"optimum {done}: {best:.1f}"))

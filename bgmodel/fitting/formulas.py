@@ -127,9 +127,8 @@ def ranged(
 ) -> tuple[float, float, float]:
     """Return the range and the start of coefficient ``k`` of a formula: low, high, start.
 
-    The ends are those of the polytope of all coefficients that keep the parameter ``within`` its
-    range in every cell, by linear programming; ``columns`` are (coefficients, cells), independent.
-    The start gives the parameter its own start in every cell, or as nearly as the columns can.
+    By linear programming over all coefficients that keep the parameter ``within`` its range;
+    ``columns`` are (coefficients, cells), independent.
     """
     from scipy.optimize import linprog
 

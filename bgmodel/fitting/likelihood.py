@@ -164,8 +164,8 @@ class Likelihood:
     def complete(self, vector: Array) -> Self:
         """Return it on a grid that holds nearly all responses that are predicted at a vector.
 
-        The grid of a fit ends soon after the slowest observed response. Predictions up to there
-        would depend on how late that happened to be, and would be too fast.
+        Predictions up to the slowest observed response would depend on how late that happened to
+        be.
         """
         seen = self.design.observed
         ends_s = (seen.window_s[1], getattr(self.model, "seconds", np.inf), MOST_S)
@@ -258,9 +258,8 @@ class BinnedLikelihood(Likelihood):
     def information(self, vector: Array) -> tuple[Array, tuple[str, ...]]:
         """Return the expected information, which depends on the design and not on the data.
 
-        A circuit's densities have the error of its stored trials, which a square would count as
-        information; each product is therefore of the derivatives of one half of them with the
-        other. It is 0 if there are too few stored trials to tell.
+        Products of derivatives are of one half of a circuit's trials with the other, since squares
+        would count their error as information.
         """
         halves = self.model.halves()
         unsplit = len({id(each) for each in halves}) == 1
@@ -386,9 +385,8 @@ def likelihood_of(
 ) -> Likelihood:
     """Return the likelihood of a design's data; arguments as for ``parameters.freedom``.
 
-    Bounds and start of sensitivity are divided by the ``largest`` strength, by default that of the
-    design, so that the drift has the same range in every unit of strength. Warns of responses later
-    than the end of a model's simulated trials.
+    The range of sensitivity is divided by the ``largest`` strength. Warns of responses later than a
+    model's simulated trials.
     """
     _warn_of_later(model, design)
     unit = design.strength.max() if largest is None else largest

@@ -16,7 +16,7 @@ from bgmodel.fitting.fit import Fit
 from bgmodel.fitting.hierarchy.fit import GroupFit
 from bgmodel.fitting.hierarchy.labels import each_trial
 from bgmodel.fitting.identify import directions
-from bgmodel.fitting.likelihood import Likelihood
+from bgmodel.fitting.likelihood import Likelihood, Peak
 from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.simulated.error import jackknifed, without_parts
 from bgmodel.support.arrays import Array, Integers
@@ -118,8 +118,6 @@ UNCERTAIN = 2.0
 SMOOTH = 0.7
 """Largest Pareto k at which importance sampling is reliable (Vehtari, Gelman & Gabry 2017)."""
 Tell = Callable[[str], None]
-# A likelihood and the parameters at which it is largest.
-Peak = tuple[Likelihood, Array]
 
 
 @dataclass(frozen=True)
@@ -165,13 +163,10 @@ class ModelComparison(Facts):
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """One row per model, the best first.
+        """One row per model, the best first; likelihoods and BIC are unknown for hierarchies.
 
-        ``log_likelihood``, ``parameters`` and ``bic`` are unknown for hierarchies. ``score`` is the
-        sum of log densities of trials, each predicted without it, nats; ``difference`` is from the
-        best, its ``standard_error`` from trials, or from people if there are several, and from a
-        circuit's simulated trials (``simulation_error``); ``people_better`` counts people whom it
-        predicts better.
+        ``score`` is the sum of log densities of trials, each predicted without it, nats; errors of
+        ``difference`` are from trials, or from people if there are several.
         """
         best = self.scores[self.best]
         rows = {

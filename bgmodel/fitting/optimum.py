@@ -67,10 +67,9 @@ def optimum(
 ) -> Optimum:
     """Return the optimum; by default from ``likelihood.starts``.
 
-    A smooth likelihood is climbed along its slope (L-BFGS-B, Byrd et al. 1995), and in the end by
-    steps along the scores of all trials: ridges, such as that of threshold and non-decision time,
-    slow a quasi-Newton search down. One with steps, as from simulated trials, is searched by CMA-ES
-    (Hansen 2016). ``tell`` is called with the number of evaluations and the best height, nats.
+    A smooth likelihood is climbed along its slope (L-BFGS-B), and in the end by steps along the
+    scores of all trials; one with steps, as from simulated trials, is searched by CMA-ES (Hansen
+    2016). ``tell`` is called with evaluations and best height.
     """
     begin = likelihood.starts() if starts is None else list(starts)
     if likelihood.rough:

@@ -260,8 +260,7 @@ class ParameterSpace:
         places, medians, spreads = self._priors
         slope, precision = np.zeros((2, len(vector)))
         if len(places):
-            step = 1e-6 * np.maximum(np.abs(vector), 1e-3)
-            change = (self.to_scale(vector + step) - self.to_scale(vector - step)) / (2 * step)
+            change = self._scale_change(vector)
             away = self.to_scale(vector)[places] - medians
             slope[places] = -away / spreads**2 * change[places]
             precision[places] = (change[places] / spreads) ** 2
@@ -270,11 +269,14 @@ class ParameterSpace:
     def log_slope(self, vector: Array) -> float:
         """Return the log density, in their own units, of priors that are flat on the scale."""
         places, *_ = self._priors
-        if not len(places):
-            return 0.0
+        return (
+            float(np.log(np.abs(self._scale_change(vector)[places])).sum()) if len(places) else 0.0
+        )
+
+    def _scale_change(self, vector: Array) -> Array:
+        """Return the change of the scale of each number by the number, (numbers,)."""
         step = 1e-6 * np.maximum(np.abs(vector), 1e-3)
-        change = (self.to_scale(vector + step) - self.to_scale(vector - step)) / (2 * step)
-        return float(np.log(np.abs(change[places])).sum())
+        return (self.to_scale(vector + step) - self.to_scale(vector - step)) / (2 * step)
 
     @property
     def low(self) -> Array:
@@ -293,12 +295,11 @@ class ParameterSpace:
 
     def at_bound(self, vector: Array) -> Truths:
         """Return which numbers are at a bound, as are coefficients of a parameter at one."""
-        low, high, width = self.low, self.high, self.high - self.low
-        least = np.where(self.by_factors, AT_BOUND * np.abs(low) + AT_BOUND**2 * width,
-                         AT_BOUND * width)  # fmt: skip
-        most = np.where(self.by_factors, AT_BOUND * np.abs(high) + AT_BOUND**2 * width,
-                        AT_BOUND * width)  # fmt: skip
-        at_bound = np.asarray((vector - low < least) | (high - vector < most))
+        ends, width = np.stack([self.low, self.high]), AT_BOUND * (self.high - self.low)
+        # Ranges of numbers that differ by factors are far wider than likely values.
+        close = np.where(self.by_factors, AT_BOUND * (np.abs(ends) + width), width)
+        away = np.array([vector - ends[0], ends[1] - vector])
+        at_bound = np.asarray((away < close).any(axis=0))
         for each in self._sums:
             if each.bounded:
                 value, close = each.value(vector), AT_BOUND * (each.high - each.low)
@@ -372,9 +373,8 @@ def freedom(
 ) -> ParameterSpace:
     """Return the free numbers of a fit; ``conditions`` has the level of each cell by column.
 
-    By default parameters with ``free`` are free; with a plus, names add to these. ``vary`` gives
-    one a separate value in each level of a column (``column/level`` fixes a level at the default),
-    ``designs`` makes one linear in columns (cells,), as of ``formulas.Formula.matrix``.
+    ``vary`` gives a parameter a value in each level (``column/level`` fixes a level), ``designs``
+    makes one linear in columns (cells,), as of ``formulas.Formula.matrix``.
     """
     fixed, vary, designs = dict(fixed or {}), dict(vary or {}), dict(designs or {})
     known = {each.name: each for each in parameters}

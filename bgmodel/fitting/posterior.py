@@ -59,11 +59,8 @@ def posterior(
 ) -> Posterior:
     """Sample from the posterior by an ensemble of walkers (Goodman & Weare 2010; emcee).
 
-    They begin around the optimum and step along differences of others (ter Braak & Vrugt 2008),
-    which has less than half the autocorrelation time of the stretch move. Sampling ends, checked
-    every ``steps``, when the second half of the chain is ``ENOUGH`` autocorrelation times long, or
-    after ``most_steps``. Stored crossings have no noise and take milliseconds, so that no surrogate
-    is needed.
+    They step along differences of others (ter Braak & Vrugt 2008), until the second half of the
+    chain is ``ENOUGH`` autocorrelation times long, or for ``most_steps``.
     """
     import emcee
 

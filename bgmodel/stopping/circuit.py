@@ -49,11 +49,7 @@ def decide_with_stop(
     posterior: float | None = None,
     every_ms: float | None = None,
 ) -> StopTrials:
-    """Simulate a circuit in stop-signal trials.
-
-    A response is made when OUT crosses the threshold, and withheld if it does not cross before the
-    trial ends. Parameters are those of ``with_stop`` and ``BasalGanglia.decide``.
-    """
+    """Simulate a circuit in stop-signal trials; parameters as of ``with_stop`` and ``decide``."""
     model = receiving(model, signal)
     level = model.threshold(threshold, posterior)
     model.warn_beyond_range(evidence)
@@ -85,8 +81,7 @@ def step_response(
 ) -> tuple[Array, Array]:
     """Return times and c(t), nats: how a signal at time 0 changes the leader's OUT, without noise.
 
-    The leader's posterior is constant: where OUT is high, as at rest, its rate saturates and the
-    signal changes it less. Times run from the onset of the signal; its afferent delay is left out.
+    The leader's posterior is constant; the afferent delay is left out.
     """
     channels, steps = model.circuit.channels, round((SETTLE_MS + time_ms) / step_ms)
     nats = np.log([posterior, *[(1 - posterior) / (channels - 1)] * (channels - 1)]) / model.gain

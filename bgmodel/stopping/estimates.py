@@ -55,11 +55,10 @@ class StopEstimate(Facts):
 
 
 def estimate_ssrt(trials: StopTrials, *, checked: bool = True) -> StopEstimate:
-    """Return the stop-signal reaction time of one participant.
+    """Return the stop-signal reaction time of one participant; warn of few stop trials.
 
-    If ``checked``, raises where the guide accepts no estimate (``refusal`` says why): the
-    probability of responding is outside 0.25 to 0.75, or failed stops are slower than go responses,
-    which contradicts the race model that the estimate assumes. Warns of fewer than 50 stop trials.
+    If ``checked``, raises where the guide accepts no estimate: responses outside 0.25 to 0.75, or
+    failed stops slower than go responses.
     """
     if not trials.stop.any():
         raise InputError.of("ssd_ms", "must have stop trials", "none")
@@ -106,12 +105,10 @@ def _refusal(values: dict[str, float]) -> str:
 
 
 def inhibition_function(trials: StopTrials) -> pd.DataFrame:
-    """Return the inhibition function, the probability of responding at each stop-signal delay.
+    """Return the probability of responding at each stop-signal delay, one row each.
 
-    One row per delay: p_respond has 95 % Wilson intervals, failed_ms is the mean time of failed
-    stops, and ssrt_ms the quantile of the go times at p_respond minus the delay (omissions
-    replaced). In an independent race with a constant stop-signal reaction time, ssrt_ms is the same
-    at all delays.
+    ``ssrt_ms`` is the quantile of go times at p_respond minus the delay, the same at all delays in
+    an independent race.
     """
     go = trials.rt_ms[~trials.stop]
     replaced = np.where(np.isnan(go), np.nanmax(go), go)
@@ -130,12 +127,9 @@ def inhibition_function(trials: StopTrials) -> pd.DataFrame:
 
 
 def ssrt_by_delay(table: pd.DataFrame) -> float:
-    """Return the stop-signal reaction time, ms: the mean of those in an ``inhibition_function``.
+    """Return the mean ssrt_ms of an ``inhibition_function``, weighted by trials; NaN without any.
 
-    Delays with a p_respond within ``P_RANGE`` are weighted by their trials; NaN without any.
-    ``estimate_ssrt`` pools all delays, which is meant for staircases: with delays spread as widely
-    as the go times, the quantile of the go times at the mean share of responses is not the mean of
-    their quantiles.
+    ``estimate_ssrt`` pools all delays, which is biased where they spread as widely as go times.
     """
     used = table[table["p_respond"].between(*P_RANGE)]
     return float(np.average(used["ssrt_ms"], weights=used["trials"])) if len(used) else np.nan

@@ -93,12 +93,9 @@ def with_input(
 ) -> Evidence:
     """Return evidence with an input of a circuit that has its own time and size in each trial.
 
-    It is added to the inputs that the evidence has, as the next of ``circuit.with_inputs``; one
-    that is the same in every trial is simpler as a course of the circuit. Each number is one for
-    all trials or one per trial. An onset of NaN means no input; draw such trials at random: if they
-    are every second one, all of them may have the same truth. The resolution is a whole fraction of
-    the time between readings, by default the largest up to 10 ms; an input that begins within an
-    interval counts in proportion to the rest of it.
+    Each number is one for all trials or one per trial; an onset of NaN means no input. Draw such
+    trials at random. The resolution is a whole fraction of the time between readings; an input that
+    begins within an interval counts in proportion to the rest of it.
     """
     per_step = _per_step(evidence.step_ms, every_ms)
     step, times = evidence.step_ms / per_step, per_step * (evidence.steps + 1)

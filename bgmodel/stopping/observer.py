@@ -76,11 +76,10 @@ def gaussian_stop_evidence(
     delays_ms: npt.ArrayLike,
     rng: np.random.Generator | int,
 ) -> StopEvidence:
-    """Return Gaussian evidence for a stop signal.
+    """Return Gaussian evidence for a stop signal of mean ``d_prime`` after the delay.
 
-    Readings have unit variance; their mean is 0 without the signal and ``d_prime`` with it. Delays,
-    (trials,) ms, are NaN in go trials. The observer's prior of a stop trial is ``share``, and each
-    of ``delays_ms`` is equally likely; one that leaves no reading with the signal raises.
+    Delays, (trials,) ms, are NaN in go trials; the prior is ``share`` of stop trials and equally
+    likely ``delays_ms``.
     """
     check_positive(d_prime=d_prime)
     ssd = np.asarray(reals("ssd_ms", ssd_ms), dtype=np.float64)
@@ -114,9 +113,8 @@ def log_odds_of_stop(evidence: StopEvidence) -> Array:
 class StopMsprt:
     """The MSPRT with a stop signal: the ideal observer of the stop-signal task.
 
-    With ``extra_channel``, the baseline model, the stop is only one more channel of the test, with
-    evidence ``z``. It then adds ``ln(1 + exp(z - S))`` to OUT of each response, which shrinks as S
-    = ln sum exp y grows; in the ideal observer it adds ``ln(1 + exp z)``.
+    With ``extra_channel``, a baseline model, the stop is one more channel with evidence z, which
+    adds ``ln(1 + exp(z - S))``, S = ln sum exp y, to OUT instead of ``ln(1 + exp z)``.
     """
 
     gain: float = 1.0  # on the evidence of the go task; 1 is the ideal observer

@@ -69,10 +69,8 @@ AFTER = ("failed stop", "successful stop")
 def violations(trials: StopTrials, ssrt_ms: float, width_ms: float = WIDTH_MS) -> pd.DataFrame:
     """Return how much slower failed stops are than an independent race predicts, by delay.
 
-    One row per bin of delays (ssd_ms is its centre): numbers of stop trials and failed stops,
-    failed_ms (their mean time), race_ms (mean of go times truncated at SSD + SSRT, over the same
-    failed stops), violation_ms (their difference), and impossible (failed stops at delays at which
-    no go time is that short, which are left out of the times).
+    ``race_ms`` is the mean of go times truncated at SSD + SSRT; ``impossible`` counts failed stops
+    that no go time explains.
     """
     require(width_ms > 0, "width_ms", "must be > 0", width_ms)
     go = trials.rt_ms[~trials.stop & trials.responded]
@@ -128,12 +126,7 @@ def _accepted_ssrt(trials: StopTrials) -> float | None:
 
 
 def slowing(trials: StopTrials) -> dict[str, float]:
-    """Return how much slower go responses are after stop trials than after go trials, ms.
-
-    ``after_go_ms`` is the mean go time after a go response; ``after_failed_stop_ms`` and
-    ``after_successful_stop_ms`` are those after such trials minus it; NaN without such trials.
-    Trials are in the order in which they were run.
-    """
+    """Return how much slower go responses are after stop trials than after go trials, ms."""
     before, response = trials.outcome[:-1], trials.rt_ms[1:]
     go = ~trials.stop[1:] & ~np.isnan(response)
 

@@ -32,10 +32,8 @@ if TYPE_CHECKING:
 def walk(responded: npt.ArrayLike, delays_ms: npt.ArrayLike, starts_ms: npt.ArrayLike) -> Integers:
     """Return the delay of each stop trial, an index (trials,), under interleaved staircases.
 
-    ``responded`` (delays, trials) are the outcomes at each of the increasing delays. Trial k
-    belongs to staircase k modulo their number. A staircase moves one delay up after a successful
-    stop and one down after a failed stop, and stays where there is no further delay. Warns if one
-    never reverses: its delays then depend on where it started, and it estimates nothing.
+    ``responded`` (delays, trials) are the outcomes at each delay; trial k belongs to staircase k
+    modulo their number. Warns if one never reverses: it then estimates nothing.
     """
     table, delays, starts = _checked(responded, delays_ms, starts_ms)
     index = np.empty(table.shape[1], dtype=np.int64)

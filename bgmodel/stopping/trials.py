@@ -28,35 +28,17 @@ IN_SECONDS = 5.0
 
 @dataclass(frozen=True, repr=False)
 class StopTrials(Facts):
-    """Stop-signal trials of a person, an animal or a model.
+    """Stop-signal trials of a person, an animal or a model, (trials,) ms from the go stimulus.
 
-    Parameters
-    ----------
-    rt_ms : array (trials,), ms
-        Response times from the go stimulus; NaN without a response.
-    ssd_ms : array (trials,), ms
-        Stop-signal delays from the go stimulus; NaN in go trials.
-    correct : bool array (trials,), optional
-        Whether the response was correct; in stop trials, wrong responses are failures to stop too.
-    deadline_ms : float, optional
-        End of the longest trial, ms; all signals must come before it.
-
-    Raises
-    ------
-    ValueError
-        If the arrays do not have one number per trial, a time is negative or infinite, there are no
-        go trials, or a signal comes after the deadline.
-
-    Warns
-    -----
-    UserWarning
-        If the delays look like seconds.
+    ValueError for a negative or infinite time, without go trials, or for a signal after the
+    deadline; warns of delays that look like seconds.
     """
 
-    rt_ms: Array
-    ssd_ms: Array
+    rt_ms: Array  # NaN without a response
+    ssd_ms: Array  # NaN in go trials
+    # In stop trials, wrong responses are failures to stop too.
     correct: Truths | None = None
-    deadline_ms: float | None = None
+    deadline_ms: float | None = None  # end of the longest trial; all signals come before it
 
     def __post_init__(self) -> None:
         for name in ("rt_ms", "ssd_ms"):

@@ -35,8 +35,7 @@ def check_number(alternatives: int) -> None:
 def number_of(table: pd.DataFrame, alternatives: int | None, stimulus: str | None) -> int:
     """Return the number of alternatives of a table, 2 to 12.
 
-    It is that given, that of the column ``alternatives``, or the number of names in ``response``
-    and ``stimulus``, the column of the correct alternative; 2 without these. They must agree.
+    That given, that of its column, or of the names in ``response`` and ``stimulus``.
     """
     held = _held(table)
     if alternatives is not None:

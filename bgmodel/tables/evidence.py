@@ -39,11 +39,7 @@ def read_evidence_table(
     onset_ms: float = 0.0,
     step_ms: float = 1.0,
 ) -> NamedEvidence:
-    """Read a user's evidence from a file; see ``trials_from_table`` for its columns.
-
-    Text becomes numeric only if each cell would be written in the same way again (an id "007" stays
-    text).
-    """
+    """Read a user's evidence from a file; see ``trials_from_table`` for its columns."""
     path = path_of(path)
     plain = path.suffix in SEPARATORS and path.is_file()
     table = read_csv_table(path) if plain else read_table(path)
@@ -99,11 +95,8 @@ def trials_from_table(
 ) -> NamedEvidence:
     """Return the trials of a user's table of evidence; trials may differ in length.
 
-    One row per reading, in any order: ``trial``, an id; ``step``, from 0 or 1 on in each trial; a
-    column ``ll_<name>`` per hypothesis, ``log p(reading | hypothesis)`` in nats, whose overall mean
-    is the baseline; optionally ``truth`` and ``participant_id``, which makes equal ids distinct.
-    Other columns are copied to the results. With ``shared``, participants may have the same
-    readings without a warning.
+    One row per reading, in any order, as for ``read_evidence``, whose overall mean is the baseline;
+    participant_id makes equal ids distinct, and may have equal readings if ``shared``.
     """
     columns = _hypotheses(table)
     if len(table) == 0:

@@ -67,10 +67,8 @@ def trial_table(
 ) -> pd.DataFrame:
     """Return one row per trial: decisions at one threshold, in the format of other tools.
 
-    ``rt`` is in s from onset, NaN if undecided; ``response`` and ``stimulus`` are names of
-    hypotheses, "" if unknown; ``correct`` is 1, 0 or NA; ``steps`` counts readings used, fully or
-    in part. Columns of a user's table with one of these names become ``given_<name>``, but
-    participant_id, trial and, unless ``condition`` is given, condition replace ours.
+    ``rt`` is in s from onset, NaN if undecided; ``correct`` is 1, 0 or NA; ``steps`` counts
+    readings used. Columns of a user's table with one of these names become ``given_<name>``.
     """
     import pandas as pd
 

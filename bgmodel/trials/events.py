@@ -49,12 +49,9 @@ def is_events(path: Path) -> bool:
 def read_events(path: Path, columns: Mapping[str, str] | None = None) -> pd.DataFrame:
     """Return the stop-signal trials of BIDS events: of a file, or of a folder and those below it.
 
-    If names of files have a task with "stop" in it, only those are read. ``columns`` are the set's
-    names of trial_type, rt and ssd, where they are not among ``NAMES``. The table has
-    participant_id (``sub-...``), trial, rt and ssd (s); rt is NaN without a response (n/a or 0 in
-    the file), ssd in go trials. Runs of a participant follow one another. ValueError if there are
-    no such files, a column is missing, a stop trial has no delay, or there are no go or no stop
-    trials; trials of another type are left out with a warning.
+    ``columns`` are the set's names of trial_type, rt and ssd, where they are not among ``NAMES``.
+    The table has participant_id, trial, rt and ssd (s); events of other types are left out with a
+    warning.
     """
     unknown = sorted({*(columns or {})} - {*NAMES})
     require(not unknown, "columns", f"must name columns of {', '.join(NAMES)}", unknown)
@@ -158,13 +155,9 @@ LATE_MS = 10.0
 def restored_delays(trials: Trials, step_ms: float = STEP_MS, *, use_times: bool = True) -> Trials:
     """Return trials in which delays recorded as 0 are those of the participant's staircases.
 
-    Two interleaved staircases are assumed, each one step up after a successful stop and one down
-    after a failed one; which staircase a trial belongs to, and where each started, is inferred. The
-    path with the fewest contradictions is found by dynamic programming (Viterbi): a contradiction
-    is a recorded delay that neither staircase has, or (with ``use_times``) a restored delay before
-    the response; more than a tenth of a participant's are warned of. Without ``use_times``,
-    response times are a test of the restored delays. Only responses on stop trials with a delay of
-    exactly 0 are restored.
+    Two interleaved staircases are assumed, one step up after a successful stop and down after a
+    failed one. The path with the fewest contradictions (recorded delays that neither has or, with
+    ``use_times``, restored ones before the response) is found; many are warned of.
     """
     require(step_ms > 0, "step_ms", "must be > 0", step_ms)
     if trials.ssd_s is None:

@@ -60,12 +60,9 @@ def read_readings(
 ) -> Readings:
     """Read the readings of each trial; those of one participant if the table names participants.
 
-    The table has one of three forms. (1) As for ``read_evidence``: trial, step and
-    ``ll_<alternative>``; reading k comes at ``k step_ms``, which only this form needs. (2) The same
-    with ``time``, s from the onset, instead of ``step``. (3) One row per cue, pulse or click:
-    trial, time, and ``side``, the alternative that it favours; ``value``, its log likelihood ratio
-    in nats, is optional and 1 by default. Without ``side``, ``value`` has a sign and a positive one
-    favours response 1. Cues at the same time are added to one reading.
+    The table has trial, step and ``ll_<alternative>``; or ``time``, s, instead of step; or one row
+    per cue: trial, time, ``side`` and ``value``, its log likelihood ratio (by default 1; signed
+    without side). Cues at the same time are added to one reading.
     """
     if isinstance(evidence, pd.DataFrame):
         name, table = "the evidence", evidence.reset_index(drop=True)
@@ -89,12 +86,8 @@ def answered(
 ) -> Readings:  # fmt: skip
     """Return the readings of the rows of a table of trials, with the chosen alternatives.
 
-    ``readings`` are of these trials and perhaps of others, of which it warns. The table has trial,
-    response, and participant_id if there are several; ``who``, ``rt_s`` (NaN without a response, or
-    for choices alone) and ``missing`` (no response) are of its rows. ``upper`` is the alternative
-    that is coded as response 1, if there are two and responses are 1 and 0. ValueError for trials
-    without readings or given twice, responses that are no alternative, and those of a participant
-    that are against the evidence.
+    ``upper`` is the alternative coded as response 1. Refuses trials without readings, unknown
+    responses, and those against the evidence; warns of readings of other trials.
     """
     matched = readings.where(_matched(table, readings))
     choice = _choices(table["response"], missing, readings.names, upper)

@@ -42,66 +42,30 @@ def is_covariate(column: pd.Series) -> bool:
 class Trials(Facts):
     """Trials of one person or more, in the order in which they were run.
 
-    Parameters
-    ----------
-    participant : (trials,) text
-        The participant of each trial.
-    rt_s : (trials,) float64
-        Time from onset to response, s; NaN without a response, for one that is withheld, and in
-        all trials if only choices were recorded.
-    response : (trials,) int8
-        1 or 0; -1 without a response. With more than two alternatives 1 is the correct response
-        and 0 any of the wrong ones.
-    strength : (trials,) float64 or None
-        Signed strength of the evidence: positive favours response 1. With more than two
-        alternatives it favours the correct one, and is 0 or more.
-    conditions : DataFrame
-        One row per trial, columns of text; possibly without columns. One with more than 30 values,
-        all of them numbers, is a covariate.
-    deadline_s : float or None
-        Time at which a trial without a response ended, s.
-    source : str
-        The source: a file name, the name of a shipped set, or "a table".
-    alternatives : int
-        Number of alternatives, from 2 to 12.
-    ssd_s : (trials,) float64, optional
-        Stop-signal delay of each trial, s; NaN in go trials.
-    reward : (trials,) float64, optional
-        Reward of each trial.
-    readings : Readings, optional
-        The readings of each trial, if its evidence is known. Response 1 is then the second
-        alternative; of more than two it is the one that the readings before the response favour.
-    withheld : int, optional
-        The response, 1 or 0, that is given by waiting until the deadline, as in go/no-go tasks.
-    spikes : Spikes, optional
-        Spikes of recorded cells in each trial.
-
-    Attributes
-    ----------
-    checksum : str
-        SHA-256, in hexadecimal, of all fields above except the source.
-
-    Raises
-    ------
-    ValueError
-        If columns differ in length, a response has another value, or times are given where there
-        are none or the reverse.
+    Arrays have one value per trial. ValueError if they differ in length, a response has another
+    value, or times are given where there are no responses or the reverse.
     """
 
     participant: npt.NDArray[np.str_]
+    # Time from onset to response, s; NaN without a response, for one that is withheld, and in all
+    # trials if only choices were recorded.
     rt_s: Array
+    # 1 or 0; -1 without a response. With more than two alternatives 1 is the correct one.
     response: npt.NDArray[np.int8]
+    # Signed: positive favours response 1, with more than two alternatives the correct one.
     strength: Array | None
-    conditions: pd.DataFrame
-    deadline_s: float | None = None
-    source: str = "a table"
-    alternatives: int = 2
-    ssd_s: Array | None = None
+    conditions: pd.DataFrame  # columns of text; ``is_covariate`` tells which are numbers
+    deadline_s: float | None = None  # time at which a trial without a response ended
+    source: str = "a table"  # a file, a shipped set, or "a table"
+    alternatives: int = 2  # from 2 to 12
+    ssd_s: Array | None = None  # stop-signal delays; NaN in go trials
     reward: Array | None = None
+    # If the evidence is known: response 1 is then the second alternative; of more than two, the
+    # one that the readings before the response favour.
     readings: Readings | None = None
-    withheld: int | None = None
+    withheld: int | None = None  # the response that is given by waiting until the deadline
     spikes: Spikes | None = None
-    checksum: str = field(init=False)
+    checksum: str = field(init=False)  # SHA-256 of all fields above except the source
 
     def __post_init__(self) -> None:
         lengths = [len(self.participant), self.trials, len(self.response), len(self.conditions)]
@@ -195,22 +159,13 @@ class Trials(Facts):
         )
 
     def to_pyddm(self) -> pd.DataFrame:
-        """Return them for ``pyddm.Sample.from_pandas_dataframe(table, "rt", "choice")``.
-
-        Columns rt (s; NaN without a time) and choice (1 or 0; NaN without a response), strength,
-        conditions, and participant_id if there are several participants.
-        """
+        """Return them for ``pyddm.Sample.from_pandas_dataframe(table, "rt", "choice")``."""
         coded = np.where(self.response == NO_RESPONSE, np.nan, self.response)
         who = {"participant_id": self.participant} if len(self.people()) > 1 else {}
         return pd.DataFrame({"rt": self.rt_s, "choice": coded, **who, **self._given("choice")})
 
     def to_hssm(self) -> pd.DataFrame:
-        """Return them for ``hssm.HSSM(data=table)``.
-
-        Columns participant_id, trial, rt (s), response (1 or -1), strength and conditions. Without
-        a response, rt is -999, which HSSM treats as missing with ``missing_data=True``, and
-        response is -1, which it then ignores.
-        """
+        """Return them for ``hssm.HSSM(data=table)``; rt is -999 without a response."""
         who = pd.Series(self.participant)
         return pd.DataFrame(
             {
@@ -279,42 +234,20 @@ QUANTILES = (0.1, 0.5, 0.9)
 
 
 def statistics(choices: Trials) -> pd.DataFrame:
-    """Return accuracy and times of each participant in each condition.
+    """Return accuracy and times (s) of each participant, condition and size of the strength.
 
-    Parameters
-    ----------
-    choices : Trials
-        The trials.
-
-    Returns
-    -------
-    DataFrame
-        One row per participant, condition and size of the strength: participant_id, the
-        conditions, strength (absolute value, if given), trials, missing (trials without a
-        response), accuracy (proportion correct, as in ``Trials.correct``; NaN if unknown),
-        mean_s, sd_s, q10_s, q50_s and q90_s: mean, standard deviation
-        and quantiles of the times of all responses, s.
+    ``missing`` counts trials without a response; ``accuracy`` is NaN if unknown.
     """
     table = pd.DataFrame({"participant_id": choices.participant}).join(choices.conditions)
     if choices.strength is not None:
         table["strength"] = np.abs(choices.strength)
     keys = list(table.columns)
     table = table.assign(_time=choices.rt_s, _right=choices.correct, _none=choices.response < 0)
-    rows = [
-        dict(zip(keys, key, strict=True)) | _row(part)
-        for key, part in table.groupby(keys, sort=True)
-    ]
-    return pd.DataFrame(rows)
-
-
-def _row(trials: pd.DataFrame) -> dict[str, float]:
-    """Return the numbers of one cell of the table."""
-    times, quantiles = trials["_time"].dropna(), trials["_time"].quantile(QUANTILES)
-    return {
-        "trials": len(trials),
-        "missing": int(trials["_none"].sum()),
-        "accuracy": trials["_right"].mean(),
-        "mean_s": times.mean(),
-        "sd_s": times.std(),
-        **{f"q{100 * q:.0f}_s": quantiles[q] for q in QUANTILES},
-    }
+    cells = table.groupby(keys, sort=True)
+    every = {
+        "trials": ("_none", "size"), "missing": ("_none", "sum"), "accuracy": ("_right", "mean"),
+        "mean_s": ("_time", "mean"), "sd_s": ("_time", "std"),
+    }  # fmt: skip
+    quantiles = cells["_time"].quantile(list(QUANTILES)).unstack()
+    quantiles.columns = [f"q{100 * q:.0f}_s" for q in QUANTILES]
+    return cells.agg(**every).join(quantiles).reset_index()

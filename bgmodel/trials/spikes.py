@@ -106,12 +106,9 @@ def clicks_of(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def spikes_of(spikes: Source, trials: Sequence[str], end_s: Array) -> Spikes:
-    """Return the spikes of trials, by their names, which end at ``end_s``, (trials,).
+    """Return the spikes of trials, by their names in sessions, which end at ``end_s``, (trials,).
 
-    Names are those of ``in_sessions``. There is one row per spike with cell, trial, time_s (s from
-    the onset of the trial) and, if the names of trials tell it, session. ValueError for columns
-    that are missing, times in another unit, and spikes of no cell in these trials; spikes of other
-    trials are left out with a warning.
+    One row per spike has cell, trial, time_s (from the onset) and perhaps session.
     """
     try:
         table = spike_table(spikes)
@@ -157,17 +154,8 @@ def _holds_lists(column: pd.Series) -> bool:
 def read_nwb(path: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the trials and the spikes of an NWB file.
 
-    Trials have the columns of the file's trial table, and ``stimulus_s``, from start to stop, s;
-    a ragged column becomes one of lists, of times from the start of the trial if its name ends in
-    ``_s``. Spikes are those of its units, from the start of their trial.
-
-    Raises
-    ------
-    ImportError
-        Without h5py.
-    ValueError
-        If there are no trials or no units, trials overlap, or spikes come after the end of the
-        observed time.
+    ``stimulus_s`` is from start to stop; ragged columns become lists, of times from the start if
+    their name ends in ``_s``. Refuses overlapping trials and spikes after the end.
     """
     try:
         import h5py

@@ -40,11 +40,9 @@ def walk(
 ) -> None:
     """Add first passages to ``counts`` (parts, thresholds, 2, steps): wrong, correct decisions.
 
-    Each channel accumulates noise of variance 1/2 per unit of time, and the first, the correct one,
-    the drift too. Within a step the log odds of a channel are a Brownian bridge, whose maximum is
-    drawn from its exact distribution given both ends. With two channels this is exact; with more,
-    their variance within a step is taken to be that at its end. A path passes all thresholds,
-    ``odds``, with its running maximum; path k belongs to part k % parts.
+    Noise has variance 1/2 per unit of time, and the first, correct channel the drift too. Within a
+    step the log odds of a channel are a Brownian bridge, whose maximum is drawn exactly for two
+    channels; with more, their variance within a step is that at its end.
     """
     sums, before, after, share = (
         np.zeros(channels), np.zeros(channels), np.zeros(channels), np.zeros(channels),

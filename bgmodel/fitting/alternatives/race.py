@@ -33,9 +33,8 @@ FINE = 5
 class RaceModel(Model):
     """Independent accumulators of evidence; the first to reach the bound decides.
 
-    Each has noise of variance 1/2 per second, so that differences have unit variance, as in the
-    test. First-passage times are inverse Gaussian (Wald 1947), and the density of a response is
-    that of its accumulator times the survivors of the others.
+    Each has noise of variance 1/2 per second, so that differences have unit variance; first
+    passages are inverse Gaussian (Wald 1947).
     """
 
     alternatives: int
@@ -96,10 +95,8 @@ def leaky(
     """Add the share of trials that decide in each bin to ``mass`` (2, bins): wrong, correct.
 
     ``dx_i = (input_i - leak x_i - inhibition sum_(j != i) x_j) dt + noise``, and ``x_i >= 0``
-    (Usher & McClelland 2001), by Euler's method with one step per bin; ``noise`` (trials, steps, N)
-    has unit variance, ``drift`` is that of the first, correct one beyond the ``common`` input. The
-    crossing of the bound is interpolated between steps and divided between two bins, so that it is
-    continuous in all parameters.
+    (Usher & McClelland 2001), by Euler's method. Crossings are interpolated between steps and
+    divided between two bins, so that the mass is continuous in all parameters.
     """
     trials, steps, channels = noise.shape
     sd, bins = math.sqrt(step_s / 2), mass.shape[1]

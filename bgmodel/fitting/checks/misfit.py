@@ -99,10 +99,8 @@ class Excess:
 class Misfit:
     """Difference between data and a fitted model.
 
-    ``z_accuracy`` and ``z_mean_rt`` (cells,) are observed minus predicted, in standard deviations
-    of as many trials of the model and of its simulated trials; NaN without a response. ``excess``
-    has, by test, the number of responses 1 and the sum of times of each cell, and all counts by
-    response and time.
+    ``z_accuracy`` and ``z_mean_rt`` (cells,) are observed minus predicted, in standard deviations;
+    NaN without a response. ``excess`` has the sums of each test.
     """
 
     z_accuracy: Array

@@ -48,8 +48,7 @@ def sd_time_s(drift: npt.ArrayLike, bound: npt.ArrayLike) -> Array:
 def constant_at_rest(bound: float, time_s: Array, start: npt.ArrayLike = 0.0) -> Array:
     """Return densities for a constant bound and no drift, (2, times) or (starts, 2, times), 1/s.
 
-    Starts are between -A and A, sqrt(s), times above 0 and increasing, s. By the two series of
-    Navarro & Fuss (2009): modes for late times, images for early ones.
+    By the two series of Navarro & Fuss (2009): modes for late times, images for early ones.
     """
     scaled, z = np.asarray(time_s, float) / (2 * bound) ** 2, np.atleast_1d(start)
     # Distance from the start to the bound of response 0 and of 1, in units of that between them.
@@ -112,11 +111,8 @@ def falling_at_rest(
 ) -> Array:
     """Return densities for bounds +-a(t) and no drift, (2, times) or (starts, 2, times), 1/s.
 
-    ``bound`` is a(t), sqrt(s), ``slope`` its derivative at increasing times, by default equally
-    spaced from one interval after 0, with weights ``width_s`` in an integral. By the integral
-    equation of Buonocore, Nobile & Ricciardi (1987), whose kernel is made to vanish where two times
-    coincide. On a grid of times, both bounds are one triangular system, and starts differ only in
-    its right side.
+    By the integral equation of Buonocore, Nobile & Ricciardi (1987), whose kernel vanishes where
+    two times coincide; ``slope`` is the derivative of a(t), ``width_s`` the weights of an integral.
     """
     times, z = np.asarray(time_s, float), np.atleast_1d(np.asarray(start, float))
     width = np.full(len(times), times[1] - times[0]) if width_s is None else width_s
@@ -162,10 +158,9 @@ def with_drift(
 ) -> Array:
     """Return the densities of both responses at drifts, (cells, 2, times), 1/s.
 
-    Drifts are Gaussian across trials. With c the distance from the start to the bound, with its
-    sign, the mean of ``exp(u c - u^2 t / 2)`` over drifts u of mean v and variance s^2 is
-    ``exp((2 v c + s^2 c^2 - v^2 t) / (2 q)) / sqrt(q)`` with ``q = 1 + s^2 t`` (Tuerlinckx 2004):
-    it is exact for any bound, since the drift enters only by Girsanov's theorem.
+    With c the signed distance from the start to the bound, the mean of ``exp(u c - u^2 t / 2)``
+    over Gaussian drifts u of mean v and variance s^2 is ``exp((2 v c + s^2 c^2 - v^2 t) / (2 q)) /
+    sqrt(q)`` with ``q = 1 + s^2 t`` (Tuerlinckx 2004).
     """
     v = np.asarray(drift, float)[:, None]
     variance = np.broadcast_to(np.asarray(drift_sd, float) ** 2, v.shape[:1])[:, None]

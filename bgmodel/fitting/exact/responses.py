@@ -52,8 +52,7 @@ def responded(
 ) -> Array:
     """Return the density of responses, (cells, 2, bins), 1/s, from probabilities of decisions.
 
-    With more than two alternatives, response 0 is any of the wrong ones. The non-decision time is
-    Gaussian; a lapse is any response at any time of the grid up to its ``lapse_bins``.
+    The non-decision time is Gaussian; lapses are uniform up to ``lapse_bins``.
     """
     delayed = np.zeros(decided.shape)
     _delay(np.ascontiguousarray(decided), t0_s / grid.width_s, t0_sd_s / grid.width_s, delayed)
@@ -95,12 +94,9 @@ def _delay(decided: Array, t0: Array, t0_sd: Array, delayed: Array) -> None:
 class Observed:
     """Responses binned on a grid, so that their likelihood is a few sums.
 
-    The likelihood is conditional on responses within ``window_s``. Wrong ``alternatives`` are
-    equally likely: the probability of one is that of all of them over their number.
-
-    A response without a time has the likelihood of its probability, among decided trials if no
-    response has a time. If one of two responses is withheld, trials without a response by the
-    deadline count as that one (Gomez, Ratcliff & Perea 2007).
+    It is conditional on responses within ``window_s``. A response without a time has the likelihood
+    of its probability; trials without a response by the deadline count as a withheld one (Gomez,
+    Ratcliff & Perea 2007). Wrong ``alternatives`` are equally likely.
     """
 
     cell: Integers

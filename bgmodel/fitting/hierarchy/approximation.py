@@ -77,11 +77,10 @@ class Expansion:
         return proposal_of(self.precision + own, self.pull + pull)
 
     def shared(self, scores: Array, now: Array, which: Integers, group: Group) -> Proposal:
-        """Return the proposal for a group's means and standard deviations, given standard scores.
+        """Return the proposal for a group's means and standard deviations, given standard scores z.
 
-        With standard scores z of its people, parameters are linear in the group's mean m and
-        standard deviations s, ``x = m + s z + offsets``, so that an expansion in x is one in (m,
-        s), (2 * parameters,); those at ``which`` are drawn, the others keep their values ``now``.
+        Parameters are ``x = m + s z + offsets``, so that an expansion in x is one in (m, s); those
+        at ``which`` are drawn, the others keep their values ``now``.
         """
         _, prior, _, _ = group.law
         both = np.stack([np.ones(scores.shape), scores], axis=1)  # people, (m, s), parameters

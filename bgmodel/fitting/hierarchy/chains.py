@@ -39,8 +39,7 @@ DRAWS, SURROGATE = ([each.name for each in fields(kind)] for kind in (Draws, Sur
 class Agreement:
     """R-hat and effective sample size (smaller of bulk and tail) of each number of a fit.
 
-    First the group's mean and standard deviation in each parameter, then each person's parameters,
-    slopes of predictors between people, and correlations of each parameter with those before it.
+    Means, standard deviations, people, slopes, and correlations, in this order.
     """
 
     rhat: Array
@@ -85,11 +84,8 @@ def sampled(
 ) -> list[Draws]:
     """Return chains of draws, as long as they need to agree, with at most ``most`` each.
 
-    Draws do not depend on ``over_people``. Chains are ``kept`` after each block, and those
-    in that file are continued. Where the surrogate is far too low, because no chain had been
-    there when it was learned, chains get stuck. If effective sample sizes are small after
-    ``REMADE`` sweeps, it is learned again from all draws so far, which are then discarded like a
-    warm-up.
+    Chains are ``kept`` after each block and continued. If effective sample sizes are small after
+    ``REMADE`` sweeps, the surrogate is learned again from all draws, which are discarded.
     """
     work = _Chains(sampler, seed, over_people or local_map(sampler.people), tell)
     now = _kept(kept, sampler, group) or work.warmed(group)

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.fitting.checks.misfit import GroupMisfit, group_misfit
-from bgmodel.fitting.fit import cells_with_misfit
+from bgmodel.fitting.fit import SHARE, cells_with_misfit
 from bgmodel.fitting.hierarchy.approximation import Person, estimates, started
 from bgmodel.fitting.hierarchy.chains import (
     CHAINS,
@@ -24,7 +24,7 @@ from bgmodel.fitting.hierarchy.chains import (
     sampled,
 )
 from bgmodel.fitting.hierarchy.group import ALIKE, Predictors, Scale, priors_of
-from bgmodel.fitting.hierarchy.labels import pooled
+from bgmodel.fitting.hierarchy.labels import draw_group, labelled, pooled, write
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.likelihood import Likelihood
@@ -46,8 +46,6 @@ HIERARCHY_SEED = 24_401
 """Seed of the chains."""
 FEWEST_PEOPLE, FEWEST_TRIALS = 3, 20
 """Smallest number of people, and of each person's responses."""
-SHARE = 0.9
-"""Share of the posterior within an interval."""
 Tell = Callable[[str], None]
 
 
@@ -128,10 +126,7 @@ class GroupFit(Facts):
 
     def effects(self) -> pd.DataFrame:
         """Return the effects of predictors between people: median, low, high (0.9), above_zero."""
-        rows = {}
-        for name, draws in self.slopes.items():
-            middle = {key: float(x[0]) for key, x in _middle(draws[..., None], MIDDLE).items()}
-            rows[name] = middle | {"above_zero": float((draws > 0).mean())}
+        rows = {name: _of_one(draws) for name, draws in self.slopes.items()}
         columns = [*MIDDLE, "above_zero"]
         table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
         return Readable(table.rename_axis("predictor"))
@@ -164,9 +159,7 @@ class GroupFit(Facts):
         """Return the numbers of people, trials and draws, and the group's parameters."""
         trials = sum(each.design.trials.sum() for each in self.likelihoods.values())
         facts = {"people": f"{len(self.people)}", "trials": f"{trials}"}
-        for row in self.summary().itertuples():
-            facts[str(row.Index)] = f"{row.median:.4g} ({row.low:.4g} to {row.high:.4g})"
-        for row in self.effects().itertuples():
+        for row in (*self.summary().itertuples(), *self.effects().itertuples()):
             facts[str(row.Index)] = f"{row.median:.4g} ({row.low:.4g} to {row.high:.4g})"
         for (first, second), draws in self.correlation.items():
             if draws.any():  # not of parameters that people share
@@ -176,9 +169,7 @@ class GroupFit(Facts):
     def summary(self) -> pd.DataFrame:
         """Return one row per parameter of the group, with central intervals of 0.9.
 
-        ``median``, ``low`` and ``high`` are of the median person's parameter, ``between_...`` of
-        the standard deviation; ``rhat`` and ``effective_sample_size`` are the worse of the two.
-        Priors and ``correlations()`` are printed below.
+        ``median`` is of the median person, ``between_...`` of the standard deviation of people.
         """
         rhat, effective = (
             np.asarray(each)[: 2 * len(self.parameters)].reshape(2, -1)
@@ -222,8 +213,7 @@ class GroupFit(Facts):
                 raise InputError.of(field, f"must be one of {', '.join(self.parameters)}", name)
         draws = self.group[..., self.parameters.index(first)]
         draws = draws - self.group[..., self.parameters.index(second)]
-        summary = {name: float(each[0]) for name, each in _middle(draws[..., None], MIDDLE).items()}
-        return summary | {"above_zero": float((draws > 0).mean())}
+        return _of_one(draws)
 
     def cautions(self) -> list[str]:
         """Return warnings of misfit, parameters that choices leave open, and short chains."""
@@ -253,8 +243,6 @@ class GroupFit(Facts):
 
     def to_datatree(self) -> xarray.DataTree:
         """Return posterior, log likelihood per trial and data for ArviZ; see ``labels``."""
-        from bgmodel.fitting.hierarchy.labels import labelled
-
         names = self.parameters
         group = {name: self.group[..., k] for k, name in enumerate(names)}
         group |= {f"{name}_between_people": self.between[..., k] for k, name in enumerate(names)}
@@ -267,14 +255,10 @@ class GroupFit(Facts):
 
     def to_netcdf(self, path: str | Path) -> Path:
         """Write ``to_datatree()`` atomically as a netCDF file that ArviZ opens; return its path."""
-        from bgmodel.fitting.hierarchy.labels import write
-
         return write(self.to_datatree(), Path(path))
 
     def plot(self) -> Figure:
         """Draw each person's parameters with intervals, and the distribution of the group."""
-        from bgmodel.fitting.hierarchy.labels import draw_group
-
         trials = sum(int(each.design.trials.sum()) for each in self.likelihoods.values())
         return draw_group(self.to_dataframe(), self.summary(), trials)
 
@@ -296,6 +280,12 @@ def _middle(draws: Array, names: tuple[str, ...]) -> dict[str, Array]:
     """Return median, low and high end of the central interval of draws (chains, draws, numbers)."""
     at = np.quantile(draws, [0.5, (1 - SHARE) / 2, (1 + SHARE) / 2], axis=(0, 1))
     return dict(zip(names, at, strict=True))
+
+
+def _of_one(draws: Array) -> dict[str, float]:
+    """Return median, low, high and the probability that a number (chains, draws) is positive."""
+    middle = {name: float(each[0]) for name, each in _middle(draws[..., None], MIDDLE).items()}
+    return middle | {"above_zero": float((draws > 0).mean())}
 
 
 def check_people(likelihoods: Mapping[str, Likelihood]) -> None:
@@ -351,12 +341,9 @@ def fit_group(
 ) -> GroupFit:
     """Fit a model to a group of people, with partial pooling of their parameters.
 
-    Parameters named ``shared`` (by default those of which ``Parameter.shared`` holds) are the same
-    for everyone, and the others may be ``correlated``. People are Gaussian on ``scale``, its unit
-    by default set by the median of separate estimates; see ``group.Group`` for the priors. Chains
-    run until they agree or have ``most_draws``, whatever the number of workers; an interrupted run
-    continues from ``kept``. At least 3 people with 20 responses each are required. Warns of
-    misfit, and of chains that do not agree.
+    Parameters named ``shared`` are the same for everyone; people are Gaussian on ``scale``, see
+    ``group.Group``. Chains run until they agree or have ``most_draws``, and continue from ``kept``.
+    Warns of misfit, and of chains that do not agree.
     """
     check_people(likelihoods)
     every = list(likelihoods.values())

@@ -34,10 +34,8 @@ class Scale:
     def of(cls, space: ParameterSpace, typical: Array | None = None) -> Scale:
         """Return the scale for the free parameters of a fit, from ``typical`` values or starts.
 
-        Where these are at the lower bound, a fifth of the range is used. The unit of a coefficient
-        is that of the default value of its parameter, divided by its largest weight: far above the
-        lower end, people are Gaussian in it. The unit of parameters that differ by factors is
-        ``1 / PARTS`` of the range, so that their scale is nearly logarithmic.
+        The unit is a quarter of the height above the lower bound; that of a coefficient follows
+        from its parameter's default, and that of parameters that differ by factors from the range.
         """
         width = space.high - space.low
         above = (space.start if typical is None else typical) - space.low
@@ -174,11 +172,8 @@ class Group:
     def drawn(self, scaled: Array, rng: np.random.Generator) -> Group:
         """Return a draw from the conditional posterior given people's parameters on the scale.
 
-        The prior of each mean is that stated for the fit, or uniform over the range of the
-        parameter, and accepts or rejects a draw under a simpler one. That of each standard
-        deviation is half-t with ``FREEDOM`` degrees of freedom and scale ``SPREAD`` (Gelman 2006),
-        a mixture of inverse gammas (Wand et al. 2011); with correlations see ``draw_covariance``.
-        That of slopes is Gaussian with standard deviation ``SPREAD``.
+        Means: as stated for the fit, or uniform. Standard deviations: half-t (Gelman 2006), a
+        mixture of inverse gammas (Wand et al. 2011). Slopes: Gaussian. See ``draw_covariance``.
         """
         every, scaled = scaled, scaled - self.offsets
         people, size = scaled.shape
@@ -236,9 +231,8 @@ FLAT = (0.0, 1.0, 0.0, 0.0, np.inf, 0.0, 0.0)
 def priors_of(space: ParameterSpace, scale: Scale) -> Array:
     """Return the priors of a group's means, (parameters, 7), for ``log_mean``.
 
-    Lower end and unit on ``scale``, number of the parameter's own scale, mean and standard
-    deviation on it; then mean and precision of the Gaussian on ``scale`` that has nearly the same
-    central 95 %.
+    Lower end and unit on ``scale``, number of the own scale, mean and sd on it; mean and precision
+    of the nearest Gaussian on ``scale``.
     """
     rows = np.tile(FLAT, (len(space.moved), 1))
     ends = np.stack([space.low, space.high], axis=1)
@@ -319,8 +313,7 @@ def gain_of_mean(k: int, now: float, asked: float, law: Law) -> float:
 def draw_covariance(away: Array, sd: Array, law: Law, rng: np.random.Generator) -> None:
     """Draw, in place, standard deviations and inverse correlations given people's distances.
 
-    Under the prior of Huang & Wand (2013) with ``CORRELATED`` degrees of freedom the covariance is
-    inverse-Wishart given a scale of each parameter, and standard deviations are half-t.
+    Inverse-Wishart given a scale of each parameter (Huang & Wand 2013).
     """
     inverse, _, _, which = law
     size = len(which)

@@ -42,10 +42,7 @@ def labelled(
 ) -> xarray.DataTree:
     """Return the draws of a fit as a tree; ``individual`` is in the order of the parameters.
 
-    ``lp`` is the log likelihood of all trials; ``log_likelihood`` and ``posterior_predictive`` (one
-    new trial in place of each) have at most ``MOST_DRAWS`` evenly spaced draws of each chain.
-    Without a response, rt (s) is NaN and response -1; response 1 is the one that the strength
-    favours.
+    ``log_likelihood`` and ``posterior_predictive`` have at most ``MOST_DRAWS`` draws of each chain.
     """
     import xarray
 
@@ -136,10 +133,8 @@ def write(tree: xarray.DataTree, path: Path) -> Path:
 def pooled(people: Collection[Optimum]) -> pd.DataFrame | None:
     """Return ``cells_of`` everyone's trials and model, or None if strengths or conditions differ.
 
-    The prediction for a cell is the mixture of the people's distributions, each with the share of
-    that person's trials, so that data and model are pooled alike: quantiles of errors exist where
-    all people together make enough of them, and none is biased by few trials of single people.
-    Standard errors are as if all trials were of one person.
+    The prediction for a cell is the mixture of the people's distributions, so that data and model
+    are pooled alike.
     """
     people = [each.complete for each in people]
     designs = [each.likelihood.design for each in people]

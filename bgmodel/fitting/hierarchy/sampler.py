@@ -72,17 +72,11 @@ class State:
 class Sampler:
     """A sampler of the distribution of a group and of the parameters of its people.
 
-    A sweep draws each person's parameters given the group: from the approximate likelihood times
-    the distribution of the group, with heavier tails, or, in a share ``SINGLE``, one parameter from
-    that distribution, which reaches the long tails of parameters that trials hardly determine; the
-    exact likelihood accepts or rejects. It then draws the group given its people. Last, it draws
-    means and standard deviations, mostly of one parameter, with everyone's standard scores fixed,
-    so that people move along: such parameters would mix slowly without this interweaving (Yu & Meng
-    2011).
-
-    With a guide, most sweeps replace the first and the last step by a chain of many moves under the
-    surrogate, whose end the exact likelihood accepts or rejects. This costs as many exact
-    likelihoods as a single proposal, but the end of the chain depends little on its beginning.
+    A sweep draws people given the group, from the expansion or, in a share ``SINGLE``, one
+    parameter from the group; then the group given its people; then means and standard deviations
+    with everyone's standard scores fixed (Yu & Meng 2011). With a guide, most sweeps replace the
+    first and last step by many moves under the surrogate, whose end the exact likelihood accepts or
+    rejects.
     """
 
     people: list[Person]

@@ -41,10 +41,8 @@ whose draws hardly moved."""
 class Surrogate:
     """Everyone's log likelihood, approximated by a quadratic function and a Gaussian process.
 
-    The height of a parameter is its distance from the lower end of its range in units of the scale,
-    ``y = log(1 + exp(x))``, up to that of the upper end: the log likelihood is constant in x
-    towards both ends, which no quadratic function of x is. The position of parameters is
-    ``u = R^-1 (y - c)``.
+    In the height of a parameter above the lower end of its range, ``y = log(1 + exp(x))``: the log
+    likelihood is constant in x towards both ends. Positions are ``u = R^-1 (y - c)``.
     """
 
     root: Array  # Lower Cholesky factor of the covariance of each person's draws, for steps.

@@ -41,10 +41,8 @@ CHUNKS = 8
 class KnownCircuit:
     """A circuit as a model of decisions on known evidence; mechanisms are edits of it.
 
-    Each trial is simulated ``runs`` times on its readings (by default 6000 over the number of
-    trials, 8 to 32), with noise that is the same at all gains. OUT after a reading is its lowest
-    value until the next one: the circuit decides where its noisy OUT crosses. The noise of
-    ``hazard`` is added to that and smooths the probabilities, which are means over the runs.
+    Each trial is simulated ``runs`` times on its readings, with the same noise at all gains. OUT
+    after a reading is its lowest value until the next one; probabilities are means over the runs.
     """
 
     circuit: Circuit
@@ -153,9 +151,7 @@ class Simulated:
 def on_grid(trials: KnownTrials, leak_hz: float = 0.0) -> tuple[Evidence, float]:
     """Return the readings before the response as evidence with a fixed step, and the step, s.
 
-    Without a common step they are rounded to 10 ms. Steps without a reading are 0, and so is the
-    mean of all readings: it is subtracted, since a circuit may add up what is common to all
-    channels. A leak is included as changes of the sums.
+    The mean of all readings is subtracted; a leak is included as changes of the sums.
     """
     values, time_s = read(trials)
     seen = np.isfinite(time_s)

@@ -32,10 +32,8 @@ def decisions(
 ) -> tuple[Array, Array]:
     """Return the probability of a decision at each reading (readings, alternatives), and of none.
 
-    Trials follow one another, their readings from ``offsets`` on. Hazards are means over the runs
-    of ``out`` (runs, readings, alternatives): their noise is independent from one reading to the
-    next. ``level`` (readings,) is the threshold on OUT, to which ``bias`` is added; ``scale`` is in
-    the unit of OUT; ``ends`` (trials,) tells whether the last reading forces a decision.
+    Trials' readings follow one another from ``offsets`` on; hazards are means over the runs of
+    ``out``; ``level`` (readings,) is the threshold; ``ends`` (trials,) whether the last one forces.
     """
     runs, readings, count = out.shape
     decided, left = np.zeros((readings, count)), np.ones(len(ends))

@@ -125,10 +125,9 @@ class KnownLikelihood(Likelihood):
     def density(self, vector: Array) -> Array:
         """Return the predicted density of responses (1, 2, bins), 1/s.
 
-        Readings after a response need not be known. In each bin of time the trials that are still
-        running have a probability of each response; the product of those of no response is the
-        share that still runs (as in the estimate of Kaplan & Meier 1958). For response 1 see
-        ``KnownTrials.design``.
+        In each bin the trials that still run have a probability of each response; the product of
+        those of none is the share that runs (as Kaplan & Meier 1958): later readings may be
+        unknown.
         """
         trials, grid = self.trials, self.design.grid
         if not trials.timed:
@@ -239,10 +238,8 @@ class OnTrials:
     def parameters(self) -> tuple[Parameter, ...]:
         """Parameters of the model, and those that all models share.
 
-        ``urgency`` is the rise of the threshold on OUT per second, so that less evidence is
-        required; ``run_effect`` the fall of an alternative's OUT with each cue of a run after the
-        first; biases, of all but the first alternative, are added to its threshold (for two
-        alternatives the same as a start nearer one bound), and free if there are two.
+        Biases, of all but the first alternative, are added to its threshold, and free if there are
+        two.
         """
         of_model, count = self.model.parameters(self.trials.alternatives), self.trials.alternatives
         most = min(MOST_BIAS, next(each.high for each in of_model if each.name == "threshold"))

@@ -149,8 +149,7 @@ class Exact:
 class Test(ExactModel):
     """The optimal test, MSPRT: OUT is minus the log posterior of each alternative.
 
-    With two alternatives it stops at a difference of log-likelihoods, which only the ratio of
-    threshold and gain determines: the gain is 1 unless it is freed.
+    With two alternatives only the ratio of threshold and gain matters: the gain is 1 by default.
     """
 
     name: ClassVar[str] = "msprt"
@@ -174,10 +173,7 @@ class Test(ExactModel):
 class LeakySum(ExactModel):
     """Leaky sums, compared with their mean: OUT is the mean of all sums minus that of each.
 
-    The limit of strong, balanced leak and inhibition of the leaky competing accumulator (Bogacz &
-    Gurney 2007), with a leak of the differences that remains. With two alternatives and no leak it
-    decides as the MSPRT does, but for the noise. A factor on the evidence would only change the
-    unit of threshold and noise, so there is no gain.
+    The limit of strong, balanced leak and inhibition (Bogacz & Gurney 2007).
     """
 
     name: ClassVar[str] = "leaky_sum"

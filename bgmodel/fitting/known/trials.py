@@ -26,11 +26,7 @@ MOST_EARLY = 0.5
 
 @dataclass(frozen=True, eq=False)
 class KnownTrials:
-    """Choices and response times of one participant, with the readings of each trial.
-
-    Warns if responses precede the first reading of their trial; raises if more than half of them
-    do.
-    """
+    """Choices and response times of one participant, with the readings of each trial."""
 
     # (trials, readings, alternatives), nats, up to a common constant; 0 after the last reading.
     log_likelihood: Array
@@ -115,10 +111,9 @@ class KnownTrials:
 
     @cached_property
     def design(self) -> Design:
-        """One cell with all trials, for tests and tables of a fit.
+        """One cell with all trials; response 1 is the second alternative.
 
-        Response 1 is the second alternative; of more than two it is the alternative that the
-        readings before the response favour, and 0 is any other.
+        Of more than two, it is that which the readings before the response favour.
         """
         right = np.asarray(
             self.choice == self.favoured(self.until_s[:, None])[:, 0], dtype=np.int64

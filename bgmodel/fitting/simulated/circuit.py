@@ -62,10 +62,8 @@ BIASES_NATS = np.linspace(-0.2, BIAS.high, 8)
 class CircuitModel(InParts):
     """A circuit of two channels as a model of choices and times.
 
-    For more channels, see ``alternatives.circuit.ManyCircuitModel``. ``noise_nats`` is the noise of
-    the accumulated evidence after one second, as the difference of the two channels. Choices and
-    times determine only its ratio to the threshold; it selects which part of the circuit's range is
-    used.
+    ``noise_nats`` is the noise of the accumulated evidence after one second, as the difference of
+    both channels: it selects which part of the circuit's range is used.
     """
 
     circuit: Circuit

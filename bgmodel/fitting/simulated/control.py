@@ -143,8 +143,7 @@ def _walk(bound: float, bins: int) -> tuple[Array, Array]:
 def exact(bound: float, bins: int, drift: tuple[float, ...]) -> Array:
     """Return the exact probability that a walk ends in each bin, (bins, 2, drifts).
 
-    Its bounds are at +-``bound``, sqrt(s); drifts, 1/sqrt(s), favour response 1. Mass remaining at
-    x after k readings is that without drift times ``exp(v x - v^2 t / 2)``.
+    Mass at x after k readings is that without drift times ``exp(v x - v^2 t / 2)``.
     """
     from scipy.special import ndtr
 

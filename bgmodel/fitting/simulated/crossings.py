@@ -44,9 +44,8 @@ def count(
 ) -> None:  # fmt: skip
     """Add trials to the counts ``decided`` and ``never`` of a grid; see ``crossings.Counts``.
 
-    A trial is given at several settings, of weights ``share``. If its choice is the same at all of
-    them, its time and evidence are interpolated; otherwise it is divided among them. ``width`` is
-    that of a bin of evidence, sqrt(s).
+    A trial is given at several settings of weights ``share``: if its choice is the same at all,
+    time and evidence are interpolated; otherwise it is divided among them.
     """
     settings, trials = bins.shape
     part = -1
@@ -185,8 +184,7 @@ class Counts:
 def interpolated(place: float, rows: int) -> list[tuple[int, float]]:
     """Return the rows used to interpolate a table at a place between two rows, with weights.
 
-    By cubic convolution (Keys 1981): exact for quadratics, with a continuous slope. Beyond the
-    first row, at place 0, and the last, these are repeated.
+    By cubic convolution (Keys 1981): exact for quadratics, with a continuous slope.
     """
     low = min(int(place), max(rows - 2, 0))
     x = place - low
@@ -208,8 +206,7 @@ def read(
 ) -> Array:
     """Return the probability of a decision from trials alone, (bins + 1, 2, drifts).
 
-    ``settings`` are as for ``control.decided``, ``rows`` stored thresholds with weights; drifts v,
-    1/sqrt(s), favour response 1.
+    Arguments are as for ``control.decided``, ``rows`` stored thresholds with weights.
     """
     first = settings[0][0]
     weighed = [

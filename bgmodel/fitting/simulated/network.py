@@ -37,11 +37,7 @@ SHIPPED = "macaque_likelihood.onnx"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LikelihoodNetwork(Facts):
-    """A network for the log density of a response of a circuit.
-
-    ``about`` has circuit, engine, seeds, ``t0_sd_s``, s, ``floor_per_s``, 1/s, ``bounds`` of the
-    parameters, ``rt_after_t0_s`` (the range of rt - t0, s), and the measured error.
-    """
+    """A network for the log density of a response of a circuit; ``about`` describes it."""
 
     # Weights (inputs, outputs) and biases; tanh between layers.
     layers: tuple[tuple[Array, Array], ...]

@@ -43,8 +43,7 @@ EARLIEST_S = 0.002
 def threshold_nats(bound: Array, noise_nats: Array) -> Array:
     """Return the threshold of OUT that corresponds to bounds a of a diffusion, sqrt(s), in nats.
 
-    ``theta = -ln P = ln(1 + exp(-n a))``, as the log odds at a are n a; n, ``noise_nats``, is their
-    standard deviation after one second, 2 v in the test with drift v.
+    ``theta = ln(1 + exp(-n a))``; n is the standard deviation of log odds after one second.
     """
     with np.errstate(invalid="ignore"):  # NaN where the go process is unknown
         return np.asarray(np.logaddexp(0, -np.asarray(noise_nats) * bound))
@@ -63,9 +62,8 @@ def crossed_later(
 ) -> Array:
     """Return the probability of reaching raised bounds b after missing a until u, ``since_s``.
 
-    The density at u is a sum over modes; from each place the bounds are reached in ``left_s`` with
-    the probabilities of one bound alone (inverse Gaussian). Paths that would reach both are counted
-    twice; they are rare where the drift makes one response much more likely than the other.
+    The density at u is a sum over modes; paths that would reach both bounds in ``left_s`` are
+    counted twice.
     """
     if not np.isfinite(raised):
         return np.zeros(len(since_s))
@@ -193,9 +191,8 @@ class StopData:
 def laid(trials: Trials, slowing_ms: tuple[float, float] | None = None) -> StopData:
     """Lay out one person's trials, in the order in which they were run.
 
-    ``slowing_ms`` is how much slower go responses are after failed and after successful stops; by
-    default the person's own slowing, or 0 where it is unknown. ValueError without stop trials, with
-    fewer than 10 go responses, and as for ``StopTrials``.
+    ``slowing_ms`` is how much slower go responses are after failed and successful stops; by default
+    the person's own slowing.
     """
     one = StopTrials.of(trials)
     go, stop = ~one.stop, np.flatnonzero(one.stop)

@@ -81,20 +81,13 @@ because few stop trials leave them open: 95 % of people within 13 to 197 ms and 
 
 @dataclass(frozen=True, eq=False)
 class StopRace:
-    """A race between one person's go times and a stop process; see the module.
-
-    Go trials have a log density of 0: the stop process is conditional on them.
-    """
+    """A race between one person's go times, which are given, and a stop process; see the module."""
 
     process: StopModel = TEST
     # The person's go process (``go_process``), for signals that do not block and the latency of a
     # circuit. Unknown by default: every signal blocks, without latency.
     go: Mapping[str, float] = field(default_factory=dict)
     slowing_ms: tuple[float, float] | None = None  # as for ``laid``
-    # Whether times of failed stops count in addition to the outcomes. At a time t, the density of
-    # a failed stop is that of a go response times f + (1 - f) P(SSD + SSRT > t); the density of
-    # the go response does not depend on the stop process. This holds for signals that block.
-    times: bool = False
     parameters = PARAMETERS
     stacks = True
 
@@ -105,7 +98,7 @@ class StopRace:
 
     def identity(self) -> dict[str, Any]:
         """Return all that its predictions depend on; the go process follows from the trials."""
-        about = {"model": self.name, "noise_nats": self.process.noise_nats, "times": self.times}
+        about = {"model": self.name, "noise_nats": self.process.noise_nats}
         circuit = self.process.circuit
         return about if circuit is None else about | {"circuit": identity(circuit)}
 
@@ -145,14 +138,8 @@ class StopRace:
         """Return log probabilities of outcomes, 0 in go trials, (..., trials)."""
         data = laid(trials, self.slowing_ms)
         p, failed = self.p_respond(trials, values), ~np.isnan(data.rt_ms)
-        outcome = np.where(failed, p, 1 - p)
-        if self.times:
-            stops = {name: each[..., data.stop] for name, each in values.items()}
-            left = data.ssd_ms + stops["ssrt_ms"] + self.latency_ms(stops[STRENGTH]) - data.rt_ms
-            f, late = stops["failures"], ndtr(left / stops["ssrt_sd_ms"])
-            outcome = np.where(failed, f + (1 - f) * late, outcome)
         logs = np.zeros((*p.shape[:-1], trials.trials))
-        logs[..., data.stop] = np.log(np.maximum(outcome, TINY))
+        logs[..., data.stop] = np.log(np.maximum(np.where(failed, p, 1 - p), TINY))
         return logs
 
     def simulate(
@@ -233,9 +220,7 @@ def likelihood(
 ) -> StopLikelihood:
     """Return the likelihood of one person's stop trials, in the order in which they were run.
 
-    The model is ``constant_gap``, the test; a circuit; or a race, whose go process and slowing are
-    known. The go process is fitted for a circuit, and for strengths other than the largest. By
-    default SSRT, its standard deviation and trigger failures are free, and the signal blocks.
+    The go process is fitted for a circuit, and for strengths other than the largest.
     """
     race = model if isinstance(model, StopRace) else StopRace(stop_model(model))
     weak = STRENGTH in {*(free or ()), *(vary or ()), *(each.parameter for each in formulas)}

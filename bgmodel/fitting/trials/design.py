@@ -32,8 +32,7 @@ ENOUGH = 20
 def fence_s(rt_s: Array, cell: Integers) -> float:
     """Return the end of the default window, s; infinity if the quartiles are equal.
 
-    In each cell of at least 20 responses it is the upper quartile plus 25 interquartile ranges; the
-    latest of these is used. Without such a cell all responses are pooled.
+    The latest, over cells, of the upper quartile plus 25 interquartile ranges.
     """
     answered = np.isfinite(rt_s)
     groups = [rt_s[answered & (cell == each)] for each in np.unique(cell)]
@@ -66,8 +65,7 @@ def in_window(
 ) -> tuple[tuple[float, float], Truths]:
     """Return the window of a fit, s, and which trials are in it; warn of excluded trials.
 
-    By default, without a deadline, it ends at ``fence_s``. A trial without a response is always in
-    the window; at least 10 responses must be.
+    By default, without a deadline, it ends at ``fence_s``.
     """
     rule = ""
     if rt_window is not None:
@@ -172,10 +170,8 @@ def design_of(
 ) -> Design:
     """Return the cells of a table of choices, by strength and some of its conditions.
 
-    Without a deadline, times by default end at ``window.fence_s``; the likelihood is conditional on
-    the window, s, and lapses are uniform in it. Choices without times have a grid up to ``ENDS_S``.
-    ``pooled`` choices of several people give no warning; with ``sides``, for models with a bias,
-    strengths of opposite sign are separate cells.
+    The likelihood is conditional on the window, s. ``pooled`` choices of several people give no
+    warning; with ``sides`` strengths of opposite sign are separate cells.
     """
     for column in by:
         if column not in choices.conditions:
@@ -234,9 +230,7 @@ def _laid(
 def _levels(column: pd.Series) -> npt.NDArray[np.str_]:
     """Return the level of each trial; that of a covariate is the mean of its group.
 
-    Trials are sorted by a covariate into ``GROUPS`` groups of equal size. A slope over the means of
-    groups is not biased, since what differs within a group is independent of its mean, and loses
-    little precision: ten groups of a Gaussian covariate keep 0.96 of its variance.
+    Ten groups of a Gaussian covariate keep 0.96 of its variance, and a slope has no bias.
     """
     if not is_covariate(column):
         return column.to_numpy(dtype=str)

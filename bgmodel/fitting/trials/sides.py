@@ -28,8 +28,8 @@ def name_of(choices: Trials) -> str:
 def check_sides(choices: Trials, by: Sequence[str] = (), *, biased: bool = False) -> None:
     """Refuse responses on the wrong side; warn of a bias, and of responses at chance.
 
-    All trials together are checked, and those of each person and of each level of ``by``, whose
-    biases may differ. There is no warning of a bias if the model has one (``biased``).
+    In all, of each person and in each level of ``by``; not of a bias that the model has
+    (``biased``).
     """
     who = name_of(choices)
     several = choices.alternatives > 2
@@ -125,11 +125,8 @@ def _check_right(choices: Trials, who: str) -> float:
 def lean(choices: Trials) -> tuple[float, float]:
     """Return the bias to response 1, as a share of all responses, and its z score.
 
-    Models are the same for both sides: a strength and its mirror image have the same probability of
-    a correct response, and strength 0 has 1/2. The bias is the excess of response 1, over all
-    responses; z is the bias over its standard error in the absence of bias, given the number of
-    correct responses at each strength (Cochran 1954; Mantel & Haenszel 1959). Without strengths, or
-    if none has a mirror image, both are 0.
+    The excess of response 1 over that of models that are the same for both sides; z is given the
+    number of correct responses at each strength (Cochran 1954; Mantel & Haenszel 1959).
     """
     if choices.strength is None:
         return 0.0, 0.0

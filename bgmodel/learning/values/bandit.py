@@ -86,10 +86,7 @@ def check_probabilities(better: float, worse: float) -> None:
 class IdealLearner(Learner):
     """The posterior that either arm is the better one, given all choices and rewards so far.
 
-    It is a hidden Markov filter with the bandit's probabilities and hazard. A reward multiplies the
-    posterior by its likelihood; then the arms are exchanged with probability ``hazard``. If
-    ``better + worse = 1``, both arms tell equally much, so that choosing the likelier one in every
-    trial is optimal where reversals occur with that hazard.
+    A hidden Markov filter: optimal if ``better + worse = 1`` and reversals have the hazard.
     """
 
     name: ClassVar[str] = "ideal"
@@ -190,9 +187,8 @@ def relative_regret(played: Played, reference: Played) -> tuple[float, float]:
 class ValueCircuit:
     """A circuit of two channels that receives noisy readings of two values.
 
-    A reading of channel i is ``x_i = d' V_i / difference`` plus normal noise of unit variance, and
-    its evidence ``d' x_i``: the exact log-likelihood if values differ by ``difference``. The drift
-    of the evidence is proportional to the difference of values, and its noise constant.
+    Readings ``x_i = d' V_i / difference`` plus unit noise are the evidence ``d' x_i``, exact if
+    values differ by ``difference``.
     """
 
     model: BasalGanglia  # any engine that has times

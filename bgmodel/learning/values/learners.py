@@ -116,10 +116,8 @@ class LogitQ(QLearning):
 class Confidence(Learner):
     """The confidence rule: the error is the reward minus that expected from confidence.
 
-    The confidence that the chosen arm is the better one is ``P_c = softmax(w)_c``, and the expected
-    reward ``low + (high - low) P_c``, an affine critic. The weights of both arms move apart by the
-    error. With ``low`` and ``high`` at the probabilities of the bandit, the exact log-odds are a
-    fixed point.
+    It is ``low + (high - low) P_c`` with ``P_c = softmax(w)_c``; weights move apart by the error.
+    With ``low`` and ``high`` those of the bandit, the exact log-odds are a fixed point.
     """
 
     name: ClassVar[str] = "confidence"
@@ -154,8 +152,8 @@ class Confidence(Learner):
 class Opal(Learner):
     """OpAL (Collins & Frank 2014): go and no-go weights that learn in proportion to themselves.
 
-    The critic's value of the bandit gives the error; ``dG_c = rate G_c error``, ``dN_c = -rate N_c
-    error``, and the value is ``(1 + rho) G - (1 - rho) N``, where rho is dopamine at the choice.
+    ``dG_c = rate G_c error``, ``dN_c = -rate N_c error``; the value is ``(1 + rho) G - (1 - rho)
+    N``.
     """
 
     name: ClassVar[str] = "opal"

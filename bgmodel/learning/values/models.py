@@ -72,11 +72,7 @@ def choice_probability(drift: Array, bound: Array, start: Array) -> Array:
 def draw(
     drift: Array, bound: Array, start: Array, t0_s: Array, uniform: Array
 ) -> tuple[Integers, Array]:
-    """Draw responses and times, s, (trials,) each.
-
-    The rows of ``uniform``, (4, trials), draw the response, the time, whether it is a lapse, and
-    the time of a lapse.
-    """
+    """Draw responses and times, s, (trials,) each, from ``uniform`` (4, trials)."""
     p = (choice_probability(drift, bound, start) - LAPSES / 2) / (1 - LAPSES)
     response = (uniform[0] < p).astype(int)
     side = 2.0 * response - 1

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import norm
 
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.hierarchy.fit import fit_group
@@ -65,10 +64,6 @@ def test_failures_and_spread_have_their_closed_form():
     log, failed = ALIKE.log_density(trials, values(trials)), one.responded[one.stop]
     assert log[one.stop] == pytest.approx(np.log(np.where(failed, responded, 1 - responded)))
     assert not log[~one.stop].any()
-    left = (one.ssd_ms + 200 - one.rt_ms)[one.stop][failed]
-    timed = replace(ALIKE, times=True).log_density(trials, values(trials))[one.stop]
-    assert timed[failed] == pytest.approx(np.log(0.1 + 0.9 * norm.cdf(left / 40)))
-    assert timed[~failed] == pytest.approx(log[one.stop][~failed])
 
 
 def test_values_may_differ_between_trials_and_several_sets_stand_side_by_side():
