@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,10 +15,10 @@ from bgmodel.evidence import MOST_NATS, Evidence, checked_prior
 from bgmodel.readings import warn_of_copies
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import path_of
-from bgmodel.support.files import read_table, unreadable
-from bgmodel.support.processes import check_evidence_memory, check_table_memory
+from bgmodel.support.files import read_table
+from bgmodel.support.processes import check_evidence_memory
 from bgmodel.tables.columns import check_alike, check_numeric, check_spelt, names_once
-from bgmodel.tables.foreign import SEPARATORS, separated
+from bgmodel.tables.foreign import DECIMAL_SIGN, SEPARATORS, read_text
 from bgmodel.tables.named import RESULT, NamedEvidence
 from circuits.errors import DataWarning, InputError, within
 
@@ -28,7 +26,6 @@ KEYS = ("participant_id", "trial")
 """Columns that identify trials, the first one only if a table has it."""
 OURS = (*KEYS, "step", "truth")
 """Columns of an evidence table with a meaning, in addition to ``ll_<hypothesis>``."""
-DECIMAL_SIGN = "is the decimal sign a comma? It must be a point"
 COMMA = re.compile(r"\s*[+-]?\d+,\d+\s*")
 
 
@@ -139,44 +136,7 @@ def trials_from_table(
 
 def read_csv_table(path: Path) -> pd.DataFrame:
     """Return a table of text, with numbers only for log-likelihoods and plain numeric columns."""
-    check_table_memory(path)
-    separator = SEPARATORS[path.suffix]
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            lines = csv.reader(stream, delimiter=separator)
-            header, first = next(lines, []), next(filter(None, lines), [])
-        if not any(header):
-            raise InputError("the first line is blank, it must name the columns", "path", path)
-        if len(header) == 1 and (other := next((c for c in ";,\t|" if c in header[0]), None)):
-            raise separated(other, separator)
-        twice = sorted({name for name in header if name and header.count(name) > 1})
-        if twice:
-            raise InputError(f"the header has {', '.join(twice)} twice", "columns", twice)
-        # The name that pandas gives to an unnamed column.
-        names = [name or f"Unnamed: {k}" for k, name in enumerate(header)]
-        # Later rows must not be longer than the first one, but Pandas drops what it has beyond the
-        # header, with a warning alone.
-        beyond = [f"beyond {k}" for k in range(len(header), len(first))]
-        columns: dict[str, Any] = {"header": 0, "names": [*names, *beyond]} if beyond else {}
-        table: pd.DataFrame = pd.read_csv(
-            path,
-            sep=separator,
-            dtype={name: str for name in (*names, *beyond) if not name.startswith("ll_")},
-            keep_default_na=False,
-            index_col=False,
-            low_memory=False,
-            encoding="utf-8-sig",
-            **columns,
-        )
-        if (table[beyond] != "").to_numpy().any():
-            raise pd.errors.ParserError
-        table = table.drop(columns=beyond)
-    except pd.errors.ParserError:
-        raise InputError(
-            f"{str(path)!r}: a row has more cells than the header names ({DECIMAL_SIGN})", "path"
-        ) from None
-    except (OSError, ValueError, csv.Error) as error:
-        raise unreadable(path, error) from None
+    table = read_text(path, "ll_")
     texts = [name for name in table.columns if not str(name).startswith("ll_")]
     return table.assign(**{name: _typed(table[name]) for name in texts})
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,6 +20,7 @@ PYDDM = ({"RT": "rt", "choice": "response"}, {"rt": "rt", "choice": "response"})
 OTHER = {"participant": "participant_id"}
 """Columns that are named in short."""
 SEPARATORS = {".csv": ",", ".tsv": "\t"}
+DECIMAL_SIGN = "is the decimal sign a comma? It must be a point"
 HSSM = {"1", "-1"}
 """Responses of HSSM: to the upper and to the lower boundary."""
 
@@ -30,31 +33,43 @@ def read_rows(path: Path) -> pd.DataFrame:
         raise InputError(f"a table is read from .csv, .tsv or .parquet, got {str(path)!r}", "path")
     if not path.is_file():
         raise InputError(f"there is no table {str(path)!r}", "path", path)
+    return read_text(path)
+
+
+def read_text(path: Path, numeric: str | None = None) -> pd.DataFrame:
+    """Return a table from .csv or .tsv as text, but for columns that begin with ``numeric``."""
     check_table_memory(path)
+    separator = SEPARATORS[path.suffix]
     try:
-        cells = _cells(path, SEPARATORS[path.suffix])
-    except (OSError, ValueError) as error:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            lines = csv.reader(stream, delimiter=separator)
+            header, first = next(lines, []), next(filter(None, lines), [])
+        if not any(header):
+            raise InputError("the first line is blank, it must name the columns", "path", path)
+        if len(header) == 1 and (other := next((c for c in ";,\t|" if c in header[0]), None)):
+            hint = f"write {separator!r} between columns, and a point as the decimal sign"
+            raise InputError(f"its columns are separated by {other!r}: {hint}", "path")
+        # The name that pandas gives to an unnamed column.
+        names = [name or f"Unnamed: {k}" for k, name in enumerate(header)]
+        # Later rows must not be longer than the first one, but Pandas drops what it has beyond the
+        # header, with a warning alone.
+        beyond = [f"beyond {k}" for k in range(len(header), len(first))]
+        columns: dict[str, Any] = {"header": 0, "names": [*names, *beyond]} if beyond else {}
+        texts = [each for each in (*names, *beyond) if not (numeric and each.startswith(numeric))]
+        table: pd.DataFrame = pd.read_csv(
+            path, sep=separator, dtype=dict.fromkeys(texts, str), keep_default_na=False,
+            index_col=False, low_memory=False, encoding="utf-8-sig", **columns,
+        )  # fmt: skip
+        if (table[beyond] != "").to_numpy().any():
+            raise pd.errors.ParserError
+    except pd.errors.ParserError:
+        raise InputError(
+            f"{str(path)!r}: a row has more cells than the header names ({DECIMAL_SIGN})", "path"
+        ) from None
+    except (OSError, ValueError, csv.Error) as error:
         raise unreadable(path, error) from None
-    names = [str(name) for name in cells.iloc[0]]
-    return cells.iloc[1:].set_axis(names, axis=1)
-
-
-def separated(separator: str, wanted: str) -> InputError:
-    """Return the error for a table with another column separator."""
-    hint = f"write {wanted!r} between columns, and a point as the decimal sign"
-    return InputError(f"its columns are separated by {separator!r}: {hint}", "path")
-
-
-def _cells(path: Path, separator: str) -> pd.DataFrame:
-    """Return all cells of a file as text; the first row holds the names of the columns."""
-    with path.open(encoding="utf-8-sig") as stream:
-        header = stream.readline()
-    other = [mark for mark in ";,\t|" if mark in header]
-    if other and separator not in header:
-        raise separated(other[0], separator)
-    return pd.read_csv(
-        path, sep=separator, header=None, dtype=str, keep_default_na=False, encoding="utf-8-sig"
-    )
+    names_once(filter(None, header))
+    return table.drop(columns=beyond)
 
 
 def renamed(table: pd.DataFrame, **names: str | None) -> pd.DataFrame:

@@ -240,7 +240,7 @@ def test_bad_tables_get_one_clear_sentence(says):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("trial,step,ll_a,ll_a\n0,0,1,2\n", "path header has ll_a twice"),
+        ("trial,step,ll_a,ll_a\n0,0,1,2\n", "columns each column may occur once"),
         ("trial,step,ll_a,ll_b\n0,0,1,2,3\n", "path a row has more cells than the header"),
         ("\ntrial,step,ll_a,ll_b\n007,0,1,2\n", "path first line is blank"),
         ("\ufeff\r\ntrial,step,ll_a,ll_b\r\n007,0,1,2\r\n", "path first line is blank"),
