@@ -6,16 +6,14 @@ import ast
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.trials.record import MOST_LEVELS
 from circuits.errors import InputError
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -76,8 +74,6 @@ class Formula:
 
     def _frame(self, conditions: Mapping[str, Sequence[str]], cells: int) -> pd.DataFrame:
         """Return the conditions of each cell, as numbers where all are."""
-        import pandas as pd
-
         frame = {}
         for column in self.columns:
             if column not in conditions:

@@ -276,7 +276,9 @@ class ParameterSpace:
     def _scale_change(self, vector: Array) -> Array:
         """Return the change of the scale of each number by the number, (numbers,)."""
         step = 1e-6 * np.maximum(np.abs(vector), 1e-3)
-        return (self.to_scale(vector + step) - self.to_scale(vector - step)) / (2 * step)
+        return np.asarray(
+            (self.to_scale(vector + step) - self.to_scale(vector - step)) / (2 * step)
+        )
 
     @property
     def low(self) -> Array:
@@ -295,11 +297,11 @@ class ParameterSpace:
 
     def at_bound(self, vector: Array) -> Truths:
         """Return which numbers are at a bound, as are coefficients of a parameter at one."""
-        ends, width = np.stack([self.low, self.high]), AT_BOUND * (self.high - self.low)
+        bounds, width = np.stack([self.low, self.high]), AT_BOUND * (self.high - self.low)
         # Ranges of numbers that differ by factors are far wider than likely values.
-        close = np.where(self.by_factors, AT_BOUND * (np.abs(ends) + width), width)
-        away = np.array([vector - ends[0], ends[1] - vector])
-        at_bound = np.asarray((away < close).any(axis=0))
+        least = np.where(self.by_factors, AT_BOUND * (np.abs(bounds) + width), width)
+        away = np.array([vector - bounds[0], bounds[1] - vector])
+        at_bound = np.asarray((away < least).any(axis=0))
         for each in self._sums:
             if each.bounded:
                 value, close = each.value(vector), AT_BOUND * (each.high - each.low)

@@ -8,6 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+import numpy as np
+import pandas as pd
+
 from bgmodel.fitting.parameters import ADDED
 from bgmodel.support.checks import check_flag, check_positive, whole
 from bgmodel.tables.columns import named_participant
@@ -17,8 +20,6 @@ from bgmodel.trials.record import Trials, is_covariate
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from bgmodel.fitting.formulas import Formula
     from bgmodel.fitting.hierarchy.group import Predictors
     from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel
@@ -171,8 +172,6 @@ class FitSettings:
         self, between: Sequence[Formula], trials: Trials, likelihoods: Mapping[str, Likelihood]
     ) -> Predictors:
         """Return the predictors between people for every number of their parameters."""
-        import numpy as np
-
         from bgmodel.fitting.hierarchy.group import Predictors
 
         first = next(iter(likelihoods.values()))
@@ -416,8 +415,6 @@ def own_name(name: str, model: AnyModel) -> str:
 
 def shared_ranges(likelihoods: Mapping[str, Likelihood]) -> dict[str, Likelihood]:
     """Return likelihoods whose coefficients have one range: the widest of any person."""
-    import numpy as np
-
     every = [each.freedom for each in likelihoods.values()]
     if len({tuple(each.names) for each in every}) > 1:
         return dict(likelihoods)  # people with other levels, which the hierarchy refuses
@@ -478,8 +475,6 @@ def settings_of(
 
 def seconds_of(designs: Iterable[Design]) -> float:
     """Return the length of the longest fitted trial, s, rounded up to half seconds to be shared."""
-    import numpy as np
-
     from bgmodel.fitting.exact.responses import ENDS_S
 
     seen = [design.observed for design in designs]

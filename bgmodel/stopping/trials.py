@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from bgmodel.deciding.decision import UNDECIDED, Decision
 from bgmodel.support.arrays import Array, Truths
@@ -16,9 +16,6 @@ from bgmodel.support.seeds import generator
 from bgmodel.tables.columns import EVERYONE, NO_RESPONSE
 from bgmodel.trials.record import Trials
 from circuits.errors import DataWarning, InputError, require
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 OUTCOMES = ("response", "omission", "failed stop", "successful stop")
 """Go trials with and without a response, then stop trials with and without one."""
@@ -98,8 +95,6 @@ class StopTrials(Facts):
 
     def to_trials(self, who: str = EVERYONE) -> Trials:
         """Return them as the record of one person, in which response 1 is correct."""
-        import pandas as pd
-
         count = len(self.rt_ms)
         right = np.ones(count, bool) if self.correct is None else self.correct
         coded = np.where(self.responded, right, NO_RESPONSE).astype(np.int8)
@@ -111,8 +106,6 @@ class StopTrials(Facts):
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return one row per trial as ``read_people`` reads it, with the outcome."""
-        import pandas as pd
-
         times = {"rt": self.rt_ms / 1000, "ssd": self.ssd_ms / 1000}
         table = pd.DataFrame(
             {"trial": np.arange(len(self.rt_ms)), **times, "outcome": self.outcome}

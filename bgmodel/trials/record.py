@@ -248,6 +248,6 @@ def statistics(choices: Trials) -> pd.DataFrame:
         "trials": ("_none", "size"), "missing": ("_none", "sum"), "accuracy": ("_right", "mean"),
         "mean_s": ("_time", "mean"), "sd_s": ("_time", "std"),
     }  # fmt: skip
-    quantiles = cells["_time"].quantile(list(QUANTILES)).unstack()
+    quantiles = cells["_time"].quantile(np.array(QUANTILES)).unstack()
     quantiles.columns = [f"q{100 * q:.0f}_s" for q in QUANTILES]
     return cells.agg(**every).join(quantiles).reset_index()

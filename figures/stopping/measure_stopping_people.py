@@ -20,7 +20,7 @@ import pandas as pd
 from bgmodel import stream
 from bgmodel.fitting.hierarchy.fit import GroupFit, fit_group
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.stops.model import FEWEST_GO, TEST, circuit_stop, go_process, laid
+from bgmodel.fitting.stops.model import FEWEST_GO, TEST, go_process, laid, stop_model
 from bgmodel.fitting.stops.race import STRENGTH, StopLikelihood, StopRace, likelihood
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.inputs import MOST_NATS
@@ -146,7 +146,7 @@ def likelihoods(
     chosen = {
         who: one for who, one in chosen.items() if (one.responded & ~one.stop).sum() >= FEWEST_GO
     }
-    process = circuit_stop(DEFAULT) if name == "circuit" else TEST
+    process = stop_model(DEFAULT) if name == "circuit" else TEST
     table = slowing_of(chosen).set_index("measure")["value"]
     slowing = tuple(float(table[f"after_{each.replace(' ', '_')}_ms"]) for each in AFTER)
     if name == "test, same after stops":

@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.fitting.checks.misfit import GroupMisfit, group_misfit
-from bgmodel.fitting.fit import SHARE, cells_with_misfit
+from bgmodel.fitting.fit import SHARE as SHARE
+from bgmodel.fitting.fit import cells_with_misfit
 from bgmodel.fitting.hierarchy.approximation import Person, estimates, started
 from bgmodel.fitting.hierarchy.chains import (
     CHAINS,

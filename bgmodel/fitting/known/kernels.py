@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from bgmodel.fitting.known.trials import KnownTrials, intervals
 from bgmodel.support.arrays import Array, Integers
@@ -13,7 +14,6 @@ from circuits.errors import require
 from circuits.plots import GREY, PALETTE, panels, styled
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -31,8 +31,6 @@ DATA = "data"
 
 def kernels(likelihood: Any, vector: Array, *, positions: int = POSITIONS) -> pd.DataFrame:
     """Return psychophysical kernels of the data and of a model, aligned to onset and response."""
-    import pandas as pd
-
     of = {DATA: None, likelihood.model.name: likelihood.chosen(vector)}
     tables = [
         kernel(likelihood.trials, chosen, positions=positions, align=align).assign(
@@ -56,8 +54,6 @@ def kernel(
     By a conditional logit, ``P(i) ~ exp(b_i + sum_k w_k x_ik)`` with x the log-likelihoods of
     readings; ``chosen`` (trials, alternatives) replaces choices by a model's probabilities.
     """
-    import pandas as pd
-
     some = np.flatnonzero((trials.choice >= 0) & (trials.seen > 0))
     x = _aligned(trials, some, positions, align)
     there = np.any(x != 0, axis=(0, 2))
@@ -122,8 +118,6 @@ def hazards(likelihood: Any, vector: Array) -> pd.DataFrame:
 
     Intervals are shifted by the mean non-decision time; ``standard_error`` is under the model.
     """
-    import pandas as pd
-
     values, trials = likelihood.values(vector), likelihood.trials
     starts, ends = (each + values["t0_s"] for each in intervals(trials))
     before, after = (likelihood.answered(values, each).sum(axis=2) for each in (starts, ends))

@@ -124,15 +124,11 @@ TEST = StopModel(CONSTANT.name)
 """The sequential test: a step in units of its posterior."""
 
 
-def circuit_stop(circuit: str | Circuit = "macaque", noise_nats: float = NOISE_NATS) -> StopModel:
-    """Return the stop process of a circuit of two channels, from its response to 1 nat in STN."""
-    table = checked_circuit(circuit, 2)
-    time_ms, added = step_response(BasalGanglia(table), StopSignal(), time_ms=LASTING_MS)
-    return StopModel(table.name, noise_nats, time_ms, added, table)
-
-
 def stop_model(model: str | Circuit | StopModel, noise_nats: float = NOISE_NATS) -> StopModel:
-    """Return the stop process of ``constant_gap``, the test, or of a circuit; others raise."""
+    """Return the stop process of ``constant_gap``, the test, or of a circuit of two channels.
+
+    That of a circuit scales its response to 1 nat in STN with the strength.
+    """
     if isinstance(model, StopModel):
         return model
     if isinstance(model, str) and model in GAPS:
@@ -140,7 +136,9 @@ def stop_model(model: str | Circuit | StopModel, noise_nats: float = NOISE_NATS)
         if model != CONSTANT.name:
             raise InputError.of("models", must, model)
         return TEST
-    return circuit_stop(model, noise_nats)
+    table = checked_circuit(model, 2)
+    time_ms, added = step_response(BasalGanglia(table), StopSignal(), time_ms=LASTING_MS)
+    return StopModel(table.name, noise_nats, time_ms, added, table)
 
 
 KEPT = 1024

@@ -44,18 +44,6 @@ def fence_s(rt_s: Array, cell: Integers) -> float:
     return float(max(fences))
 
 
-def check_window(rt_window: tuple[float, float]) -> None:
-    """Raise ValueError unless a window has an earliest and a later latest time, s (may be inf)."""
-    ends = reals("rt_window", rt_window)
-    require(
-        ends.shape == (2,) and 0 <= ends[0] < ends[1],
-        "rt_window",
-        "must be an earliest and a later latest time, 0 s or more, such as 0.2 5 (inf "
-        "for no latest one)",
-        rt_window,
-    )
-
-
 def in_window(
     rt_s: Array,
     cell: Integers,
@@ -69,7 +57,10 @@ def in_window(
     """
     rule = ""
     if rt_window is not None:
-        check_window(rt_window)
+        ends = reals("rt_window", rt_window)
+        must = "must be an earliest and a later latest time, 0 s or more, such as 0.2 5 (inf for "
+        good = ends.shape == (2,) and 0 <= ends[0] < ends[1]
+        require(good, "rt_window", must + "no latest one)", rt_window)
         window = (float(rt_window[0]), float(rt_window[1]))
     elif deadline_s is None:
         window = (0.0, fence_s(rt_s, cell))
@@ -177,22 +168,16 @@ def design_of(
         if column not in choices.conditions:
             there = ", ".join(choices.conditions.columns) or "none"
             raise InputError(f"no condition is called {column!r}; there are {there}", "by", column)
-    if not pooled:
-        _warn_of_several(choices)
-    check_sides(choices, by, biased=sides)
-    return _laid(choices, by, rt_window, sides)
-
-
-def _warn_of_several(choices: Trials) -> None:
-    """Warn if choices are of several participants."""
     people = choices.people()
-    if len(people) > 1:
+    if len(people) > 1 and not pooled:
         named = ", ".join(people[:3]) + (", ..." if len(people) > 3 else "")
         DataWarning.warn(
             f"choices are of {len(people)} participants ({named}), and are pooled: "
             "parameters are then a mixture. Fit each on its own, "
             f"choices.where(choices.participant == {people[0]!r}), or set pooled=True"
         )
+    check_sides(choices, by, biased=sides)
+    return _laid(choices, by, rt_window, sides)
 
 
 def _laid(

@@ -300,6 +300,7 @@ def simulated(
 ) -> Trials:
     """Return trials of simulated people, with parameters (people,), who learn three pairs."""
     model, trials = model_of(model), whole("trials", trials, 2)
+    better, worse = (np.array([each[k] for each in PAIRS]) for k in (1, 2))
     names = {each.name for each in model.parameters}
     require(names == set(values), "values", f"must be {', '.join(sorted(names))}", list(values))
     columns = {name: np.asarray(each, dtype=np.float64)[:, None] for name, each in values.items()}
@@ -314,7 +315,7 @@ def simulated(
         drift = columns["scale"] * (learned[..., 1] - learned[..., 0])
         start = columns["stickiness"] * columns["bound"] * last
         chosen, rt_s[:, k] = _drawn(columns, drift, start, uniform[k, :4])
-        response[:, k], reward[:, k] = chosen, _rewarded(chosen, uniform[k, 4])
+        response[:, k], reward[:, k] = chosen, uniform[k, 4] < np.where(chosen == 1, better, worse)
         state = learner.learn(state, np.stack([1 - chosen, chosen], axis=-1), reward[:, k])
         last = np.asarray(2.0 * chosen - 1)
     pair = np.tile([name for name, *_ in PAIRS], people * trials)
@@ -332,8 +333,3 @@ def _drawn(
     of_all = [np.broadcast_to(values[name], shape).ravel() for name in ("bound", "t0_s")]
     chosen, rt_s = draw(drift.ravel(), of_all[0], start.ravel(), of_all[1], uniform.reshape(4, -1))
     return chosen.reshape(shape), rt_s.reshape(shape)
-
-
-def _rewarded(response: Integers, uniform: Array) -> Array:
-    better, worse = (np.array([each[k] for each in PAIRS]) for k in (1, 2))
-    return np.asarray(uniform < np.where(response == 1, better, worse), dtype=np.float64)

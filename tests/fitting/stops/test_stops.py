@@ -13,7 +13,6 @@ from bgmodel.fitting.stops.model import (
     GO,
     TEST,
     StopModel,
-    circuit_stop,
     go_process,
     laid,
     stop_model,
@@ -155,7 +154,7 @@ def test_the_latency_of_a_stop_is_that_at_the_threshold():
 
 
 def test_the_circuits_stop_is_its_step_response():
-    model = circuit_stop()
+    model = stop_model("macaque")
     assert model.name == "macaque"
     assert model.added[-1] == pytest.approx(1.0, abs=0.01)
     assert model.latency_ms(0.2, 1.0) < model.latency_ms(0.2, 0.3)
