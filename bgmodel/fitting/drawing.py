@@ -83,7 +83,6 @@ def _axes() -> tuple[Figure, list[Axes]]:
 
 
 def _data(axes: list[Axes], seen: pd.DataFrame, place: Array, mark: str, label: str) -> None:
-    """Draw the data of one condition in all panels."""
     look = {**DATA, "marker": mark}
     bars = {**look, "capsize": 2, "elinewidth": 0.8}
     axes[0].errorbar(place, seen["accuracy"], _wilson_ends(seen), label=label, **bars)
@@ -102,7 +101,6 @@ def _data(axes: list[Axes], seen: pd.DataFrame, place: Array, mark: str, label: 
 
 
 def _model(axes: list[Axes], cells: pd.DataFrame, place: Array, look: Look, label: str) -> None:
-    """Draw the predictions of one model for one condition in all panels."""
     axes[0].plot(place, cells["model_accuracy"], label=label, **look)
     axes[1].plot(place, cells["model_mean_s"], **look)
     axes[2].plot(place, cells["model_sd_s"], **look)

@@ -59,7 +59,6 @@ class Formula:
         return dict(zip(labels, design.T, strict=True))
 
     def _parsed(self) -> Any:
-        """Return the terms as formulaic reads them."""
         try:
             import formulaic
         except ImportError as error:
@@ -73,7 +72,6 @@ class Formula:
         return parsed
 
     def _frame(self, conditions: Mapping[str, Sequence[str]], cells: int) -> pd.DataFrame:
-        """Return the conditions of each cell, as numbers where all are."""
         frame = {}
         for column in self.columns:
             if column not in conditions:
@@ -92,7 +90,6 @@ class Formula:
         return pd.DataFrame(frame, index=range(cells))
 
     def _check(self, design: Array, labels: list[str]) -> None:
-        """Raise ValueError unless every cell has a value and columns are independent."""
         if not np.isfinite(design).all() or not design.any(axis=1).all():
             raise self._refused("must give every combination of conditions a finite, non-zero term")
         empty = [name for name, column in zip(labels, design.T, strict=True) if not column.any()]

@@ -275,7 +275,6 @@ class BinnedLikelihood(Likelihood):
         return symmetric, tuple(np.array(self.freedom.names)[still].tolist())
 
     def _changes(self, vector: Array) -> Array:
-        """Return the derivative of each outcome's probability by each parameter."""
         low, high = self.freedom.low, self.freedom.high
         changes = []
         for k in range(len(vector)):
@@ -426,7 +425,6 @@ def _without_times(
 
 
 def _warn_of_later(model: AnyModel, design: Design) -> None:
-    """Warn of responses after the end of a model's trials: they can only be lapses."""
     seconds = getattr(model, "seconds", np.inf)  # exact models have no end
     rt_s = design.observed.rt_s[np.isfinite(design.observed.rt_s)]
     later = int((rt_s > seconds).sum())

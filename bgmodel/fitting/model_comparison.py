@@ -218,7 +218,6 @@ class ModelComparison(Facts):
 
 
 def _apart(score: Score, best: Score) -> dict[str, float]:
-    """Return the difference between a score and the best one, and its errors."""
     advantage = better_by(score.predicted, best.predicted, score.person)
     each = by_person(score.trials - best.trials, score.person)
     return {
@@ -281,7 +280,6 @@ def crossvalidated(
 
 
 def _people(fit: object) -> dict[str, Fit]:
-    """Return the fit to each person."""
     if isinstance(fit, Fit):
         return {fit.optimum.likelihood.design.who: fit}
     if isinstance(fit, Mapping) and fit and all(isinstance(each, Fit) for each in fit.values()):
@@ -293,7 +291,6 @@ def _people(fit: object) -> dict[str, Fit]:
 
 
 def _check_same(likelihoods: Mapping[str, Mapping[str, Likelihood]]) -> None:
-    """Raise ValueError unless all models were fitted to the same trials."""
     first_name, first = next(iter(likelihoods.items()))
     for name, each in likelihoods.items():
         if list(each) != list(first):
@@ -316,7 +313,6 @@ def _crossvalidated(people: list[Peak]) -> Score:
 
 
 def _joined(parts: list[Predicted]) -> Predicted:
-    """Return the predictions of several people's trials as one."""
     return Predicted(
         np.concatenate([part.each for part in parts]),
         np.concatenate([part.without for part in parts], axis=1),
@@ -324,13 +320,11 @@ def _joined(parts: list[Predicted]) -> Predicted:
 
 
 def _person(likelihoods: Iterable[Likelihood]) -> Integers:
-    """Return the index of the person of each trial."""
     counts = [len(each.design.observed.response) for each in likelihoods]
     return np.repeat(np.arange(len(counts)), counts)
 
 
 def _left_out(fit: GroupFit) -> Score:
-    """Return the score of a hierarchical fit."""
     from arviz_stats.base import array_stats
 
     draws = len(fit.chains[0])

@@ -85,7 +85,6 @@ Tell = Callable[[int, float], None] | None
 def _stochastic(
     likelihood: Likelihood, starts: Sequence[Array], seed: int, tell: Tell
 ) -> tuple[Array, int]:
-    """Return the best point of CMA-ES from several starts, and the number of evaluations."""
     import cma
 
     low, high = likelihood.freedom.low, likelihood.freedom.high
@@ -124,7 +123,6 @@ def _scales(likelihood: Likelihood, first: Array) -> Array:
 
 
 def _along_slopes(likelihood: Likelihood, starts: Sequence[Array], tell: Tell) -> tuple[Array, int]:
-    """Return the best point reached along slopes, and the number of evaluations."""
     if likelihood.scored:
         vector, value, count = _slid(likelihood, _within(likelihood, starts[0]))
         if tell is not None:
@@ -148,7 +146,6 @@ def _within(likelihood: Likelihood, start: Array) -> Array:
 
 
 def _climbed(likelihood: Likelihood, start: Array, iterations: int) -> tuple[Array, float, int]:
-    """Return the best point, its height and the number of evaluations of a search."""
     from scipy.optimize import minimize
 
     freed = likelihood.freedom

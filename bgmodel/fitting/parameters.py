@@ -147,8 +147,6 @@ class FreeParameter:
 
 @dataclass(frozen=True)
 class _Sum:
-    """A parameter whose value in each cell is a sum over numbers of a fit."""
-
     name: str
     places: Integers
     design: Array
@@ -352,7 +350,6 @@ class ParameterSpace:
 
     @cached_property
     def _starts(self) -> dict[str, Array]:
-        """The default value of each parameter in every cell, (cells,)."""
         return {each.name: np.full(self.cells, each.start) for each in self.parameters}
 
 
@@ -427,7 +424,6 @@ def _levels(name: str, column: str, conditions: Mapping[str, Sequence[str]]) -> 
 
 
 def _numbers(each: Parameter, design: Mapping[str, Array]) -> list[FreeParameter]:
-    """Return the numbers of a parameter that is linear in the columns of a design."""
     columns = np.array(list(design.values()), float)
     levels = bool(np.isin(columns, (0, 1)).all() and (columns.sum(axis=0) <= 1).all())
     numbers = []

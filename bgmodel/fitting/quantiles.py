@@ -79,7 +79,6 @@ def residuals(cells: pd.DataFrame) -> pd.DataFrame:
 
 
 def _each(cells: pd.DataFrame) -> Iterator[tuple[Row, dict[str, object]]]:
-    """Yield each cell with the residual of each quantile of each response."""
     for row in cells.to_dict("records"):
         for name, number in _counts(row).items():
             for q, percent in PERCENT.items():
@@ -98,7 +97,6 @@ def _each(cells: pd.DataFrame) -> Iterator[tuple[Row, dict[str, object]]]:
 
 
 def _counts(row: Row) -> dict[str, int]:
-    """Return the number of correct and of wrong responses of a cell."""
     correct = round(row["answered"] * row["accuracy"]) if row["answered"] else 0
     return {"correct": correct, "wrong": int(row["answered"]) - correct}
 

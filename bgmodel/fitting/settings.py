@@ -129,7 +129,6 @@ class FitSettings:
 
     @property
     def _parsed(self) -> list[Formula]:
-        """All formulas, those between people too."""
         from bgmodel.fitting.formulas import formula_of
 
         return [formula_of(each) for each in self.formula]
@@ -511,7 +510,6 @@ def _pairs(option: str, settings: Mapping[str, object] | None) -> Iterable[tuple
 
 
 def _interval(pair: object) -> str:
-    """Return an interval as the command has it."""
     return ":".join(map(str, pair)) if isinstance(pair, (tuple, list)) else str(pair)
 
 

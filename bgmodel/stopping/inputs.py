@@ -130,7 +130,6 @@ def with_input(
 
 
 def _per_step(step_ms: float, every_ms: float | None) -> int:
-    """Return the number of intervals between readings."""
     if every_ms is None:
         return int(np.ceil(step_ms / RESOLUTION_MS - 1e-9))
     count = round(step_ms / every_ms)
@@ -141,7 +140,6 @@ def _per_step(step_ms: float, every_ms: float | None) -> int:
 
 
 def _per_trial(name: str, evidence: Evidence, numbers: npt.ArrayLike) -> Array:
-    """Return one number per trial, (trials, 1)."""
     # A mask would be onsets of 0 and 1 ms, and amounts of 0 and 1 nat.
     require(np.asarray(numbers).dtype != bool, name, "must be numbers, not true and false", numbers)
     values = np.asarray(reals(name, numbers), dtype=np.float64)

@@ -117,7 +117,6 @@ def violations_of(people: Mapping[str, StopTrials], width_ms: float = WIDTH_MS) 
 
 
 def _accepted_ssrt(trials: StopTrials) -> float | None:
-    """Return the stop-signal reaction time by the guide; None if it accepts none."""
     with quiet():
         try:
             return estimate_ssrt(trials).ssrt_ms

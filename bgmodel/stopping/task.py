@@ -50,7 +50,6 @@ def walk(responded: npt.ArrayLike, delays_ms: npt.ArrayLike, starts_ms: npt.Arra
 def _checked(
     responded: npt.ArrayLike, delays_ms: npt.ArrayLike, starts_ms: npt.ArrayLike
 ) -> tuple[Truths, Array, Array]:
-    """Return the arguments of ``walk`` as arrays; ValueError unless they fit together."""
     table = np.asarray(responded)
     delays = np.asarray(reals("delays_ms", delays_ms), dtype=np.float64)
     starts = np.atleast_1d(np.asarray(reals("starts_ms", starts_ms), dtype=np.float64))
@@ -69,7 +68,6 @@ def _checked(
 
 
 def _warn_unless_it_reverses(start_ms: float, failed: Truths) -> None:
-    """Warn if the outcomes of a staircase's trials are all the same."""
     if failed.all() or not failed.any():
         kind = "failed" if failed.all() else "successful"
         DataWarning.warn(
@@ -218,13 +216,11 @@ def decided(
 
 
 def _starts(delays: int, staircases: int) -> list[int]:
-    """Return the first delay of each staircase, spread evenly."""
     inner = np.linspace(0, delays - 1, staircases + 2)[1:-1]
     return [round(place) for place in inner]
 
 
 def _chosen(each: list[Decision], place: Array) -> Decision:
-    """Return the decision of each trial at its delay."""
     trial = np.arange(len(place))
     names = ("choice", "time_ms", "forced", "premature", "deadline_ms")
     columns = {n: np.stack([getattr(one, n) for one in each])[place, trial] for n in names}

@@ -50,7 +50,6 @@ def number_of(table: pd.DataFrame, alternatives: int | None, stimulus: str | Non
 
 
 def _held(table: pd.DataFrame) -> int | None:
-    """Return the number in the column of alternatives; None without that column."""
     if COLUMN not in table:
         return None
     values = pd.to_numeric(table[COLUMN], errors="coerce").to_numpy(dtype=float)
@@ -113,7 +112,6 @@ def correctness(table: pd.DataFrame, stimulus: str) -> npt.NDArray[np.int8]:
 def _warn_of_unequal(
     shown: npt.NDArray[np.object_], right: npt.NDArray[np.int8], who: npt.NDArray[np.str_]
 ) -> None:
-    """Warn if one stimulus of a participant has another accuracy than the others together."""
     for person in np.unique(who):
         mine = (who == person) & (right >= 0)
         for each in sorted(set(shown[mine])):
@@ -129,7 +127,6 @@ def _warn_of_unequal(
 
 
 def _apart(right: Truths, some: Truths) -> float:
-    """Return the difference of accuracy between some trials and the others in standard errors."""
     n, m = int(some.sum()), int((~some).sum())
     share: Array = right.mean()
     variance = float(share * (1 - share)) * (1 / max(n, 1) + 1 / max(m, 1))

@@ -146,7 +146,6 @@ def check_one_unit(rt_s: Array) -> None:
 
 
 def _warn_of_pile(rt_s: Array) -> None:
-    """Warn if many times are exactly equal to the longest: trials were probably cut off there."""
     longest = float(rt_s.max())
     ends, times = int((rt_s == longest).sum()), len(np.unique(rt_s))
     # With coarse times, many trials share each value.
@@ -236,7 +235,6 @@ def _alike(table: pd.DataFrame) -> tuple[float, float]:
 
 
 def _pairs(rt_s: Array) -> Array:
-    """Return the number of pairs of equal times, and of times within 0.1 s of each other."""
     rt_s = np.sort(rt_s)
     places = np.arange(len(rt_s)) + 1
     ends = [np.searchsorted(rt_s, rt_s + width, side="right") for width in (0.0, NEAR_S)]

@@ -380,7 +380,6 @@ def _is_missing(column: pd.Series) -> Truths:
 
 
 def _number(value: object) -> float:
-    """Return a cell as a number; NaN if it is not one."""
     try:
         # Python would read 1_000 as a thousand.
         return np.nan if "_" in str(value) else float(str(value))

@@ -200,7 +200,6 @@ def _numbered(
 def _steps(
     table: pd.DataFrame, trial: npt.NDArray[np.intp], keys: list[str]
 ) -> npt.NDArray[np.intp]:
-    """Return the position of each row in its trial, from 0; ValueError for gaps in steps."""
     check_numeric(table["step"])
     step = pd.to_numeric(table["step"], errors="coerce").to_numpy(dtype=np.float64)
     wrong = ~(np.isfinite(step) & (step == np.floor(step)))
@@ -251,7 +250,6 @@ def _numbers(table: pd.DataFrame, columns: list[str]) -> Array:
 def _constant(
     column: pd.Series, trial: npt.NDArray[np.intp], first_row: npt.NDArray[np.intp]
 ) -> bool:
-    """Whether a column has one value in all rows of each trial."""
     try:
         codes = pd.factorize(column)[0]
     except TypeError as error:

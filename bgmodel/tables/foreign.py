@@ -100,7 +100,6 @@ def named(table: pd.DataFrame, options: Mapping[str, tuple[str, str | None]]) ->
 
 
 def _of_pyddm(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table with PyDDM's columns renamed, if it has these."""
     names = list(table.columns)
     for columns in PYDDM:
         rest = [name for name in names if name not in columns]
@@ -121,7 +120,6 @@ def _of_hssm(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _code(value: object) -> str:
-    """Return a response as text; 1.0 is 1."""
     try:
         number = float(str(value))
     except ValueError:

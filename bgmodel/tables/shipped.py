@@ -83,7 +83,6 @@ def shipped_table(name: str) -> tuple[pd.DataFrame, dict[str, Any]]:
 
 
 def _read(name: str) -> Shipped:
-    """Return a set, with the description stored in its file."""
     table, about = shipped_table(name)
     about = {"strength": None, "conditions": [], "licence_file": ""} | about
     kept = ("strength", "citation", "source", "licence", "licence_file", "note")

@@ -105,7 +105,6 @@ def _entity(file: Path, name: str) -> str:
 
 
 def _read(file: Path, columns: Mapping[str, str]) -> tuple[pd.DataFrame, int]:
-    """Return the go and stop trials of a file, and the number of other events."""
     subject = SUBJECT.search(file.name)
     require(subject, "path", 'must have a name with "sub-" and the participant', file.name)
     cells = read_rows(file).reset_index(drop=True)
@@ -128,7 +127,6 @@ def _read(file: Path, columns: Mapping[str, str]) -> tuple[pd.DataFrame, int]:
 
 
 def _column(cells: pd.DataFrame, name: str, columns: Mapping[str, str]) -> str:
-    """Return the name that a file has for a column; ValueError if it has none."""
     wanted = (columns[name],) if name in columns else NAMES[name]
     matches = [each for each in wanted if each in cells]
     if not matches:
@@ -138,7 +136,6 @@ def _column(cells: pd.DataFrame, name: str, columns: Mapping[str, str]) -> str:
 
 
 def _numbers(cells: pd.DataFrame, column: str) -> Array:
-    """Return a column as numbers; NaN where a cell is empty or n/a."""
     text = cells[column].str.strip()
     numbers = pd.to_numeric(text, errors="coerce").to_numpy(float)
     wrong = np.isnan(numbers) & ~text.isin([*MISSING, "n/a"]).to_numpy(bool)

@@ -268,7 +268,6 @@ def _choices(
     table: pd.DataFrame, strength: str | None, wanted: list[str], participant: str | None,
     columns: Columns,
 ) -> Trials:  # fmt: skip
-    """Return choices and their times."""
     stimulus, upper = columns.stimulus, columns.upper
     used = [each for each in (*wanted, strength, stimulus) if each is not None]
     check_no_stops(table)
@@ -322,7 +321,6 @@ def _choices(
 
 
 def _check_alone(table: pd.DataFrame, chosen: npt.NDArray[np.int8], columns: Columns) -> None:
-    """Raise ValueError for choices without times that lack a response, or name a deadline."""
     refuse(chosen == NO_RESPONSE, table["response"], "given in every trial if there are no times")
     for name in ("withheld", "deadline_s"):
         without = "needs times, and all of them are missing"
@@ -347,7 +345,6 @@ def _others(
 def _stop_signals(
     table: pd.DataFrame, wanted: list[str], participant: str | None, columns: Columns
 ) -> Trials:
-    """Return stop-signal trials."""
     table, who, rt_s, held = _others(table, ["ssd"], wanted, participant, columns)
     if "response" in table:
         check_both(table, rt_s, silent(table))
@@ -371,7 +368,6 @@ def _stop_signals(
 def _rewarded(
     table: pd.DataFrame, wanted: list[str], participant: str | None, columns: Columns
 ) -> Trials:
-    """Return choices between the items of a pair that are rewarded."""
     more = [name for name in wanted if name != "pair"]
     table, timed = with_times(table)
     table, who, rt_s, held = _others(
@@ -394,7 +390,6 @@ def _known(
     table: pd.DataFrame, wanted: list[str], participant: str | None, columns: Columns,
     asked: tuple[Source, float | None, bool], spikes: Source | None,
 ) -> Trials:  # fmt: skip
-    """Return trials of which the readings are known, and perhaps the spikes of cells."""
     table, timed = with_times(table)
     table, who, rt_s, held = _others(table, ["response", "trial"], wanted, participant, columns)
     evidence, step_ms, forced = asked
@@ -440,7 +435,6 @@ def _some(names: npt.NDArray[np.object_]) -> str:
 
 
 def _warn_of_zeros(rt_s: Array, ssd_s: Array) -> None:
-    """Warn if delays of 0 are probably those of signals that came too late to be given."""
     at_zero = np.isfinite(rt_s[ssd_s == 0])
     if len(at_zero) >= FEWEST_AT_ZERO and at_zero.mean() > MOST_AT_ZERO:
         DataWarning.warn(
@@ -464,7 +458,6 @@ def _tables(
 
 
 def _table(source: str | Path | pd.DataFrame, columns: Columns) -> tuple[str, pd.DataFrame]:
-    """Return the name of a source and its unchanged table."""
     if isinstance(source, pd.DataFrame):
         return "a table", with_index(source)
     path = path_of(source, "source")
@@ -482,7 +475,6 @@ def _table(source: str | Path | pd.DataFrame, columns: Columns) -> tuple[str, pd
 
 
 def _check_cells(choices: Trials) -> None:
-    """Raise ValueError if a participant has too few trials in a condition."""
     levels = choices.conditions.loc[:, [not is_covariate(c) for _, c in choices.conditions.items()]]
     keys = pd.DataFrame({"participant": choices.participant}).join(levels)
     for _, cell in keys.groupby(list(keys), sort=False):
@@ -496,7 +488,6 @@ def _check_cells(choices: Trials) -> None:
 
 
 def _check_both_chosen(choices: Trials) -> None:
-    """Raise ValueError if a participant gave only one of the two responses, or none."""
     for who in choices.people():
         mine = choices.response[choices.participant == who]
         codes = sorted({int(code) for code in mine} - {NO_RESPONSE})

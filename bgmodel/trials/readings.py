@@ -106,7 +106,6 @@ def seen_sums(readings: Readings, rt_s: Array) -> Array:
 
 
 def _check_sides(readings: Readings, rt_s: Array) -> None:
-    """Raise ValueError if most responses are against the readings before them."""
     choice, seen = readings.choice, seen_sums(readings, rt_s)
     assert choice is not None
     best, chosen = seen.max(axis=1), np.take_along_axis(seen, np.maximum(choice, 0)[:, None], 1)
@@ -173,7 +172,6 @@ def _numbered(table: pd.DataFrame, time_s: Array | None, step_ms: float = 1.0) -
 
 
 def _of_cues(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per reading, with log-likelihoods, from one row per cue."""
     if not {"side", "value"} & set(table.columns):
         raise InputError(f"evidence needs the columns {FORMS}", "evidence")
     value = numbers(table["value"]) if "value" in table else np.ones(len(table))
@@ -202,7 +200,6 @@ def _of_cues(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _matched(table: pd.DataFrame, readings: Readings) -> npt.NDArray[np.intp]:
-    """Return the index of each trial's readings; ValueError for trials without any."""
     person = any(who for who, _ in readings.ids) and "participant_id" in table
     if not person and len({trial for _, trial in readings.ids}) < len(readings.ids):
         problem = "several participants share ids of trials: both tables need participant_id"

@@ -92,7 +92,6 @@ class Trials(Facts):
 
     @property
     def _more(self) -> dict[str, Array | None]:
-        """Columns that a table may lack."""
         return {"strength": self.strength, "ssd_s": self.ssd_s, "reward": self.reward}
 
     @property
@@ -178,7 +177,6 @@ class Trials(Facts):
         )
 
     def _given(self, *taken: str) -> dict[str, Any]:
-        """Return strength and conditions as columns; ValueError for a name that is taken."""
         columns: dict[str, Any] = {} if self.strength is None else {"strength": self.strength}
         both = sorted({*taken, "rt", "participant_id", *columns} & {*self.conditions})
         if both:

@@ -199,7 +199,6 @@ class ManyCircuitModel(CircuitModel):
 
     @cached_property
     def _crossings(self) -> ManyCrossings:
-        """Crossings, read from the folder or simulated."""
         if self._part_of is not None:
             model, parts = self._part_of
             crossings: ManyCrossings = model._crossings.part(parts)  # type: ignore[attr-defined]

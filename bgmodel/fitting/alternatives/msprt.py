@@ -95,7 +95,6 @@ def _variance(share: Any, i: Any) -> Any:
 
 @inlined
 def _peak(rng: Any, start: Any, end: Any, variance: Any) -> Any:
-    """Draw the maximum of a Brownian bridge."""
     spread = -2 * variance * math.log(1.0 - rng.random())
     return (start + end + math.sqrt((end - start) ** 2 + spread)) / 2
 

@@ -41,7 +41,6 @@ def resolved(fitted: Optimum) -> Optimum:
 
 
 def _has_bins(likelihood: Likelihood) -> bool:
-    """Whether densities are computed in bins of any width."""
     return isinstance(likelihood, BinnedLikelihood) and hasattr(likelihood.model, "any_width")
 
 
@@ -106,7 +105,6 @@ def cautions(
 
 
 def _ended(fitted: Optimum) -> list[str]:
-    """Return a warning for each number that ends at a bound of its range."""
     return [
         f"{name} ends at a bound of its range, {value:.3g}: its standard error is meaningless"
         for (name, value), ends in zip(fitted.values.items(), fitted.at_bound, strict=True)
@@ -126,7 +124,6 @@ def _vague(fitted: Optimum, there: Directions) -> list[str]:
 
 
 def _late(fitted: Optimum) -> list[str]:
-    """Return a warning for each non-decision time that is implausibly long."""
     return [
         f"{name} is {value:.3g} s, longer than sensing and moving take: check that rt begins at "
         "the onset of evidence, not of the trial"
@@ -136,7 +133,6 @@ def _late(fitted: Optimum) -> list[str]:
 
 
 def _short(drawn: Posterior | None) -> list[str]:
-    """Return a warning if a chain of draws is short compared with its autocorrelation time."""
     if drawn is None or drawn.long_enough:
         return []
     return [
@@ -147,7 +143,6 @@ def _short(drawn: Posterior | None) -> list[str]:
 
 
 def _rough(there: Directions, simulated: Simulation) -> list[str]:
-    """Return a warning if the simulation error is more than a third of a standard error."""
     share = simulated.parameters / there.standard_errors
     rough = [
         f"{name} ({value:.0%})"

@@ -62,7 +62,6 @@ class Excess:
     size: Array  # (sums,), number of trials behind each
 
     def __add__(self, other: Excess) -> Excess:
-        """Return the sums over the trials of both, which share the simulated trials."""
         return Excess(
             self.off + other.off, self.variance + other.variance,
             self.parts + other.parts, self.size + other.size,
@@ -220,7 +219,6 @@ def _timed(design: Design, density: Array) -> Array:
 
 
 def _variance(design: Design, density: Array) -> Array:
-    """Return the variance of response times in each cell under the model, s^2."""
     mass, times_s = _timed(design, density), design.grid.middles_s
     with np.errstate(invalid="ignore"):
         mass = mass / mass.sum(axis=1, keepdims=True)

@@ -125,8 +125,6 @@ class _Kept:
 
 @dataclass(frozen=True)
 class _Chains:
-    """Advances chains, and makes their guide."""
-
     sampler: Sampler
     seed: int
     over_people: SharedMap
@@ -173,7 +171,6 @@ def _run(
 
 
 def _arrays(kept: _Kept, guide: Guide) -> Arrays:
-    """Return the guide, the draws of all chains and their random numbers."""
     numbers = json.dumps([each.rng.bit_generator.state for each in kept.states])
     return {
         **{name: np.stack([getattr(each, name) for each in kept.draws]) for name in DRAWS},
@@ -199,7 +196,6 @@ def _kept(entry: Entry[Arrays] | None, sampler: Sampler, group: Group) -> _Kept 
 
 
 def _restored(draws: Draws, numbers: dict[str, Any], group: Group) -> State:
-    """Return the last state of a chain."""
     rng = np.random.default_rng()
     rng.bit_generator.state = numbers
     last = replace(

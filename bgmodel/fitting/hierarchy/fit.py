@@ -224,7 +224,6 @@ class GroupFit(Facts):
         return [*self.misfit.cautions(), *alike, *self._short()]
 
     def _short(self) -> list[str]:
-        """Return a warning if chains do not agree or are short, naming the worst numbers."""
         if self.agreement.reached:
             return []
         names = [f"mean of {each}" for each in self.parameters]

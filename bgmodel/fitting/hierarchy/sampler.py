@@ -44,7 +44,6 @@ class Draws:
                 object.__setattr__(self, name, np.zeros((len(self.mean), *shape)))
 
     def __len__(self) -> int:
-        """Return the number of draws."""
         return len(self.mean)
 
     def part(self, first: int) -> Draws:
@@ -118,7 +117,6 @@ class Sampler:
         return np.array([p(x) for p, x in zip(self.people, scaled, strict=True)])
 
     def _individual(self, state: State) -> State:
-        """Draw each person's parameters given the group."""
         group, now, rng = state.group, state.scaled, state.rng
         proposal = self.expansion.times(group)
         asked = proposal.draw(rng)
@@ -144,7 +142,6 @@ class Sampler:
         return asked
 
     def _together(self, state: State) -> State:
-        """Draw the group given everyone's standard scores."""
         mean, sd, rng = state.group.mean, np.sqrt(state.group.variance), state.rng
         scores, now, size = (state.scaled - state.group.means) / sd, np.append(mean, sd), len(mean)
         drawn = np.logical_not(state.group.shared) & np.ones(size, bool)
@@ -169,13 +166,11 @@ class Sampler:
         return State(group, scaled, log, rng) if taken else state
 
     def _guided(self, guide: Guide, state: State) -> State:
-        """Move each person along the surrogate given the group."""
         asked, rise = guide.people_moved(state.group, state.scaled, self.vague, state.rng)
         log = self.logs(asked)
         return _taken(state, asked, log, log - state.log - rise)
 
     def _guided_together(self, guide: Guide, state: State) -> State:
-        """Move the group and its people along the surrogate."""
         group, asked, rise = guide.all_moved(state.group, state.scaled, self.vague, state.rng)
         log = self.logs(asked)
         taken = np.log(state.rng.uniform()) < (log - state.log - rise).sum()

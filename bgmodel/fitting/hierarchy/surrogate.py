@@ -76,7 +76,6 @@ def surrogate_of(
 def _of_person(
     people: Sequence[Person], k: int, draws: Array, log_likelihood: Array, rng: np.random.Generator
 ) -> tuple[Any, ...]:
-    """Return one person's part of each array of a surrogate, from that person's draws."""
     person, size = people[k], draws.shape[1]
     number = min(POINTS * size, MOST_POINTS)
     highest = person.scale.heights
@@ -92,7 +91,6 @@ def _of_person(
 
 
 def _root(draws: Array) -> Array:
-    """Return the lower Cholesky factor of the covariance of draws (draws, parameters)."""
     size = draws.shape[1]
     covariance = np.cov(draws.T).reshape(size, size)
     more = RIDGE * np.diagonal(covariance) + SMALLEST

@@ -90,7 +90,6 @@ class KnownCircuit:
         return about | {"runs": self.runs, "seed": self.seed}
 
     def _usable(self, trials: KnownTrials, leak_hz: float) -> Array:
-        """Return the gains at which the evidence is not too strong for the circuit."""
         evidence, _ = on_grid(trials, leak_hz)
         gains = gain_of(self.circuit) * np.array(FACTORS)
         model = BasalGanglia(self.circuit, self.engine, float(gains[0]), self.seed)
@@ -104,7 +103,6 @@ class KnownCircuit:
         return np.asarray(gains[usable])
 
     def _simulated(self, trials: KnownTrials, gain: float, leak_hz: float) -> Array:
-        """Return OUT (runs, seen readings, alternatives) at one gain."""
         evidence, step_s = on_grid(trials, leak_hz)
         starts, ends = intervals(trials)
         runs = self.runs or int(np.clip(SIMULATED // trials.trials, FEWEST, MOST))

@@ -191,7 +191,6 @@ class CircuitModel(InParts):
 
     @cached_property
     def _walks(self) -> FirstPassageTimes:
-        """Crossings of an ideal integrator on the evidence of the stored trials."""
         bounds = np.linspace(HIGHEST_LOG_ODDS * 1.1, 0.1, BOUNDS) / self.noise_nats
         return simulated(ideal, -bounds, seconds=self.seconds, trials=self.trials, seed=self.seed)
 
@@ -257,7 +256,6 @@ class CircuitModel(InParts):
 
 
 def _near(bias: float) -> list[tuple[float, float]]:
-    """Return the simulated biases around a bias, and their weights."""
     rows = len(BIASES_NATS)
     place = float(np.interp(bias, BIASES_NATS, np.arange(rows)))
     # Rounding must not give a bias of 0 neighbours.
@@ -270,7 +268,6 @@ def _near(bias: float) -> list[tuple[float, float]]:
 def _corners(
     axes: Sequence[Axis], values: npt.ArrayLike
 ) -> Iterator[tuple[tuple[float, ...], float]]:
-    """Yield the grid points around values of axes, with the weight of each."""
     sides = []
     for axis, value in zip(axes, np.asarray(values, float), strict=True):
         place = float(np.interp(value, axis.values, np.arange(axis.points)))

@@ -271,14 +271,12 @@ def log_mixture(drifts: npt.ArrayLike, read_s: npt.ArrayLike, evidence: npt.Arra
 
 @lru_cache(maxsize=16)
 def _unmixed(drifts: tuple[float, ...], bins: int, columns: int) -> Array:
-    """Return the inverse of the mixture of ``log_mixture`` on the grid of ``Counts.decided``."""
     read_s = (np.arange(bins) + 1) * BIN_S
     return np.exp(-log_mixture(drifts, read_s[:, None], _evidence(columns)))
 
 
 @lru_cache(maxsize=16)
 def _mixed(drifts: tuple[float, ...], last_s: float, columns: int) -> Array:
-    """Return ``log_mixture`` at the end of trials on the grid of ``Counts.never``, as a column."""
     return log_mixture(drifts, last_s, _evidence(columns)[:, None])
 
 
@@ -288,17 +286,14 @@ def log_odds(threshold_nats: npt.ArrayLike) -> Any:
 
 
 def _ends(settings: Sequence[tuple[FirstPassageTimes, float]]) -> int:
-    """Return the number of bins of the longest trial."""
     return max(each.ends for each, _ in settings)
 
 
 def _evidence(columns: int) -> Array:
-    """Return the centres of bins of evidence, sqrt(s)."""
     return np.asarray((np.arange(columns) - columns // 2) * EVIDENCE_BIN, dtype=np.float64)
 
 
 def _count(settings: Sequence[tuple[FirstPassageTimes, float]], row: int) -> Counts:
-    """Count the trials of several settings at one stored threshold."""
     biased = [each.opposite.mirrored for each, _ in settings if each.opposite is not None]
     every = [[each for each, _ in settings], *([biased] if biased else [])]
     reach, far = np.max([each.reach for group in every for each in group], axis=0)

@@ -87,7 +87,6 @@ def _uphill(likelihood: Likelihood, vector: Array, step: Array, common: Array) -
 
 
 def _slopes(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
-    """Return the derivative of the log likelihood by each number that is not at a bound."""
     slopes = np.zeros(len(vector))
     for k, step in zip(np.flatnonzero(inside), _steps(likelihood, vector, inside), strict=True):
         above, below = _beside(vector, k, step)
@@ -96,7 +95,6 @@ def _slopes(likelihood: Likelihood, vector: Array, inside: Truths) -> Array:
 
 
 def _beside(vector: Array, k: int, step: float) -> tuple[Array, Array]:
-    """Return the numbers of a fit with the k-th a step higher, and a step lower."""
     above, below = vector.copy(), vector.copy()
     above[k], below[k] = vector[k] + step, vector[k] - step
     return above, below

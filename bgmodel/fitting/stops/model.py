@@ -79,7 +79,6 @@ def crossed_later(
 
 
 def _one_bound(distance: Array, drift: float, time_s: Array) -> Array:
-    """Return the probability that a single bound is reached within some times."""
     root = np.sqrt(time_s)
     back = np.exp(2 * drift * distance + log_ndtr(-(distance + drift * time_s) / root))
     return np.asarray(ndtr((drift * time_s - distance) / root) + back)

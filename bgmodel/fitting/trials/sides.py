@@ -72,7 +72,6 @@ def check_sides(choices: Trials, by: Sequence[str] = (), *, biased: bool = False
 
 
 def _warn_of_no_error(choices: Trials, who: str) -> None:
-    """Warn if all responses agree with strengths of both signs."""
     strength, right = choices.strength, choices.correct[np.isfinite(choices.correct)]
     if strength is None or not ((strength < 0).any() and (strength > 0).any()):
         return
@@ -86,7 +85,6 @@ def _warn_of_no_error(choices: Trials, who: str) -> None:
 
 
 def _coded(choices: Trials, share: float) -> str:
-    """Return a hint if the more frequent response is the usual one on both sides."""
     strength = np.zeros(choices.trials) if choices.strength is None else choices.strength
     against = choices.response[(choices.response >= 0) & (strength * share < 0)]
     same = float((against == int(share > 0)).mean()) if len(against) else 0.0

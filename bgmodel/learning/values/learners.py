@@ -251,7 +251,6 @@ def check_option(name: str, value: Any, low: float, high: float) -> None:
 
 
 def _rates(learner: QLearning | Confidence, error: Array) -> Array:
-    """Return the learning rate of each error, by its sign."""
     plus = np.asarray(learner.rate)[..., None]
     if learner.rate_minus is None:
         return plus

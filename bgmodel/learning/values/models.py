@@ -243,7 +243,6 @@ def likelihood(
 
 
 def _scale(median: float) -> Parameter:
-    """Return the drift per unit of the difference of values, 1/sqrt(s)."""
     return _parameter("scale", "log", median, 1.0, "drift per unit of value, 1/sqrt(s)")
 
 
@@ -256,7 +255,6 @@ def _nats(name: str) -> Parameter:
 
 
 def _remembered(kind: type[Confidence] | type[Opal]) -> Callable[..., Learner]:
-    """Return a learner that forgets nothing: the pairs of people do not reverse."""
     return partial(kind, decay=0.0)
 
 
@@ -328,7 +326,6 @@ def simulated(
 def _drawn(
     values: dict[str, Array], drift: Array, start: Array, uniform: Array
 ) -> tuple[Integers, Array]:
-    """Return responses and times of one trial of each pair, (people, pairs)."""
     shape = drift.shape
     of_all = [np.broadcast_to(values[name], shape).ravel() for name in ("bound", "t0_s")]
     chosen, rt_s = draw(drift.ravel(), of_all[0], start.ravel(), of_all[1], uniform.reshape(4, -1))
