@@ -53,12 +53,3 @@ def test_sensitivity_scales_time_alone():
         for k in (1.0, 2.0)
     )
     assert np.allclose(twice[:, :150], once[:, 3::4], atol=1e-12)
-
-
-def test_parts_are_independent_and_add_up():
-    full_model = model(3)
-    values = {"sensitivity": 2.0, "threshold_nats": 0.2}
-    halves = [decided(each, [1.0], **values) for each in full_model.halves()]
-    assert np.allclose(np.mean(halves, axis=0), decided(full_model, [1.0], **values))
-    assert not np.allclose(*halves)
-    assert len(full_model.left_out()) == 16

@@ -45,11 +45,6 @@ def test_what_is_not_decided_survives_in_all_accumulators(alternatives):
     assert mass == pytest.approx(1 - (1 - right) * (1 - wrong) ** (alternatives - 1), abs=1e-4)
 
 
-def test_without_evidence_all_alternatives_are_equally_likely():
-    mass = decided(5, sensitivity=0.0)
-    assert mass[1] == pytest.approx(mass[0] / 4, abs=1e-12)
-
-
 def test_an_accumulator_without_drift_arrives_in_the_end_with_a_heavy_tail():
     late = arrived(np.array([0.0, 1.0, 1e6]), np.array([[0.0]]), np.array([[0.8]]))[0]
     assert late[0] == 0

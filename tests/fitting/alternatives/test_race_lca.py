@@ -38,16 +38,3 @@ def test_without_leak_and_inhibition_it_is_a_race():
 @pytest.mark.parametrize("name", ["leak", "inhibition"])
 def test_leak_and_inhibition_delay_decisions(name):
     assert means(decided(lca(), **{name: 2.0}))["mean_s"] > 1.2 * means(decided(lca()))["mean_s"]
-
-
-def test_without_evidence_all_alternatives_are_equally_likely():
-    mass = decided(lca(4), sensitivity=0.0)[0]
-    share = mass[1].sum() / mass.sum()
-    assert share == pytest.approx(1 / 4, abs=4 * (3 / 16 / (TRIALS // 4)) ** 0.5)
-
-
-def test_parts_are_other_trials():
-    halves = [decided(each) for each in lca().halves()]
-    assert np.allclose(np.mean(halves, axis=0), decided(lca()), atol=1e-3)
-    assert not np.allclose(*halves)
-    assert len({decided(each).tobytes() for each in lca().left_out()}) == 16

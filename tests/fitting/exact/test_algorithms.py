@@ -51,12 +51,6 @@ def test_each_cell_has_its_own_parameters(model):
         )
 
 
-def test_drift_is_sensitivity_times_strength():
-    one = decided(FALLING, 0.2, sensitivity=10, bound=0.8, fall_per_s=1)
-    other = decided(FALLING, 20, sensitivity=0.1, bound=0.8, fall_per_s=1)
-    assert one == pytest.approx(other, rel=1e-12)
-
-
 @pytest.mark.parametrize(
     ("gap", "shape"),
     [(EXPONENTIAL, {FALL.name: 4.0}), (EXPONENTIAL, {FALL.name: 0.3}),
