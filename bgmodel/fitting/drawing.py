@@ -108,14 +108,11 @@ def _model(axes: list[Axes], cells: pd.DataFrame, place: Array, look: Look, labe
     order = both.to_numpy().argsort(kind="stable")
     for percent in PERCENT.values():
         axes[3].plot(place, cells[f"model_q{percent}_s"], **look, lw=1)
-        times = pd.concat([_predicted(cells, f"{name}_q{percent}_s") for name in SIDES])
+        # Shown where those of the data are known: others are of lapses.
+        names = [f"{name}_q{percent}_s" for name in SIDES]
+        times = pd.concat([cells[f"model_{n}"].where(cells[n].notna()) for n in names])
         alone: Look = {"marker": "_", "ms": 8} if times.notna().sum() == 1 else {}
         axes[4].plot(both.to_numpy()[order], times.to_numpy()[order], **{**look, "lw": 1, **alone})
-
-
-def _predicted(cells: pd.DataFrame, name: str) -> pd.Series:
-    """Return predicted quantiles where those of the data are known: others are of lapses."""
-    return cells[f"model_{name}"].where(cells[name].notna())
 
 
 def _probability(accuracy: pd.Series, name: str) -> pd.Series:

@@ -304,18 +304,15 @@ def _check_same(likelihoods: Mapping[str, Mapping[str, Likelihood]]) -> None:
 def _crossvalidated(people: list[Peak]) -> Score:
     """Return the score of fits to single people, in bins as narrow as each fit needs."""
     fits = [resolved(Optimum(each, vector, each(vector), 1)) for each, vector in people]
+    parts = [predicted(each.likelihood, start=each.vector) for each in fits]
     return Score(
-        _joined([predicted(each.likelihood, start=each.vector) for each in fits]),
+        Predicted(
+            np.concatenate([part.each for part in parts]),
+            np.concatenate([part.without for part in parts], axis=1),
+        ),
         _person([each.likelihood for each in fits]),
         sum(float(each.likelihood.unbiased(each.vector).sum()) for each in fits),
         sum(len(each.vector) for each in fits),
-    )
-
-
-def _joined(parts: list[Predicted]) -> Predicted:
-    return Predicted(
-        np.concatenate([part.each for part in parts]),
-        np.concatenate([part.without for part in parts], axis=1),
     )
 
 

@@ -23,22 +23,10 @@ AT_BOUND = 1e-3
 Map = Callable[[Array], Array]
 
 
-def _same(values: Array) -> Array:
-    return np.asarray(values, float)
-
-
-def _logit(values: Array) -> Array:
-    return np.asarray(np.log(values) - np.log1p(-values))
-
-
-def _expit(values: Array) -> Array:
-    return np.asarray(1 / (1 + np.exp(-values)))
-
-
 SCALES: dict[str, tuple[Map, Map]] = {
-    "identity": (_same, _same),
+    "identity": (lambda x: np.asarray(x, float), lambda x: np.asarray(x, float)),
     "log": (np.log, np.exp),
-    "logit": (_logit, _expit),
+    "logit": (lambda x: np.log(x) - np.log1p(-x), lambda x: 1 / (1 + np.exp(-x))),
     "atanh": (np.arctanh, np.tanh),
 }
 """Functions to the scale of a parameter and back: positive numbers that differ by factors are

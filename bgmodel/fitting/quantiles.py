@@ -48,17 +48,13 @@ def predicted_quantiles(mass: Array, width_s: float) -> dict[str, float]:
     parts = {"model_": mass.sum(axis=0)}
     parts |= {f"model_{name}_": mass[side] for name, side in SIDES.items()}
     edges = np.arange(mass.shape[1] + 1) * width_s
-    return {
-        f"{name}q{percent}_s": float(np.interp(q, _below(one), edges))
-        for name, one in parts.items()
-        for q, percent in PERCENT.items()
-    }
-
-
-def _below(mass: Array) -> Array:
-    """Return the probability of a time below each edge of bins, (bins + 1,)."""
-    total = mass.sum() or np.nan  # of a response that the model never gives
-    return np.asarray(np.concatenate([[0.0], mass.cumsum() / total]))
+    times = {}
+    for name, one in parts.items():
+        total = one.sum() or np.nan  # of a response that the model never gives
+        below = np.concatenate([[0.0], one.cumsum() / total])
+        for q, percent in PERCENT.items():
+            times[f"{name}q{percent}_s"] = float(np.interp(q, below, edges))
+    return times
 
 
 def conditions_of(cells: pd.DataFrame) -> list[str]:

@@ -465,7 +465,10 @@ def settings_of(
         fix=tuple(f"{name}={value!r}" for name, value in _pairs("fix", fix)),
         vary=tuple(f"{name}={column}" for name, column in _pairs("vary", vary)),
         formula=names_of(formula, "formula"),
-        prior=tuple(f"{name}={_interval(pair)}" for name, pair in _pairs("prior", prior)),
+        prior=tuple(
+            f"{name}={':'.join(map(str, pair)) if isinstance(pair, (tuple, list)) else pair}"
+            for name, pair in _pairs("prior", prior)
+        ),
         **others,
     )
     asked.check()
@@ -507,10 +510,6 @@ def _pairs(option: str, settings: Mapping[str, object] | None) -> Iterable[tuple
     if not isinstance(settings, Mapping | None):
         raise InputError.of(option, f"must be a mapping such as {EXAMPLES[option]}", settings)
     return (settings or {}).items()
-
-
-def _interval(pair: object) -> str:
-    return ":".join(map(str, pair)) if isinstance(pair, (tuple, list)) else str(pair)
 
 
 def _pair(text: str, option: str) -> tuple[str, str]:

@@ -10,6 +10,7 @@ more slowly after stop trials.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -98,11 +99,11 @@ def truncated_means(times_ms: Array, limits_ms: Array) -> Array:
 
 def violations_of(people: Mapping[str, StopTrials], width_ms: float = WIDTH_MS) -> pd.DataFrame:
     """Return violations of independence by delay, over participants with an accepted SSRT."""
-    tables = []
+    accepted = []
     for trials in people.values():
-        ssrt = _accepted_ssrt(trials)
-        if ssrt is not None:
-            tables.append(violations(trials, ssrt, width_ms))
+        with quiet(), suppress(InputError):
+            accepted.append((trials, estimate_ssrt(trials).ssrt_ms))
+    tables = [violations(trials, ssrt_ms, width_ms) for trials, ssrt_ms in accepted]
     if not tables:
         raise InputError("no participant has an accepted stop-signal reaction time", "people")
     rows = []
@@ -114,14 +115,6 @@ def violations_of(people: Mapping[str, StopTrials], width_ms: float = WIDTH_MS) 
                      "p_respond": counts["failed"] / counts["trials"], **means,
                      "violation_se_ms": standard_error(known.to_numpy())})  # fmt: skip
     return pd.DataFrame(rows)
-
-
-def _accepted_ssrt(trials: StopTrials) -> float | None:
-    with quiet():
-        try:
-            return estimate_ssrt(trials).ssrt_ms
-        except InputError:
-            return None
 
 
 def slowing(trials: StopTrials) -> dict[str, float]:

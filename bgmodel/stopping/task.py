@@ -211,17 +211,10 @@ def decided(
     each = [at(np.where(stop, delay, np.nan)) for delay in delays]
     place = np.zeros(len(stop), int)
     responded = np.stack([~one.forced[stop] for one in each])
-    place[stop] = walk(responded, delays, delays[_starts(len(delays), task.staircases)])
-    return _chosen(each, place), np.where(stop, delays[place], np.nan)
-
-
-def _starts(delays: int, staircases: int) -> list[int]:
-    inner = np.linspace(0, delays - 1, staircases + 2)[1:-1]
-    return [round(place) for place in inner]
-
-
-def _chosen(each: list[Decision], place: Array) -> Decision:
-    trial = np.arange(len(place))
+    # The first delays of staircases are spread evenly.
+    inner = np.linspace(0, len(delays) - 1, task.staircases + 2)[1:-1]
+    place[stop] = walk(responded, delays, delays[[round(each) for each in inner]])
     names = ("choice", "time_ms", "forced", "premature", "deadline_ms")
+    trial = np.arange(len(place))
     columns = {n: np.stack([getattr(one, n) for one in each])[place, trial] for n in names}
-    return replace(each[0], **columns)
+    return replace(each[0], **columns), np.where(stop, delays[place], np.nan)

@@ -12,7 +12,7 @@ import pandas as pd
 
 from bgmodel.support.files import read_table, unreadable
 from bgmodel.support.processes import check_table_memory
-from bgmodel.tables.columns import names_once
+from bgmodel.tables.columns import names_of, names_once
 from circuits.errors import InputError, require
 
 PYDDM = ({"RT": "rt", "choice": "response"}, {"rt": "rt", "choice": "response"})
@@ -113,15 +113,7 @@ def _of_hssm(table: pd.DataFrame) -> pd.DataFrame:
     names = list(table.columns)
     if names.count("rt") != 1 or names.count("response") != 1 or table["rt"].isna().any():
         return table
-    codes = table["response"].map(_code)
+    codes = names_of(table["response"])
     if set(codes) != HSSM:
         return table
     return table.assign(response=np.where(codes == "1", 1, 0))
-
-
-def _code(value: object) -> str:
-    try:
-        number = float(str(value))
-    except ValueError:
-        return str(value)
-    return f"{number:g}"

@@ -204,10 +204,8 @@ class ManyCircuitModel(CircuitModel):
             crossings: ManyCrossings = model._crossings.part(parts)  # type: ignore[attr-defined]
             return crossings
         entry = self._entry(partial(ManyCrossings, self.thresholds_nats), ())
-        return entry.once(self._simulate_many)
-
-    def _simulate_many(self) -> ManyCrossings:
         run = self.run((), float(self.thresholds_nats[0]))
-        options: dict[str, Any] = {"seconds": self.seconds, "trials": self.trials}
-        channels = self.circuit.channels
-        return simulated_many(run, self.thresholds_nats, channels, **options, seed=self.seed)
+        return entry.once(lambda: simulated_many(
+            run, self.thresholds_nats, self.circuit.channels,
+            seconds=self.seconds, trials=self.trials, seed=self.seed,
+        ))  # fmt: skip

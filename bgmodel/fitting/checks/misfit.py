@@ -153,7 +153,11 @@ def misfit(fitted: Optimum, left: Sequence[tuple[Likelihood, Array]] = ()) -> Mi
         for some in (seen.response >= 0, np.isfinite(seen.rt_s))
     )
     n, m = (np.where(each > 0, each, np.nan) for each in (answered, timed))
-    drawn = np.concatenate([share * (1 - share) / n, _variance(design, density) / m, counts])
+    mass, middles_s = _timed(design, density), design.grid.middles_s
+    with np.errstate(invalid="ignore"):  # without times
+        mass = mass / mass.sum(axis=1, keepdims=True)
+    variance = mass @ middles_s**2 - (mass @ middles_s) ** 2
+    drawn = np.concatenate([share * (1 - share) / n, variance / m, counts])
     with np.errstate(invalid="ignore", divide="ignore"):
         z_accuracy, z_mean_rt, _ = _split(off / np.sqrt(drawn + simulation_variance), design.cells)
     # Means become sums over trials, which can be added.
@@ -216,13 +220,6 @@ def _timed(design: Design, density: Array) -> Array:
     """Return the probability of each time of response in each cell, (cells, bins)."""
     seen = design.observed
     return np.asarray(seen.with_times(seen.outcomes(density)[0]).sum(axis=1))
-
-
-def _variance(design: Design, density: Array) -> Array:
-    mass, times_s = _timed(design, density), design.grid.middles_s
-    with np.errstate(invalid="ignore"):
-        mass = mass / mass.sum(axis=1, keepdims=True)
-    return np.asarray(mass @ times_s**2 - (mass @ times_s) ** 2)
 
 
 def _observed(design: Design, edges_s: Array) -> Array:
