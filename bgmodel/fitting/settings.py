@@ -6,26 +6,26 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.parameters import ADDED
+from bgmodel.fitting.exact.algorithms import GAPS, SIDED, GapModel
+from bgmodel.fitting.exact.responses import ENDS_S
+from bgmodel.fitting.formulas import Formula, formula_of
+from bgmodel.fitting.hierarchy.group import Predictors
+from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel, likelihood_of
+from bgmodel.fitting.parameters import ADDED, Parameter
+from bgmodel.fitting.simulated.mechanisms import MECHANISMS
+from bgmodel.fitting.trials.design import Design, design_of
 from bgmodel.support.checks import check_flag, check_positive, whole
 from bgmodel.tables.columns import named_participant
 from bgmodel.trials.reading import OURS, Columns, read_trials
 from bgmodel.trials.readings import Source
 from bgmodel.trials.record import Trials, is_covariate
+from circuits.circuit import Circuit
 from circuits.errors import InputError, require
-
-if TYPE_CHECKING:
-    from bgmodel.fitting.formulas import Formula
-    from bgmodel.fitting.hierarchy.group import Predictors
-    from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel
-    from bgmodel.fitting.parameters import Parameter
-    from bgmodel.fitting.trials.design import Design
-    from circuits.circuit import Circuit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +82,6 @@ class FitSettings:
 
     def check(self) -> None:
         """Raise ValueError for an invalid engine, noise or mechanism."""
-        from bgmodel.fitting.simulated.mechanisms import MECHANISMS
         from circuits.engines import engine_of
 
         engine_of(self.engine)
@@ -129,8 +128,6 @@ class FitSettings:
 
     @property
     def _parsed(self) -> list[Formula]:
-        from bgmodel.fitting.formulas import formula_of
-
         return [formula_of(each) for each in self.formula]
 
     @property
@@ -171,8 +168,6 @@ class FitSettings:
         self, between: Sequence[Formula], trials: Trials, likelihoods: Mapping[str, Likelihood]
     ) -> Predictors:
         """Return the predictors between people for every number of their parameters."""
-        from bgmodel.fitting.hierarchy.group import Predictors
-
         first = next(iter(likelihoods.values()))
         rows = [int(np.argmax(trials.participant == who)) for who in likelihoods]
         levels = {str(name): [str(x) for x in trials.conditions[name].iloc[rows]]
@@ -288,9 +283,6 @@ class FitSettings:
 
     def design(self, choices: Trials) -> Design:
         """Return one person's trials by cell (combination of strength and conditions)."""
-        from bgmodel.fitting.exact.algorithms import SIDED
-        from bgmodel.fitting.trials.design import design_of
-
         named = {*self.named, *self.varied, *self.fixed, *self.formulas}
         sides = not named.isdisjoint(SIDED)
         return design_of(
@@ -307,9 +299,6 @@ class FitSettings:
     ) -> AnyModel:
         """Return a model by its name, as a circuit, or a ``TrialModel``; see ``fits.fit``."""
         from bgmodel.fitting.alternatives.models import MODELS, check_many, circuit_model
-        from bgmodel.fitting.exact.algorithms import GAPS, GapModel
-        from bgmodel.fitting.likelihood import TrialModel
-        from bgmodel.fitting.simulated.mechanisms import MECHANISMS
         from circuits.anatomy import CIRCUITS, checked_circuit
         from circuits.declaration.table_writer import is_path
 
@@ -371,8 +360,6 @@ class FitSettings:
         self, design: Design, model: AnyModel, largest: float | None = None
     ) -> Likelihood:
         """Return the likelihood of one person's trials; ``largest`` is as for ``likelihood_of``."""
-        from bgmodel.fitting.likelihood import likelihood_of
-
         return likelihood_of(model, design, **self.freedom(model), largest=largest)
 
     def freedom(self, model: AnyModel) -> dict[str, Any]:
@@ -477,8 +464,6 @@ def settings_of(
 
 def seconds_of(designs: Iterable[Design]) -> float:
     """Return the length of the longest fitted trial, s, rounded up to half seconds to be shared."""
-    from bgmodel.fitting.exact.responses import ENDS_S
-
     seen = [design.observed for design in designs]
     ends = [each.deadline_s or np.fmax.reduce(each.rt_s) for each in seen]
     longest = ENDS_S if np.isnan(ends).all() else float(np.nanmax(ends))

@@ -1,10 +1,8 @@
 """People in the stop-signal task: trials, estimates, violations of an independent race, slowing.
 
-In an independent race (Logan & Cowan 1984) responses on stop trials are those go responses that are
-faster than the stop-signal delay (SSD) plus the stop-signal reaction time (SSRT). Their times are
-then the go times truncated at SSD + SSRT. Slower failed stops violate independence, as they do at
-short delays (Bissett et al. 2021). A race of single trials has no memory either; people respond
-more slowly after stop trials.
+In an independent race (Logan & Cowan 1984) the times of failed stops are the go times truncated at
+SSD + SSRT. Slower ones violate independence, as they do at short delays (Bissett et al. 2021). A
+race has no memory either; people respond more slowly after stop trials.
 """
 
 from __future__ import annotations

@@ -1,16 +1,11 @@
 """Stop-signal trials from BIDS events, and delays restored from staircases.
 
-BIDS prescribes the columns ``onset`` and ``duration`` and seconds as the unit; the names of the
-others are those of each data set. The names of OpenNeuro ds000030, ds000008 and similar sets are
-known, and others can be given.
+Names of columns are those of OpenNeuro ds000030, ds000008 and similar sets, or given.
 
-Some programs give no stop signal if the response comes first, and then record a delay of 0. Left at
-0, such trials look like failures to stop at the shortest delay, raise estimates of the stop-signal
-reaction time, and imitate violations of the race model. If all other delays follow one-up-one-down
-staircases, the missing ones can be inferred from the delays that come before and after.
-
-In the shipped set, 268 of 274 trials with a delay of exactly 0 have a response, from participants
-whose staircases are near 300 ms. The other 6 belong to a participant who never responds.
+Some programs give no stop signal if the response comes first, and record a delay of 0. Such trials
+look like failures to stop at the shortest delay, and imitate violations of the race model: of the
+274 in the shipped set 268 have a response, from people whose staircases are near 300 ms. If all
+other delays follow one-up-one-down staircases, the missing ones can be inferred from these.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
 """The multihypothesis test (MSPRT) as a model of choices between N alternatives.
 
 Evidence for each alternative is Gaussian, and the test decides when the largest posterior reaches a
-threshold (Baum & Veeravalli 1994). Its posterior is correct at the mean strength of the design, so
-its gain is twice the drift there. If sums are multiplied by the gain g, and times by g^2, the test
-has no other parameter than the threshold, and the drift is half of the strength relative to the
-mean. Paths are therefore simulated once for each relative strength, whatever the sensitivity.
+threshold (Baum & Veeravalli 1994); it is correct at the mean strength of the design. If sums are
+multiplied by the gain g, twice the drift there, and times by g^2, the threshold is the only other
+parameter: paths are simulated once for each relative strength, whatever the sensitivity.
 """
 
 from __future__ import annotations

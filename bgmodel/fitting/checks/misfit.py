@@ -5,12 +5,9 @@ all cells counted by response and by the quantiles of the model's response times
 Tuerlinckx 2002). No degree of freedom is subtracted for fitted parameters, so the tests are
 conservative (Chernoff & Lehmann 1954).
 
-Each person's trials are compared with the model at the medians of that person's parameters. The
-three tests of ``misfit`` are applied to sums over all people, which reveal differences too small to
-be detected in single people; simulated trials are the same for all people, and so is their error.
-Of single people only the distribution of responses and their times is tested: with fewer than a
-hundred trials in a cell, means and shares are not Gaussian enough for as many tests as there are
-people.
+In a group they are applied to sums over all people, at the medians of each person's parameters. Of
+single people only the counts are tested: with fewer than a hundred trials in a cell, means and
+shares are not Gaussian enough for as many tests as there are people.
 """
 
 from __future__ import annotations

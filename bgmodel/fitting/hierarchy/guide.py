@@ -1,10 +1,8 @@
 """Proposals that follow a surrogate of the likelihood.
 
 The exact likelihood accepts or rejects the end of a chain under the surrogate (surrogate transition
-method, Liu 2001). The moves of such a chain are reversible, and so is any number of them, chosen at
-random: a chain from x ends in y with ``p*(x) q(x, y) = p*(y) q(y, x)``, where p* is the posterior
-under the surrogate. A proposal y is therefore accepted with the exact likelihood L and that of the
-surrogate L* by ``L(y) L*(x) / (L(x) L*(y))``.
+method, Liu 2001), whose moves are reversible: a proposal y from x is accepted with the exact
+likelihood L and that of the surrogate L* by ``L(y) L*(x) / (L(x) L*(y))``.
 """
 
 from __future__ import annotations

@@ -21,7 +21,6 @@ from bgmodel.version import __version__
 from circuits.plots import GREY, PALETTE, panels, styled
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure

@@ -1,20 +1,16 @@
 """Stored crossings: trials simulated once, from which any threshold and drift can be computed.
 
-A trial is simulated at full length with evidence of some drift v_j. The activity of the circuit up
-to its decision depends on the drift only through the evidence, and the evidence X up to time t has
-the likelihood ratio ``exp(v X - v^2 t / 2)`` between drift v and no drift. Every stored trial can
-therefore represent a trial of any drift, with the weight
-``exp(v X - v^2 t / 2) / sum_j a_j exp(v_j X - v_j^2 t / 2)`` (the balance heuristic, Veach & Guibas
-1995), and the likelihood of data is smooth in the drift. If a circuit's channels are equal, the
-mirror image of every trial counts too.
+The activity of a circuit up to its decision depends on the drift only through the evidence, and the
+evidence X up to time t has the likelihood ratio ``exp(v X - v^2 t / 2)`` between drift v and no
+drift. Every stored trial, simulated at a drift v_j, therefore counts as a trial of any drift with
+the weight ``exp(v X - v^2 t / 2) / sum_j a_j exp(v_j X - v_j^2 t / 2)`` (the balance heuristic,
+Veach & Guibas 1995), and the likelihood of data is smooth in the drift. If a circuit's channels are
+equal, the mirror image of every trial counts too.
 
-The weight depends on a trial only through t and X. Trials are therefore counted on a grid of both,
-once for each stored threshold, and a drift costs one product with these counts, regardless of the
-number of trials. With a bias of one channel, trials with the bias and the mirror images of those
-with the opposite bias are counted by choice. Between stored thresholds, densities are interpolated
-so that the likelihood has a continuous slope. A test without noise on the same evidence, whose
-distribution is known exactly, serves as control variate: its chance deviations are subtracted
-(``control``).
+Trials are counted on a grid of t and X, once for each stored threshold, so that a drift costs one
+product with these counts. With a bias of one channel, trials with the bias and the mirror images of
+those with the opposite bias are counted by choice. Between stored thresholds densities are
+interpolated. A test without noise on the same evidence serves as control variate (``control``).
 """
 
 from __future__ import annotations

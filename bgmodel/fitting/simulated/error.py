@@ -1,9 +1,7 @@
 """Simulation error: how far a fit would move with other simulated trials.
 
-A circuit's likelihood is estimated from a limited number of stored trials. They are divided into
-independent parts, and the jackknife (Efron & Tibshirani 1993, chapter 11) leaves out each in turn.
-The fit without a part follows from one Newton step from the optimum, so that no search is repeated.
-Models that are computed exactly have no such error.
+By the jackknife (Efron & Tibshirani 1993, chapter 11) over independent parts of a circuit's stored
+trials; the fit without a part follows from one Newton step from the optimum.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
 """The likelihood of a circuit as a small neural network, in an ONNX file for HSSM.
 
-The graph takes one trial, ``[v, threshold, t0, rt, response]``, and returns its log density. With
-equal channels response 1 at drift v is as likely as response -1 at drift -v, and t0 only shifts
-times. The graph therefore first computes three numbers, the inputs of a network of tanh layers:
-``v * response``, the log of ``exp(threshold) - 1`` (minus the log odds at which OUT decides), and
-``rt - t0``. Its output is log(density + floor), so that rare responses have the density ``floor``.
+The graph takes one trial, ``[v, threshold, t0, rt, response]``, and returns log(density + floor).
+The inputs of its tanh layers are ``v * response``, since equal channels are mirror images, the log
+of ``exp(threshold) - 1`` (minus the log odds at which OUT decides), and ``rt - t0``.
 """
 
 from __future__ import annotations

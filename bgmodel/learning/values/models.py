@@ -2,14 +2,11 @@
 
 Every model is a diffusion between two bounds. Its drift in a trial is ``scale (V_1 - V_0)`` with
 the values learned from all earlier trials of the pair; the baseline model has one drift per pair.
-Stickiness is a starting point towards the last choice of the same pair, a share of the bound. It
-is not a shift of the drift: a tendency known before the evidence comes is a prior, which the
-sequential test adds to its starting point, and learned values move the drift already, so that a
-shift of the drift would be harder to tell from them than a start, which makes repetitions faster.
+Stickiness is a starting point towards the last choice of the same pair, a share of the bound: a
+tendency known before the evidence comes is a prior. Lapses are independent of the evidence.
 
 Noise has unit variance per second, bounds are at +-A and the start at z; see
-``bgmodel.fitting.exact.passage``. A small share of responses, lapses, is independent of the
-evidence.
+``bgmodel.fitting.exact.passage``.
 """
 
 from __future__ import annotations
