@@ -93,8 +93,9 @@ def with_input(
 ) -> Evidence:
     """Return evidence with an input of a circuit that has its own time and size in each trial.
 
-    Each number is one for all trials or one per trial; an onset of NaN means no input. Draw such
-    trials at random. The resolution is a whole fraction of the time between readings; an input that
+    It is added to the inputs that the evidence has, as the next of ``circuit.with_inputs``. Each
+    number is one for all trials or one per trial; an onset of NaN means no input: draw such trials
+    at random, since of every second one all may have the same truth. The resolution is a whole fraction of the time between readings; an input that
     begins within an interval counts in proportion to the rest of it.
     """
     per_step = _per_step(evidence.step_ms, every_ms)

@@ -92,8 +92,9 @@ def trials_from_table(
 ) -> NamedEvidence:
     """Return the trials of a user's table of evidence; trials may differ in length.
 
-    One row per reading, in any order, as for ``read_evidence``, whose overall mean is the baseline;
-    participant_id makes equal ids distinct, and may have equal readings if ``shared``.
+    One row per reading, in any order, with the columns of ``read_evidence``; participant_id makes
+    equal ids distinct, other columns are copied to the results, and the baseline is the mean of all
+    readings. With ``shared``, participants may have the same readings without a warning.
     """
     columns = _hypotheses(table)
     if len(table) == 0:

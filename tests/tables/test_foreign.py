@@ -101,7 +101,7 @@ def test_a_column_that_has_our_name_already_is_not_overwritten():
     ("name", "text", "says"),
     [
         ("a.csv", "", "path can't be read as .csv"),
-        ("a.csv", "rt,response\n0.5,1,2\n", "path can't be read as .csv"),
+        ("a.csv", "rt,response\n0.5,1,2\n", "path a row has more cells"),
         ("a.csv", "rt;response\n0,5;1\n", "path separated by ';'"),
         ("a.csv", "rt\tresponse\n0.5\t1\n", "path separated by .*"),
         ("a.tsv", "rt,response\n0.5,1\n", "path separated by ','"),
