@@ -95,8 +95,9 @@ def with_input(
 
     It is added to the inputs that the evidence has, as the next of ``circuit.with_inputs``. Each
     number is one for all trials or one per trial; an onset of NaN means no input: draw such trials
-    at random, since of every second one all may have the same truth. The resolution is a whole fraction of the time between readings; an input that
-    begins within an interval counts in proportion to the rest of it.
+    at random, since of every second one all may have the same truth. The resolution is a whole
+    fraction of the time between readings; an input that begins within an interval counts in
+    proportion to the rest of it.
     """
     per_step = _per_step(evidence.step_ms, every_ms)
     step, times = evidence.step_ms / per_step, per_step * (evidence.steps + 1)

@@ -13,7 +13,7 @@ import pandas as pd
 from bgmodel.support.files import read_table, unreadable
 from bgmodel.support.processes import check_table_memory
 from bgmodel.tables.columns import names_of, names_once
-from circuits.errors import InputError, require
+from circuits.errors import InputError, require, within
 
 PYDDM = ({"RT": "rt", "choice": "response"}, {"rt": "rt", "choice": "response"})
 """Columns of a sample of PyDDM, by its own default and as exported here."""
@@ -68,7 +68,10 @@ def read_text(path: Path, numeric: str | None = None) -> pd.DataFrame:
         ) from None
     except (OSError, ValueError, csv.Error) as error:
         raise unreadable(path, error) from None
-    names_once(filter(None, header))
+    try:
+        names_once(filter(None, header))
+    except InputError as error:
+        raise within(path.name, error, "path") from None
     return table.drop(columns=beyond)
 
 
