@@ -74,13 +74,13 @@ def outputs(trials):
 
 def test_stored_out_is_that_of_a_simulation_and_between_gains_close_to_it(trials, outputs):
     model = KnownCircuit(MACAQUE, runs=8)
-    between = float(np.sqrt(model.gains[2] * model.gains[3]))
+    between = float(np.sqrt(outputs.gains[2] * outputs.gains[3]))
     direct = model._simulated(trials, between, 0.0)
     stored = outputs.out({"gain": between})
     assert np.corrcoef(direct.ravel(), stored.ravel())[0, 1] > 0.99
     assert abs(direct - stored).mean() < 0.02
-    at_node = outputs.out({"gain": float(model.gains[2])})
-    np.testing.assert_allclose(at_node, model._simulated(trials, model.gains[2], 0.0))
+    at_node = outputs.out({"gain": float(outputs.gains[2])})
+    np.testing.assert_allclose(at_node, model._simulated(trials, outputs.gains[2], 0.0))
 
 
 def test_the_log_likelihood_is_corrected_for_runs(trials):
