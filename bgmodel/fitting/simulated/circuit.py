@@ -83,7 +83,9 @@ class CircuitModel(InParts):
     def __post_init__(self) -> None:
         channels, few, most = self.circuit.channels, self.fewest_channels, self.most_channels
         number = "two" if few == most else f"{few} to {most}"
-        require(few <= channels <= most, "circuit", f"must have {number} channels", channels)
+        require(
+            few <= channels <= most, "circuit", f"must have {number} channels for a fit", channels
+        )
         from circuits.declaration.table import NATS
 
         must = f"must be one whose OUT is in nats, not in {self.circuit.unit}"
