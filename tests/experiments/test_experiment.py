@@ -1,16 +1,12 @@
 """Experiments: files read strictly, and conditions that are pairs."""
 
-import re
-import tomllib
-from dataclasses import MISSING, fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from bgmodel import stream
-from bgmodel.conditions import POSTERIOR
-from bgmodel.deciding.measures import MEASURES, OF_STOP
 from bgmodel.experiments.expected import WITHOUT, Expected
 from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.outcomes import outcomes, page
@@ -18,16 +14,13 @@ from bgmodel.experiments.record import Changes
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.deciding import behaviour_of
 from bgmodel.simulated_evidence import separated_evidence
-from bgmodel.stopping.task import StopTask
 from bgmodel.tables.given import EvidenceTable
-from bgmodel.tactile.task import EdgeTurn, SameDifferent
-from bgmodel.task import Gaussian
 from circuits import anatomy
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_writer import write
 from circuits.store import Latest
-from tests.helpers import GOOD, ROOT, behaving, refused, run, told
+from tests.helpers import GOOD, behaving, refused, run, told
 
 EFFECT = """[[effects]]
 measure = "{}"
@@ -101,38 +94,6 @@ def test_a_bad_file_gets_one_clear_sentence(experiment_file, tmp_path, capsys, o
     assert error.startswith("bgmodel: ")
     assert pd.Series([error]).str.contains(says).all(), error
     assert [path.name for path in tmp_path.iterdir()] == ["in"]
-
-
-def test_the_page_has_every_key_with_its_default_and_every_measure():
-    page = (ROOT / "docs/guides/experiments.md").read_text()
-    keys, measures = page.split("## What is measured")
-    named = re.findall(r"^\| (`.+?`) \|", measures, re.MULTILINE)
-    assert set(re.findall(r"`(\w+)`", " ".join(named))) == {*MEASURES, *OF_STOP}
-    rows = dict(re.findall(r"^\| `(\w+)` \| (.+?) \|", keys, re.MULTILINE))
-    in_words = {"the table's": None, "each in turn": None, "none": None, "needed": MISSING}
-    in_words |= {"no end": np.inf, "never": np.inf}
-    defaults = {
-        f.name: f.default if f.default_factory is MISSING else f.default_factory()
-        for kind in (
-            Experiment,
-            EvidenceTable,
-            EdgeTurn,
-            SameDifferent,
-            Gaussian,
-            Changes,
-            StopTask,
-        )
-        for f in fields(kind)
-    }
-    of_parts = ("manipulation", "control", "predictions", "task", "effects", "stop", "learning")
-    # A task has a name too, with a default; with a table of evidence it needs none.
-    wanted = {k: v for k, v in defaults.items() if k not in of_parts}
-    wanted |= {"name": Gaussian.name, "evidence": None}
-    wanted["posterior"] = POSTERIOR
-    assert set(wanted) == set(rows)
-    for key, text in rows.items():
-        told = in_words[text] if text in in_words else tomllib.loads(f"x = {text.strip('`')}")["x"]
-        assert (tuple(told) if isinstance(told, list) else told) == wanted[key], key
 
 
 def test_a_table_of_evidence_says_how_many_hypotheses_there_are(experiment_file, tmp_path):
@@ -230,16 +191,6 @@ def test_foreperiods_have_noise_of_their_own(monkeypatch):
 
 
 SHIPPED = shipped()
-READ = ("abstract only", "read", "from the data", "a model's prediction", "no experiment")
-"""What was read of a source."""
-
-
-def test_what_is_shipped_names_its_source():
-    assert len(SHIPPED) >= 10
-    for name, one in SHIPPED.items():
-        assert one.source.endswith(READ), name
-        assert "our choice" in " ".join(one.note.split())
-        assert one.task.trials >= 1000
 
 
 def test_a_posterior_that_out_does_not_read_is_refused_in_both_conditions():

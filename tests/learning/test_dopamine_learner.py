@@ -28,7 +28,7 @@ from bgmodel.learning.dopamine_learner import (
     threshold_of,
 )
 from bgmodel.learning.gap import check_start
-from bgmodel.learning.reinforce import GaussianPolicy, Learned, Learner, learn
+from bgmodel.learning.reinforce import GaussianPolicy, Learner, learn
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.simulated_evidence import gaussian_evidence, separated_evidence
 from bgmodel.tactile.source import held_out_taps, source
@@ -36,7 +36,7 @@ from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Rate
 from circuits.errors import DeadlineWarning, LearningWarning, quiet
-from tests.helpers import refused
+from tests.helpers import refused, refusing
 from tests.levels import LEVELS, MODEL, PLAYED, SEED, XI, synthetic
 
 
@@ -195,23 +195,17 @@ def short(start_level=1.0, runs=2, **options):
     return learn_level(synthetic(10), start_level=start_level, runs=runs, **options)
 
 
-@pytest.mark.parametrize(
-    ("call", "says"),
-    [
-        (lambda: synthetic(10).rewards(0.0), "xi"),
-        (lambda: short(start_level=3.0), "start_level"),
-        (lambda: short(start_level=np.nan), "start_level"),
-        (lambda: short(policy=GaussianPolicy()), "bounds"),
-        (lambda: short(runs=0), "runs"),
-        (lambda: GaussianPolicy(bounds=(2.0, 1.0)), "bounds"),
-        (lambda: GaussianPolicy(first_share=-1.0), "first_share"),
-        (lambda: check_start(-0.01), "start_separation"),
-        (lambda: check_start(8.01), "start_separation"),
-    ],
+test_learning_of_a_level_without_sense_is_refused = refusing(
+    (lambda: synthetic(10).rewards(0.0), "xi"),
+    (lambda: short(start_level=3.0), "start_level"),
+    (lambda: short(start_level=np.nan), "start_level"),
+    (lambda: short(policy=GaussianPolicy()), "bounds"),
+    (lambda: short(runs=0), "runs"),
+    (lambda: GaussianPolicy(bounds=(2.0, 1.0)), "bounds"),
+    (lambda: GaussianPolicy(first_share=-1.0), "first_share"),
+    (lambda: check_start(-0.01), "start_separation"),
+    (lambda: check_start(8.01), "start_separation"),
 )
-def test_learning_of_a_level_without_sense_is_refused(call, says):
-    with refused(says):
-        call()
 
 
 def pool(errors, steps, trials, seed):
@@ -251,30 +245,6 @@ def test_regret_has_the_value_of_the_mean_over_runs_and_an_interval_about_it():
     assert low <= value <= high
     start = 100 * regret(outcomes.levels[3], fresh, 50.0)
     assert learned.regrets.loc["start", "value"] == pytest.approx(start)
-
-
-def test_runs_that_miss_the_best_of_their_own_trials_are_the_cause_if_they_end_worse():
-    errors, steps = (0.02, 0.02, 0.02, 0.02), (2.0, 3.0, 4.0, 5.0)
-    outcomes = pool(errors, steps, 5000, 1)
-    away = Learned(*np.full((4, 1, 9), 4.0), np.array([4.0]))
-    learned = CircuitLearned(MODEL, away, outcomes, outcomes, 50.0, 1.0, LEVEL)
-    worse, edge = learned.cautions
-    assert "give more episodes" in worse
-    assert "lower end" in edge
-
-
-@pytest.mark.parametrize(
-    ("steps", "edge"),
-    [((2.0, 3.0, 4.0), "lower"), ((4.0, 3.0, 2.0), "upper"), ((2.2, 2.0, 2.2), "")],
-)
-def test_a_best_level_at_an_end_of_the_range_is_said_with_what_moves_the_range(steps, edge):
-    outcomes = pool((0.02, 0.02, 0.02), steps, 2000, 1)
-    assert outcomes.at_edge(50.0) == edge
-    cautions = found_on(outcomes, outcomes, 2.0).cautions
-    assert len(cautions) == bool(edge)
-    if edge:
-        assert f"{edge} end" in cautions[0]
-        assert ("higher posterior" if edge == "lower" else "lower posterior") in cautions[0]
 
 
 def test_an_exact_circuit_learns_the_threshold_of_the_test():
