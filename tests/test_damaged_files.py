@@ -35,24 +35,6 @@ def test_a_table_with_a_changed_byte_is_read_as_written_or_refused(tmp_path_fact
     assert behind == about
 
 
-def test_tables_of_every_type_are_read_back(tmp_path):
-    wide = pd.DataFrame(
-        {
-            "day": pd.to_datetime(["2020-01-01", None]),
-            "kind": pd.Categorical(["a", "b"]),
-            "maybe": pd.array([1, None], dtype="Int64"),
-            "single": np.float32([1, 2]),
-            "text": ["x", None],
-            "none": [None, None],
-            "list": [[1], [2, 3]],
-        }
-    )
-    for number, table in enumerate((wide, wide.head(0), pd.DataFrame())):
-        path = write_table(table, tmp_path / f"{number}.parquet")
-        assert list(read_table(path)) == list(table)
-        assert len(read_table(path)) == len(table)
-
-
 def made(*, output, **options):
     """Make a file as a command does, and count."""
     output.save.write_text("whole")

@@ -117,9 +117,6 @@ def test_a_user_edits_sees_each_panel_change_and_takes_the_experiment_along(page
     assert run("experiment", copied, "--workers", 1) == 0
     compare(page, capsys.readouterr().out)
     refuse(page, capsys, link)
-    rank(page)
-    with_keys(page, link)
-    on_a_phone(page)
 
 
 def compare(page, printed):
@@ -144,45 +141,3 @@ def refuse(page, capsys, link):
     assert field.input_value() == line
     below = page.get_by_role("alert").bounding_box()["y"] - field.bounding_box()["y"]
     assert 0 < below < 100
-
-
-def rank(page):
-    """Rank the losses until the ranking is stopped."""
-    page.get_by_role("button", name="Rank losses of 10 %").click()
-    page.locator("table", has_text="Additional loss").locator("tbody tr").nth(2).wait_for()
-    page.get_by_role("button", name="Stop").click()
-    page.get_by_role("button", name="Rank losses of 10 %", disabled=False).wait_for()
-
-
-def with_keys(page, link):
-    """Each key that moves a number applies it: the panels show another state."""
-    field = page.get_by_label("Dopamine level (1 is normal)", exact=True)
-    field.focus()
-    for pressed, level in (("ArrowDown", "0.95"), ("PageDown", "0.45"), ("ArrowUp", "0.5")):
-        page.keyboard.press(pressed)
-        link = shown(page, link)
-        assert field.input_value() == level
-
-
-def on_a_phone(page):
-    """At 400 pixels no element is wider than the screen, and every field has a label."""
-    page.set_viewport_size({"width": 400, "height": 800})
-    assert page.evaluate("document.documentElement.scrollWidth") <= 400
-    fields = page.locator("input, select, textarea")
-    named = fields.evaluate_all("els => els.map(e => !!(e.labels && e.labels.length))")
-    assert len(named) > 20
-    assert all(named)
-
-
-def test_a_page_says_that_its_command_has_ended(command):
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        page = browser.new_page()
-        page.set_default_timeout(WAIT_MS)
-        page.goto(command[0])
-        shown(page)
-        command[1].send_signal(signal.SIGINT)
-        page.get_by_text("The command has ended").first.wait_for()
-        browser.close()

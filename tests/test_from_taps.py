@@ -94,20 +94,6 @@ def test_a_result_comes_back_from_its_table(touched):
     pd.testing.assert_frame_equal(again.to_dataframe(), touched.to_dataframe(), check_like=True)
 
 
-def test_the_page_has_the_picture_the_numbers_and_what_was_warned_of(touched):
-    text = page(touched, "Mine <1>", "made by hand")
-    assert "data:image/png;base64," in text
-    assert "Mine &lt;1&gt;" in text
-    assert "optimal_gap_nats" in text
-    assert "At what reward taught" in text
-    assert "over 10 folds" in text
-    assert SPIKES in text
-    assert all(remark[:20] in text for remark in touched.remarks)
-    axes = touched.plot().axes
-    assert len(axes) == 4
-    assert "Learned threshold" in axes[3].get_legend_handles_labels()[1]
-
-
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_a_decoder_of_nothing_decides_at_chance_and_says_so():
     touched = told(taps_of(900, scrambled=True), EdgeTurn)

@@ -78,8 +78,3 @@ def test_ssm_simulators_decides_as_we_do(point):
     assert ks_2samp(crossing.steps, theirs.readings).pvalue > 1e-3
     at_floor = other_tools.by_ssm_simulators(*point.theirs(floor=0.0), trials, 5)
     assert ks_2samp(crossing.steps, at_floor.readings).pvalue < 1e-6
-
-
-def test_without_the_other_tools_there_is_nothing_to_score(monkeypatch):
-    monkeypatch.setattr(crosschecks.util, "find_spec", lambda name: None)
-    assert list(crosschecks.pieces(True, 1)) == []

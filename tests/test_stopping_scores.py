@@ -6,10 +6,7 @@ import pytest
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.stopping.observer import StopMsprt, log_odds_of_stop
 from figures.stopping.observer import abrupt, commitments, decisions, observed, with_tone
-from figures.stopping.runs import (
-    agreement,
-    evidence_of,
-)
+from figures.stopping.runs import agreement, evidence_of
 
 NONE = np.nan
 
