@@ -210,21 +210,6 @@ def every_option():
     return named
 
 
-SHARED = {"--save", "--plot", "--json", "--force", "--workers"}
-"""Options that mean the same in all commands that have them."""
-
-
-def test_there_are_few_commands_and_few_options_and_each_says_what_it_is():
-    assert len(cli.COMMANDS) <= 12
-    every = every_option()
-    assert len({name for options in every.values() for name in options}) <= 120
-    for command, options in every.items():
-        assert len(options.keys() - SHARED) <= 15, command
-        for name, argument in options.items():
-            text = argument.parameter.help
-            assert len(text or "") > 8, f"{command} {name}"
-
-
 def test_an_option_of_a_function_has_its_default_and_its_words():
     """Signature and docstring of the function are the only declaration."""
     from bgmodel.commands.options import described
