@@ -37,30 +37,29 @@ def test_a_row_is_a_point_and_a_measure_with_its_interval(tmp_path):
     assert tuple(row[["value", "low", "high"]].to_numpy()[0]) == want
 
 
-def test_a_circuit_that_decides_without_evidence_is_said_to(tmp_path):
-    long = Gaussian(trials=80, t_max=120)
-    _, table = swept(tmp_path, grid={"lesion STN": (0.0, 1.0)}, engine="rate", task=long)
-    remarks = table.drop_duplicates("lesion STN")["remark"]
-    assert list(remarks) == ["", "the circuit decides without evidence"]
+CONFLICT = {"task": Gaussian(trials=200, t_max=40), "engine": "population", "gain": None}
 
 
-def test_missed_trials_are_said(tmp_path):
-    _, table = swept(tmp_path, grid={"posterior": (0.9,)}, task=Gaussian(trials=80, t_max=20))
-    missed = table[table["measure"] == "missed"]["value"].item()
-    assert 0.05 < missed < 0.75
-    assert set(table["remark"]) == {
-        "many trials are not decided in time: accuracy and times refer to the decided ones; "
-        "accuracy_all, accuracy_best, mean_all_ms are of all trials"
-    }
-
-
-def test_posteriors_that_are_not_accuracies_are_said(tmp_path):
-    task = Gaussian(trials=200, t_max=40)
-    grid = {"task.conflict": (0.0, 0.9), "posterior": (0.7,)}
-    _, table = swept(tmp_path, grid=grid, engine="population", gain=None, task=task)
-    remarks = table.drop_duplicates("task.conflict").set_index("task.conflict")["remark"]
-    assert "the evidence is too sure: posteriors at the decision are not" in remarks[0.9]
-    assert "posteriors" not in remarks[0.0]
+@pytest.mark.parametrize(
+    ("key", "value", "changed", "says"),
+    [
+        ("lesion STN", 0.0, {"engine": "rate", "task": Gaussian(trials=80, t_max=120)}, ""),
+        ("lesion STN", 1.0, {"engine": "rate", "task": Gaussian(trials=80, t_max=120)},
+         "the circuit decides without evidence"),
+        ("posterior", 0.9, {"task": Gaussian(trials=80, t_max=20)},
+         "many trials are not decided in time: accuracy and times refer to the decided ones; "
+         "accuracy_all, accuracy_best, mean_all_ms are of all trials"),
+        ("posterior", 0.94, {"task": Gaussian(trials=80, t_max=1)},
+         "fewer than 20 trials are decided in time"),
+        ("task.conflict", 0.9, CONFLICT | {"posterior": 0.7},
+         "the evidence is too sure: posteriors at the decision are not"),
+    ],
+)  # fmt: skip
+def test_what_makes_numbers_misleading_is_said(tmp_path, key, value, changed, says):
+    _, table = swept(tmp_path, grid={key: (value,)}, **changed)
+    (remark,) = set(table["remark"])
+    assert says in remark
+    assert bool(remark) == bool(says)
 
 
 def test_a_point_that_could_not_run_is_there_without_numbers(tmp_path, monkeypatch):
@@ -108,11 +107,6 @@ def test_a_bootstrap_in_parts_weighs_every_trial_as_often(tmp_path, monkeypatch)
     monkeypatch.setattr(outcome, "AT_ONCE", 40 * 300)
     parts = np.concatenate(list(outcome._weights(3, 40)))
     assert np.array_equal(parts, weights)
-
-
-def test_too_few_decisions_are_said(tmp_path):
-    _, table = swept(tmp_path, grid={"posterior": (0.94,)}, task=Gaussian(trials=80, t_max=1))
-    assert set(table["remark"]) == {"fewer than 20 trials are decided in time"}
 
 
 def test_only_where_there_are_two_alternatives_a_diffusion_is_said_to_be_withheld(
