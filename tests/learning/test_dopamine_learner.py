@@ -28,7 +28,7 @@ from bgmodel.learning.dopamine_learner import (
     threshold_of,
 )
 from bgmodel.learning.gap import check_start
-from bgmodel.learning.reinforce import GaussianPolicy, Learner, learn
+from bgmodel.learning.reinforce import GaussianPolicy, Learned, Learner, learn
 from bgmodel.learning.worlds import LevelOutcomes
 from bgmodel.simulated_evidence import gaussian_evidence, separated_evidence
 from bgmodel.tactile.source import held_out_taps, source
@@ -245,6 +245,30 @@ def test_regret_has_the_value_of_the_mean_over_runs_and_an_interval_about_it():
     assert low <= value <= high
     start = 100 * regret(outcomes.levels[3], fresh, 50.0)
     assert learned.regrets.loc["start", "value"] == pytest.approx(start)
+
+
+def test_runs_that_miss_the_best_of_their_own_trials_are_the_cause_if_they_end_worse():
+    errors, steps = (0.02, 0.02, 0.02, 0.02), (2.0, 3.0, 4.0, 5.0)
+    outcomes = pool(errors, steps, 5000, 1)
+    away = Learned(*np.full((4, 1, 9), 4.0), np.array([4.0]))
+    learned = CircuitLearned(MODEL, away, outcomes, outcomes, 50.0, 1.0, LEVEL)
+    worse, edge = learned.cautions
+    assert "give more episodes" in worse
+    assert "lower end" in edge
+
+
+@pytest.mark.parametrize(
+    ("steps", "edge"),
+    [((2.0, 3.0, 4.0), "lower"), ((4.0, 3.0, 2.0), "upper"), ((2.2, 2.0, 2.2), "")],
+)
+def test_a_best_level_at_an_end_of_the_range_is_said_with_what_moves_the_range(steps, edge):
+    outcomes = pool((0.02, 0.02, 0.02), steps, 2000, 1)
+    assert outcomes.at_edge(50.0) == edge
+    cautions = found_on(outcomes, outcomes, 2.0).cautions
+    assert len(cautions) == bool(edge)
+    if edge:
+        assert f"{edge} end" in cautions[0]
+        assert ("higher posterior" if edge == "lower" else "lower posterior") in cautions[0]
 
 
 def test_an_exact_circuit_learns_the_threshold_of_the_test():
