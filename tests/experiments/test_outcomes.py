@@ -226,6 +226,23 @@ def test_an_effect_is_left_open_where_missed_trials_could_undo_it(monkeypatch):
         assert list(held["comparison_reason"] != "") == [word == OPEN for word in verdicts]
 
 
+def test_a_page_says_what_ran_and_how_many_trials_a_verdict_rests_on(monkeypatch):
+    both = ((0.75, 0.08, 600.0), (0.85, 0.36, 600.0))
+    experiment, table = arms(monkeypatch, *both, (UP, Expected("missed", "up", 0.05)))
+    shown = page(experiment, table)
+    first = shown.splitlines()[0]
+    assert first.startswith("task gaussian, 2 alternatives, d_prime 0.5; engine population; 1000 ")
+    assert first.endswith("gain 0.55; posterior 0.66; circuit macaque; seed 206")
+    assert re.search("  920 and 640 +the model leaves it open", shown)
+    assert ": agrees on decided trials" in shown
+    assert "the control misses 8.0% of trials, the manipulation 36.0%" in shown
+    assert "  1000 and 1000  " in shown
+    other = replace(
+        experiment, gain=0.4, manipulation=replace(experiment.manipulation, posterior=0.7)
+    )
+    assert "gain 0.4; posterior 0.66 (control), 0.7; circuit" in page(other, table)
+
+
 def test_an_experiment_without_a_prediction_has_no_verdict(monkeypatch):
     same = (0.8, 0.0, 600.0)
     experiment, table = arms(monkeypatch, same, same, ())
