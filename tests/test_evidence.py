@@ -155,3 +155,12 @@ def test_nats_that_drown_what_tells_hypotheses_apart_are_refused(shared):
 def test_more_hypotheses_than_readings_are_doubted(shape, doubted):
     texts = told(Evidence, np.random.default_rng(1).normal(size=shape))
     assert any("axes exchanged" in text for text in texts) == doubted
+
+
+def test_a_trial_is_drawn_as_its_posteriors_up_to_its_last_reading():
+    evidence = some_evidence(trials=3, steps=6, hypotheses=3)
+    lines = evidence.plot(1).axes[0].get_lines()
+    assert [line.get_ydata().tolist() for line in lines] == evidence.posterior[1].T.tolist()
+    assert lines[int(evidence.truth[1])].get_label().endswith("(true)")
+    with refused("trial"):
+        evidence.plot(3)

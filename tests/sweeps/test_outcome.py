@@ -1,6 +1,7 @@
 """The table of a sweep."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from bgmodel.bootstrap import RESAMPLES, interval, resampled
@@ -107,6 +108,19 @@ def test_a_bootstrap_in_parts_weighs_every_trial_as_often(tmp_path, monkeypatch)
     monkeypatch.setattr(outcome, "AT_ONCE", 40 * 300)
     parts = np.concatenate(list(outcome._weights(3, 40)))
     assert np.array_equal(parts, weights)
+
+
+def test_a_grid_with_a_short_key_is_a_line_per_value_of_it():
+    grid = {"engine": ("rate", "algebra"), "lesion STN": (0.0, 0.1, 0.2)}
+    plan, values = Plan(grid=grid, show=("accuracy",)), np.array([0.6, 0.7, 0.8, 0.5, 0.6, 0.7])
+    table = pd.DataFrame(list(plan.each)).assign(measure="accuracy", value=values, trials=80)
+    figure = outcome.draw(plan, table.assign(low=values, high=values, remark=""))
+    (panel, *_) = figure.axes
+    lines = [bars.lines[0].get_ydata().tolist() for bars in panel.containers]
+    assert lines == values.reshape(2, 3).tolist()
+    assert "lesion STN (fraction)" in (panel.get_xlabel(), figure.get_supxlabel())
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == ["engine = rate", "engine = algebra"]
 
 
 def test_only_where_there_are_two_alternatives_a_diffusion_is_said_to_be_withheld(
