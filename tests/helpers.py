@@ -115,6 +115,17 @@ def refused(wanted):
     assert caught.value.field == field
 
 
+def refusing(*rows, of=lambda call: call()):
+    """Return a test that what comes first in each row is `refused` with what comes second."""
+
+    @pytest.mark.parametrize(("asked", "says"), rows)
+    def test(asked, says):
+        with refused(says):
+            of(asked)
+
+    return test
+
+
 @contextmanager
 def unwarned():
     """Assert that there are no warnings."""

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pandas as pd
-import pytest
 
 from benchmarks.behaviour_data import (
     LICENCES,
@@ -91,33 +90,6 @@ def test_the_sets_are_made_from_a_folder_with_their_licences(tmp_path):
         assert list(about["columns"]) == sorted(table.columns)
         assert str(tmp_path) not in str(about)
     assert (tmp_path / "made" / LICENCES[0]).read_text() == "unedited"
-
-
-WRONG = [
-    (motion, {"signed_coherence": lambda t: -t["signed_coherence"]}, "correct choice must be 1 if"),
-    (motion, {"correct": lambda t: t["correct"].fillna(1)}, "correct must be empty at a coherence"),
-    (
-        motion,
-        {"choice": lambda t: 1 - t["choice"], "correct": lambda t: 1 - t["correct"]},
-        "must become more frequent",
-    ),
-    (learned_pairs, {"conf": "LC"}, "conf must be HC where stim is WW or LL"),
-    (learned_pairs, {"response": lambda t: 1 - t["response"]}, "must be 1 for the better item"),
-    (stop_signal, {"ssd_s": 0.1}, "ssd_s must be given in stop trials"),
-    (stop_signal, {"response": "left"}, "in the same trials"),
-    (simon, {"response": "left"}, "in the same trials"),
-    (simon, {"medication": "none"}, "medication must be none in controls"),
-    (simon, {"reward": 1.0}, "reward must be empty"),
-    (simon, {"pair": "AB"}, "pair must be given in the test"),
-    (selection, {"trial": lambda t: t["trial"][::-1].to_numpy()}, "in their order"),
-]
-"""An importer, columns that disagree with the others, and what it says."""
-
-
-@pytest.mark.parametrize(("read", "change", "says"), WRONG)
-def test_columns_that_disagree_are_refused(read, change, says):
-    with pytest.raises(ValueError, match=says):
-        read(FILES[read]().assign(**change))
 
 
 def test_codes_become_those_of_the_package():

@@ -13,9 +13,8 @@ from bgmodel.fitting.settings import FitSettings
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.crossings import log_odds
 from bgmodel.theory.first_passage import Gaussian, walk
-from bgmodel.trials.reading import Columns
 from circuits.anatomy import load_circuit
-from tests.helpers import refused, unwarned
+from tests.helpers import unwarned
 from tests.test_start_point import RESPONSES, drawn
 
 GRID = Grid(300)
@@ -103,11 +102,3 @@ def test_the_start_of_a_test_is_found_as_the_bias_of_a_circuit():
     without = replace(asked, free=())
     plain = optimum(without.likelihood(without.design(choices), model))
     assert best.log_likelihood > plain.log_likelihood + 50
-
-
-def test_more_than_two_alternatives_have_no_bias():
-    settings = FitSettings(
-        strength="coherence", free=("+bias_nats",), columns=Columns(alternatives=3)
-    )
-    with refused("bias_nats"):
-        settings.model("macaque")

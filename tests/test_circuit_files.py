@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import pytest
 
-from bgmodel.experiments.experiment import Experiment
 from bgmodel.support.files import provenance_path
 from circuits import anatomy
 from circuits.declaration import table_writer
@@ -105,15 +104,3 @@ def test_an_experiment_names_a_file_as_seen_from_its_own(here, refusal):
     assert "mine.toml' can't be read: No such file" in refusal(
         "experiment", file, "--save", "c.csv"
     )
-
-
-@pytest.mark.parametrize(
-    ("name", "says"),
-    [("gpr", "works in salience, not nats"), ("linear_gpe", "has no default gain: give gain")],
-)
-def test_an_experiment_needs_nats_and_a_gain(here, name, says):
-    text = EXPERIMENT.replace("tables/mine.toml", name).replace("D2", "D1")
-    (here / "mine.toml").write_text(text)
-    with pytest.raises(ValueError) as caught:  # noqa: PT011
-        Experiment.from_toml("mine.toml").run()
-    assert says in str(caught.value)

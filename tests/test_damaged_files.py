@@ -1,13 +1,28 @@
-"""Files from which a run resumes: damaged ones count as absent and never give other numbers."""
+"""Damaged files count as absent; files made to exhaust memory or the stack are one sentence."""
+
+import io
+import json
+import zipfile
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
 from bgmodel.commands import touch
-from bgmodel.support.files import read_provenance, read_table, write_table
+from bgmodel.experiments.experiment import Experiment
+from bgmodel.explorer.state import opened
+from bgmodel.fitting.simulated.network import read_network
+from bgmodel.support.files import KEY, read_provenance, read_table, write_table
+from bgmodel.sweeps.sweep import Sweep
+from bgmodel.tactile.decoder import Decoder
+from bgmodel.tactile.source import decoder_of
+from bgmodel.tactile.taps import Taps
+from bgmodel.trials.reading import read_trials
+from circuits.errors import InputError
+from circuits.table_reader import read as read_circuit
 from tests.damage import flipped
 
 RNG = np.random.default_rng(24_711)
@@ -35,24 +50,6 @@ def test_a_table_with_a_changed_byte_is_read_as_written_or_refused(tmp_path_fact
     assert behind == about
 
 
-def test_tables_of_every_type_are_read_back(tmp_path):
-    wide = pd.DataFrame(
-        {
-            "day": pd.to_datetime(["2020-01-01", None]),
-            "kind": pd.Categorical(["a", "b"]),
-            "maybe": pd.array([1, None], dtype="Int64"),
-            "single": np.float32([1, 2]),
-            "text": ["x", None],
-            "none": [None, None],
-            "list": [[1], [2, 3]],
-        }
-    )
-    for number, table in enumerate((wide, wide.head(0), pd.DataFrame())):
-        path = write_table(table, tmp_path / f"{number}.parquet")
-        assert list(read_table(path)) == list(table)
-        assert len(read_table(path)) == len(table)
-
-
 def made(*, output, **options):
     """Make a file as a command does, and count."""
     output.save.write_text("whole")
@@ -74,3 +71,150 @@ def test_a_step_is_made_again_if_its_result_or_the_record_is_damaged(tmp_path, d
         touch._Steps(tmp_path)._make("x", made, seed=1)
     assert result.with_suffix(".calls").read_text() == "11"
     assert result.read_text() == "whole"
+
+
+DEEP = "[" * 100_000
+TOMLS = {
+    "keys": ".".join(["a"] * 60_000) + " = 1",
+    "keys of a known one": "name." + ".".join(["a"] * 60_000) + " = 1",
+    "brackets": "name = " + DEEP,
+    "tables": "[" + ".".join(["task"] * 60_000) + "]\nx = 1",
+    "quoted keys": " . ".join(['"a"'] * 60_000) + " = 1",
+    "a mixture": "name = " + ("{" + ".".join(["a"] * 40) + " = ") * 200 + "1" + "}" * 200,
+    "digits": "name = " + "9" * 10_000,
+}
+READERS = [Experiment.from_toml, Sweep.from_toml, read_circuit, opened]
+
+
+def one_sentence(error):
+    assert "\n" not in str(error.value)
+    assert len(str(error.value)) < 400
+
+
+@pytest.mark.parametrize("text", TOMLS.values(), ids=TOMLS)
+@pytest.mark.parametrize("read", READERS)
+def test_a_deep_toml_file_is_refused(tmp_path, read, text):
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    with pytest.raises(InputError) as error:
+        read(str(path))
+    one_sentence(error)
+    assert "mine.toml" in str(error.value)
+
+
+def npz(path, **arrays):
+    """Write arrays as np.savez does; text stays text, and bytes are not changed."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+        for name, values in arrays.items():
+            stream = io.BytesIO()
+            if not isinstance(values, bytes):
+                np.save(stream, values)
+            file.writestr(f"{name}.npy", values if isinstance(values, bytes) else stream.getvalue())
+
+
+def claiming(shape):
+    """Return an array of little content whose header says that it has another shape."""
+    stream = io.BytesIO()
+    header = {"descr": "<f4", "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(stream, header)
+    return stream.getvalue() + bytes(16)
+
+
+TAPS = {
+    "displacement_mm": np.zeros((1, 1, 2), np.float32),
+    "rest_mm": np.zeros((1, 2)),
+    "label_yaw_deg": np.zeros(1),
+    "stimulus": np.array("grating"),
+    "about": np.array("{}"),
+}
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"displacement_mm": claiming((10**12, 300, 2))},
+        {"displacement_mm": claiming((10**30, 300, 2))},
+        {"displacement_mm": claiming((-1, 300, 2))},
+        {"displacement_mm": np.zeros((1, 1, 2), object)},
+        {"rest_mm": np.zeros(())},
+        {"about": np.array(DEEP)},
+        {"about": claiming((10**12,))},
+        {"label_yaw_deg": np.zeros((1, 1, 1))},
+    ],
+    ids=lambda changed: next(iter(changed)),
+)
+def test_taps_that_say_absurd_things_are_refused(tmp_path, changed):
+    path = tmp_path / "taps.npz"
+    npz(path, **TAPS)
+    assert len(Taps.load(path)[0]) == 1
+    npz(path, **{**TAPS, **changed})
+    with pytest.raises(InputError) as error:
+        Taps.load(path)
+    one_sentence(error)
+    assert "taps.npz" in str(error.value)
+
+
+@pytest.mark.parametrize("text", [DEEP, "[]", "3", '{"parameters": 3}', "9" * 10_000])
+def test_provenance_that_is_none_is_refused(tmp_path, text):
+    mine, yours = tmp_path / "mine.csv", tmp_path / "yours.parquet"
+    write_table(pd.DataFrame({"x": [1]}), mine)
+    (tmp_path / "mine.csv.json").write_text(text)
+    table = pq.read_table(write_table(pd.DataFrame({"x": [1]}), yours))
+    pq.write_table(table.replace_schema_metadata({KEY: text.encode()}), yours)
+    for path in (mine, yours):
+        with pytest.raises(ValueError, match=r"."):
+            read_provenance(path)
+        assert decoder_of(path) == {}
+        assert read_table(path)["x"].tolist() == [1]
+    with pytest.raises(InputError):
+        write_table(pd.DataFrame({"x": [1]}), mine)
+
+
+def test_a_parquet_file_of_something_else_is_refused(tmp_path):
+    path = tmp_path / "mine.parquet"
+    for content in (b"", b"PAR1", b"PAR1" + bytes(40) + b"PAR1", b"PAR1\xff\xff\xff\x7fPAR1"):
+        path.write_bytes(content)
+        for read in (read_table, read_trials):
+            with pytest.raises(InputError) as error:
+                read(path)
+            one_sentence(error)
+
+
+def test_decoders_that_say_absurd_things_are_refused(tmp_path):
+    torch = pytest.importorskip("torch")
+    from safetensors.numpy import save_file
+
+    path = tmp_path / "mine.safetensors"
+    good = {"training": {"network": "edge"}, "history": [], "about": {}}
+    arrays = {"rest_mm": np.zeros((3, 2)), "trained_on": np.zeros(1, np.int64)}
+    headers = [
+        DEEP, "[]", "{}", json.dumps(good), json.dumps({**good, "training": {"width": 1e9}}),
+        json.dumps({**good, "training": {"network": "edge", "width": 1e7}}),
+        json.dumps({**good, "training": {"network": "edge", "width": "wide"}}),
+        json.dumps({**good, "training": 3}),
+    ]  # fmt: skip
+    for header in headers:
+        save_file(arrays, path, {"bgmodel": header})
+        with pytest.raises(InputError) as error:
+            Decoder.load(path)
+        one_sentence(error)
+    assert torch.zeros(1).device.type == "cpu"
+
+
+def test_networks_that_say_absurd_things_are_refused(tmp_path):
+    onnx = pytest.importorskip("onnx")
+    path = tmp_path / "mine.onnx"
+    graph = onnx.helper.make_graph([], "g", [], [])
+    tensor = onnx.helper.make_tensor("bias_0", onnx.TensorProto.FLOAT, [1], [1.0])
+    for header, dims in ((DEEP, 1), ("{}", 1), ("{}", 10**12), ("3", 1)):
+        model = onnx.helper.make_model(graph)
+        kept = model.graph.initializer.add()
+        kept.CopyFrom(tensor)
+        kept.dims[0] = dims
+        onnx.helper.set_model_props(model, {"bgmodel": header})
+        path.write_bytes(model.SerializeToString())
+        with pytest.raises(InputError) as error:
+            read_network(path)
+        assert "mine.onnx" in str(error.value)
+        with pytest.raises(InputError):
+            Decoder.load(path)

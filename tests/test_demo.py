@@ -10,7 +10,6 @@ from bgmodel.learning.reinforce import Learner
 from bgmodel.support.seeds import stream
 from circuits.anatomy import load_circuit
 from circuits.engines import Ensemble
-from tests.helpers import run
 
 pytestmark = pytest.mark.usefixtures("no_check_of_noise")
 
@@ -48,13 +47,3 @@ def test_a_decision_is_the_first_crossing_of_the_learned_threshold(chain):
         out = trace.out_nats[0, :, decision.choice[0]]
         assert out[at] <= chain.threshold_nats + 1e-9
         assert (out[:at] > chain.threshold_nats - 1e-9).all()
-
-
-def test_the_command_writes_a_picture_and_says_what_one_sees(chain, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(demos, "demo", lambda *_: chain)
-    assert run("demo", "--plot", tmp_path / "demo.svg") == 0
-    printed = capsys.readouterr().out
-    assert chain.summary() in printed
-    assert printed.endswith(f"-> {tmp_path / 'demo.svg'}\n")
-    assert (tmp_path / "demo.svg").stat().st_size > 1000
-    assert run("demo", "--plot", tmp_path / "demo.svg") == 2

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.simulated_evidence import expecting, separated_evidence
-from tests.helpers import refused, some_evidence, told
+from tests.helpers import refused, refusing, some_evidence, told
 
 
 @pytest.mark.parametrize("trials", [10, 11])
@@ -28,31 +28,25 @@ def test_time_is_counted_in_readings_unless_a_clock_is_given():
     assert first_crossing(Msprt().run(drawn), 1e-9).time_ms.tolist() == [3.0, 3.0]
 
 
-@pytest.mark.parametrize(
-    ("call", "says"),
-    [
-        (lambda: some_evidence(prior=[0.5, 0.5, 0.1]), "prior must sum to 1"),
-        (lambda: some_evidence(prior=[0.5, 0.5]), "prior hold 3"),
-        (lambda: some_evidence(onset_ms=-1.0), "onset_ms"),
-        (lambda: some_evidence(step_ms=0.0), "step_ms"),
-        (lambda: Evidence(np.full((1, 1, 2), np.nan), np.array([0])), "log_likelihood finite"),
-        (lambda: Evidence(np.full((1, 1, 2), np.inf), np.array([0])), "log_likelihood finite"),
-        (lambda: Evidence(np.zeros((0, 1, 2))), "log_likelihood at least one trial"),
-        (lambda: Evidence(np.zeros((1, 1, 1)), np.array([0])), "log_likelihood two hypotheses"),
-        (lambda: Evidence(np.zeros((1, 1, 2)), np.array([2])), "truth"),
-        (lambda: Evidence(np.zeros((1, 1, 2)), np.array([0.0])), "truth"),
-        (lambda: some_evidence(lengths=np.full(300, 21)), "lengths must be within 1..20"),
-        (
-            lambda: some_evidence(lengths=np.full(300, 2)),
-            "lengths after the last reading of a trial",
-        ),
-        (lambda: some_evidence(lengths=[1.5]), "lengths hold one whole number per trial"),
-        (lambda: some_evidence(numbers=[1]), "numbers"),
-    ],
+test_evidence_without_sense_is_refused = refusing(
+    (lambda: some_evidence(prior=[0.5, 0.5, 0.1]), "prior must sum to 1"),
+    (lambda: some_evidence(prior=[0.5, 0.5]), "prior hold 3"),
+    (lambda: some_evidence(onset_ms=-1.0), "onset_ms"),
+    (lambda: some_evidence(step_ms=0.0), "step_ms"),
+    (lambda: Evidence(np.full((1, 1, 2), np.nan), np.array([0])), "log_likelihood finite"),
+    (lambda: Evidence(np.full((1, 1, 2), np.inf), np.array([0])), "log_likelihood finite"),
+    (lambda: Evidence(np.zeros((0, 1, 2))), "log_likelihood at least one trial"),
+    (lambda: Evidence(np.zeros((1, 1, 1)), np.array([0])), "log_likelihood two hypotheses"),
+    (lambda: Evidence(np.zeros((1, 1, 2)), np.array([2])), "truth"),
+    (lambda: Evidence(np.zeros((1, 1, 2)), np.array([0.0])), "truth"),
+    (lambda: some_evidence(lengths=np.full(300, 21)), "lengths must be within 1..20"),
+    (
+        lambda: some_evidence(lengths=np.full(300, 2)),
+        "lengths after the last reading of a trial",
+    ),
+    (lambda: some_evidence(lengths=[1.5]), "lengths hold one whole number per trial"),
+    (lambda: some_evidence(numbers=[1]), "numbers"),
 )
-def test_evidence_without_sense_is_refused(call, says):
-    with refused(says):
-        call()
 
 
 def small():
@@ -82,16 +76,6 @@ def test_a_part_keeps_the_numbers_of_its_trials_and_what_belongs_to_all():
     assert [part.trial_numbers, part.truth, part.lengths] == [[1], [1], [2]]
     assert part[np.array([True])].trial_numbers.tolist() == [1]
     assert (part.step_ms, part.onset_ms, part.prior.tolist()) == (50.0, 100.0, [0.25, 0.75])
-
-
-def test_facts_are_those_of_the_set():
-    want = {"trials": "2", "readings": "up to 2", "hypotheses": "2", "step_ms": "50"}
-    want |= {"onset_ms": "100", "prior": "0.25 0.75"}
-    truth = "known, favoured by 1.33 nats per reading"  # 1, 1.5 and 1.5 nats in 3 readings
-    assert small().facts() == want | {"truth": truth}
-    plain = Evidence(np.zeros((1, 3, 2)))
-    first = {"trials": "1", "readings": "3", "hypotheses": "2", "step_ms": "1"}
-    assert plain.facts() == first | {"truth": "unknown"}
 
 
 @pytest.mark.parametrize("name", ["step_ms", "onset_ms"])

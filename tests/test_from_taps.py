@@ -1,5 +1,6 @@
-"""From a sensor's taps to decisions: what they say, and who decides how on them."""
+"""From a sensor's taps to decisions, and a user's own decoded taps in every command."""
 
+import json
 from dataclasses import replace
 from functools import partial
 
@@ -8,14 +9,16 @@ import pandas as pd
 import pytest
 from scipy.stats import norm
 
+import bgmodel as bg
 from bgmodel import from_taps
 from bgmodel.from_taps import Touched, page, touch
 from bgmodel.learning.dopamine_learner import POPULATIONS, SPIKES, TEST
 from bgmodel.learning.reinforce import Learner
-from bgmodel.support.files import checksum, read_table
+from bgmodel.support.files import checksum, read_provenance, read_table
 from bgmodel.tactile.decoder import EDGE
+from bgmodel.tactile.source import held_out_taps
 from bgmodel.tactile.task import EdgeDirection, EdgeTurn
-from tests.helpers import run
+from tests.helpers import refused, run
 from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
 
 pytestmark = pytest.mark.usefixtures("no_check_of_noise")
@@ -94,20 +97,6 @@ def test_a_result_comes_back_from_its_table(touched):
     pd.testing.assert_frame_equal(again.to_dataframe(), touched.to_dataframe(), check_like=True)
 
 
-def test_the_page_has_the_picture_the_numbers_and_what_was_warned_of(touched):
-    text = page(touched, "Mine <1>", "made by hand")
-    assert "data:image/png;base64," in text
-    assert "Mine &lt;1&gt;" in text
-    assert "optimal_gap_nats" in text
-    assert "At what reward taught" in text
-    assert "over 10 folds" in text
-    assert SPIKES in text
-    assert all(remark[:20] in text for remark in touched.remarks)
-    axes = touched.plot().axes
-    assert len(axes) == 4
-    assert "Learned threshold" in axes[3].get_legend_handles_labels()[1]
-
-
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_a_decoder_of_nothing_decides_at_chance_and_says_so():
     touched = told(taps_of(900, scrambled=True), EdgeTurn)
@@ -144,3 +133,63 @@ def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
     assert run(*asked, "--force") == 0
     assert capsys.readouterr().err.count("already exists") == 2
     assert made == {name: checksum(mine / name) for name in made}
+
+
+ALGEBRA = ("--engine", "algebra")
+FEW = ("--task", "trials=60", "t_max=12")
+EDGES = ("--task", "edge-turn", "step_deg=5")
+DOPAMINE = ("--what", "dopamine", *FEW, "--runs", 1, "--levels", 3, "--learner", "episodes=500")
+GRATINGS = ("--task", "same-different", "period_mm=2")
+
+
+@pytest.fixture
+def edges(tmp_path):
+    """Write a decoded table of an edge as other programs do: without provenance."""
+    rng = np.random.default_rng(71)
+    true = np.linspace(-180, 180, 1500, endpoint=False)
+    path = tmp_path / "edges.csv"
+    table = pd.DataFrame({"yaw_deg": true, "edge_deg": true + 3.0 * rng.normal(size=1500)})
+    table.to_csv(path, index=False)
+    return path
+
+
+@pytest.fixture
+def gratings(tmp_path):
+    """Write the built-in table as a user's file."""
+    path = tmp_path / "gratings.parquet"
+    held_out_taps().to_parquet(path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("command", "extra"),
+    [
+        (("decide",), FEW),
+        (("circuit", "run"), (*FEW, *ALGEBRA)),
+        (("compare",), ("--task", "trials=120", "t_max=20", "--accuracies", 0.8, *ALGEBRA)),
+        (("learn",), ("--runs", 1, "--learner", "episodes=500")),
+        (("learn",), DOPAMINE),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_own_taps_are_decided_on_and_named_in_provenance(command, extra, edges, gratings, tmp_path):
+    """A copy of the shipped table decides as the shipped table does, byte by byte."""
+    outs = [tmp_path / f"{name}.csv" for name in ("turned", "own", "shipped")]
+    assert run(*command, "--save", outs[0], *extra, *EDGES, "--task", f"taps={edges}") == 0
+    assert run(*command, "--save", outs[1], *extra, *GRATINGS, "--task", f"taps={gratings}") == 0
+    assert run(*command, "--save", outs[2], *extra, *GRATINGS) == 0
+    assert outs[1].read_bytes() == outs[2].read_bytes()
+    made = json.dumps(read_provenance(outs[0])["parameters"])
+    assert checksum(edges) in made
+    assert "edge-turn" in made
+
+
+def test_taps_that_the_decoder_was_trained_on_are_refused(edges, tmp_path):
+    table = read_table(edges)
+    table["trained_on"] = np.arange(len(table)) < 7
+    table.to_csv(tmp_path / "known.csv", index=False)
+    for taps in (tmp_path / "known.csv", str(tmp_path / "known.csv"), table):
+        with refused("taps trained on 7 of its 1500"):
+            bg.EdgeTurn().evidence(taps=taps, seed=1)
+    with refused("taps trained on 7 of its 1500"):
+        bg.EdgeTurn(taps=tmp_path / "known.csv").evidence(seed=1)

@@ -11,7 +11,7 @@ import pytest
 import bgmodel as bg
 from circuits.declaration.edits import Edits
 from circuits.errors import RangeWarning
-from tests.helpers import ROOT, refused, run
+from tests.helpers import ROOT, refused, refusing, run
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 
@@ -90,31 +90,25 @@ def decided(*thresholds, **options):
     return bg.BasalGanglia("macaque", "algebra").decide(SHORT, *thresholds, **options)
 
 
-@pytest.mark.parametrize(
-    ("call", "wanted"),
-    [
-        (lambda: Edits("lesion STN"), r'edits a list of lines, such as \["lesion STN"\]'),
-        (lambda: bg.BasalGanglia("monkey", "algebra"), "circuit macaque"),
-        (lambda: bg.read_evidence("nothing.csv", step_ms=50.0), "path nothing.csv"),
-        (lambda: bg.read_trials("nothing.csv"), "path nothing.csv"),
-        (lambda: bg.fit("nothing.csv", strength="coherence"), "path nothing.csv"),
-        (lambda: bg.BasalGanglia("macaque").activity("ev.csv"), "evidence"),
-        (lambda: fitted(fix="lapse=0.02"), 'fix .*{"lapse": 0.02}'),
-        (lambda: fitted(vary={"drift": "coherence"}), "vary .*'drift'"),
-        (lambda: fitted(TRIALS.rename(columns={"response": "correct"})), "response .*rename it"),
-        (decided, "posterior posterior=0.82"),
-        (lambda: decided(0.2, posterior=0.8), "posterior not both"),
-        (lambda: bg.Msprt().decide(SHORT), "posterior posterior=0.82"),
-        (lambda: bg.load_circuit("macaque").plot(3), "ax"),
-        (lambda: SHORT.plot(ax="x"), "ax"),
-        (lambda: bg.load_circuit("macaque").cut("GPe", "STN"), 'pathway "GPe->STN"'),
-        (lambda: bg.load_circuit("macaque").edited(["lesion STN 10%"]), "edits unpack"),
-        (lambda: bg.BasalGanglia("macaque").activity(SHORT).spike_table(), "spikes Ensemble"),
-    ],
+test_what_newcomers_try_is_refused_with_the_next_step = refusing(
+    (lambda: Edits("lesion STN"), r'edits a list of lines, such as \["lesion STN"\]'),
+    (lambda: bg.BasalGanglia("monkey", "algebra"), "circuit macaque"),
+    (lambda: bg.read_evidence("nothing.csv", step_ms=50.0), "path nothing.csv"),
+    (lambda: bg.read_trials("nothing.csv"), "path nothing.csv"),
+    (lambda: bg.fit("nothing.csv", strength="coherence"), "path nothing.csv"),
+    (lambda: bg.BasalGanglia("macaque").activity("ev.csv"), "evidence"),
+    (lambda: fitted(fix="lapse=0.02"), 'fix .*{"lapse": 0.02}'),
+    (lambda: fitted(vary={"drift": "coherence"}), "vary .*'drift'"),
+    (lambda: fitted(TRIALS.rename(columns={"response": "correct"})), "response .*rename it"),
+    (decided, "posterior posterior=0.82"),
+    (lambda: decided(0.2, posterior=0.8), "posterior not both"),
+    (lambda: bg.Msprt().decide(SHORT), "posterior posterior=0.82"),
+    (lambda: bg.load_circuit("macaque").plot(3), "ax"),
+    (lambda: SHORT.plot(ax="x"), "ax"),
+    (lambda: bg.load_circuit("macaque").cut("GPe", "STN"), 'pathway "GPe->STN"'),
+    (lambda: bg.load_circuit("macaque").edited(["lesion STN 10%"]), "edits unpack"),
+    (lambda: bg.BasalGanglia("macaque").activity(SHORT).spike_table(), "spikes Ensemble"),
 )
-def test_what_newcomers_try_is_refused_with_the_next_step(call, wanted):
-    with refused(wanted):
-        call()
 
 
 def test_a_warning_points_at_the_line_that_called():

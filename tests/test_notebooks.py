@@ -1,19 +1,15 @@
-"""The tutorials are stored with outputs, with the version they come from, and without errors."""
+"""The tutorials are stored with outputs, without errors and without places on a machine."""
 
 import json
 import re
 
 import pytest
 
-from bgmodel.version import __version__
-from circuits import errors
 from tests.helpers import ROOT
 
 NOTEBOOKS = sorted((ROOT / "docs" / "tutorials").glob("*.ipynb"))
 PLACES = re.compile(r"(?:/home|/root|/tmp|/work|/Users|/usr|/opt|[A-Z]:\\\\)[/\\]?\w|ipykernel_\d")
 """Paths of a machine."""
-MOST_BYTES = 2_000_000
-"""Largest size of all notebooks together."""
 
 
 @pytest.fixture(params=NOTEBOOKS, ids=lambda path: path.stem)
@@ -23,11 +19,6 @@ def notebook(request):
 
 def code(notebook):
     return [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
-
-
-def test_there_are_notebooks():
-    assert NOTEBOOKS
-    assert sum(path.stat().st_size for path in NOTEBOOKS) < MOST_BYTES
 
 
 def test_every_code_cell_was_executed_in_order_with_an_output(notebook):
@@ -43,38 +34,3 @@ def test_no_output_names_a_place_on_a_machine(notebook):
         for output in cell["outputs"]:
             shown = {k: v for k, v in output.get("data", {}).items() if not k.startswith("image")}
             assert not PLACES.search(json.dumps([shown, output.get("text")])), cell["id"]
-
-
-def test_warnings_are_those_of_the_package(notebook):
-    """A warning of another library tells the reader nothing."""
-    lines = [
-        line
-        for cell in code(notebook)
-        for output in cell["outputs"]
-        if output.get("name") == "stderr"
-        for line in "".join(output["text"]).splitlines()
-    ]
-    assert [line for line in lines if getattr(errors, line.split(":")[0], None) is None] == []
-
-
-def test_no_input_is_confounded_with_the_truth(notebook):
-    assert errors.ConfoundWarning.__name__ not in json.dumps(notebook)
-
-
-def test_cells_have_readable_ids(notebook):
-    ids = [cell["id"] for cell in notebook["cells"]]
-    assert len(set(ids)) == len(ids)
-    assert all(re.fullmatch(r"[a-z]+(?:-[a-z]+)*", each) for each in ids), ids
-
-
-def test_a_notebook_opens_with_a_question_and_a_picture(notebook):
-    first, second = notebook["cells"][:2]
-    assert "?**" in "".join(first["source"])
-    assert any("image/png" in output.get("data", {}) for output in second["outputs"])
-
-
-def test_a_notebook_was_executed_with_this_version(notebook):
-    version = notebook["metadata"]["bgmodel"]["version"]
-    assert re.fullmatch(r"\d+\.\d+\.\d+\S*", version)
-    if version != __version__:
-        pytest.skip(f"executed with bgmodel {version}, this is {__version__}: run make notebooks")

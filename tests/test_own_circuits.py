@@ -4,24 +4,19 @@ import re
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import bgmodel as bg
-from bgmodel.cli import main
-from bgmodel.integrators import steady
 from bgmodel.integrators.criterion import doubts, rest_out
 from circuits.anatomy import CIRCUITS, load_circuit
 from circuits.cells import Phase, Rate
 from circuits.circuit import Circuit
 from circuits.declaration.rows import Population, Projection
-from circuits.declaration.table_writer import write
 from circuits.dynamics.fixed_point import resting_hz, resting_state, wired
 from circuits.dynamics.loops import amplifying
 from circuits.engines import run
-from circuits.errors import BgmodelWarning, NoiseWarning
 from tests.helpers import refused
 
 NOISY = ["population", "ensemble"]
@@ -72,12 +67,6 @@ def test_noise_in_one_tick_decides_nothing(engine):
     with refused("readout_tau_ms"):
         bg.BasalGanglia(bare, engine).session(posterior=0.7).begin()
     bg.BasalGanglia(reads(30.0), engine).run(evidence)
-
-
-def test_a_warning_of_noise_names_the_filter():
-    evidence = bg.gaussian_evidence(10, d_prime=0.5, t_max=4, seed=1)
-    with pytest.warns(NoiseWarning, match=r"readout_tau_ms \(1 ms\)"):
-        bg.BasalGanglia(reads(1.0, cv=1.0), "population").decide(evidence, posterior=0.6)
 
 
 def cured(circuit, message):
@@ -170,13 +159,3 @@ def test_rates_that_run_away_in_a_run_name_the_loop(engine):
 def test_the_included_circuits_give_no_doubts(name):
     for channels in (2, 4):
         assert doubts(load_circuit(name, channels)) == []
-
-
-def test_showing_the_rest_of_a_circuit_says_its_doubts(tmp_path, monkeypatch):
-    monkeypatch.setattr(steady, "resting_activity", lambda table, seed: pd.DataFrame())
-    path = write(reads(0.0, bias_nats=0.0), tmp_path / "own.toml")
-    with pytest.warns(BgmodelWarning) as caught:
-        main(["circuit", "show", str(path), "--rest"])
-    texts = [str(one.message) for one in caught]
-    assert sum("readout_tau_ms" in text for text in texts) == 1
-    assert sum("SNr.bias_nats" in text for text in texts) == 1

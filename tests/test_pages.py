@@ -3,7 +3,6 @@
 import ast
 import re
 import shlex
-from importlib.util import find_spec
 from inspect import signature
 from itertools import groupby
 
@@ -68,13 +67,6 @@ LONG = {
 }
 TABLES = {"evidence.md": "mine.csv", "your_trials.md": "trials.csv"}
 """The name of the table in CSV on a page. A block of TOML has its own name in its first line."""
-
-
-def test_every_module_of_the_api_page_is_there():
-    named = re.findall(r"^   ((?:bgmodel|circuits)[.\w]*)$", (DOCS / "api.md").read_text(), re.M)
-    assert len(named) > 60
-    assert len(set(named)) == len(named)
-    assert [each for each in named if find_spec(each) is None] == []
 
 
 def name(path):
@@ -272,3 +264,22 @@ def test_every_page_of_the_site_is_in_its_contents():
     }
     pages = {page for page in PAGES if page.is_relative_to(DOCS)} | {MADE}
     assert {str(page.with_suffix("")) for page in pages - {DOCS / "index.md"}} == entries
+
+
+def test_every_seed_that_scores_or_tunes_is_named():
+    text = (ROOT / "docs" / "measured.md").read_text()
+    seeds = text.partition("## Seeds")[2].partition("## Intervals")[0]
+    named = {int(number) for number in re.findall(r"\b\d{3,5}\b", seeds)}
+    file_of_seed = {}
+    for path in [
+        *(ROOT / "benchmarks").rglob("*.py"),
+        *(ROOT / "figures").rglob("*.py"),
+        *(ROOT / "tests/validation").glob("*.py"),
+    ]:
+        for line in re.findall(r"^[A-Z_]*SEEDS? = .*$", path.read_text(), re.MULTILINE):
+            for number in re.findall(r"\b\d[\d_]{2,}\b", line):
+                # The end of a range is not drawn.
+                value = int(number) - line.startswith("SCORING_SEEDS = range") * (number == "121")
+                file_of_seed[value] = path.name
+    assert len(file_of_seed) > 5
+    assert {number: name for number, name in file_of_seed.items() if number not in named} == {}

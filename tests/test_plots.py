@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from scipy.stats import binomtest
 
 from bgmodel import plots
-from circuits.plots import PALETTE, channel_lines, raster
+from circuits.plots import raster
 
 
 @pytest.fixture
@@ -56,21 +56,10 @@ def test_a_high_bar_of_the_deadline_is_cut_off_and_has_its_number(ax):
     assert "40" in {text.get_text().strip() for text in ax.texts}
 
 
-def test_without_a_decision_a_histogram_says_so(ax):
-    plots.choice_times([-1], [np.nan], [False], [0], ax)
-    assert [text.get_text() for text in ax.texts] == ["No trial was decided"]
-
-
 def test_out_is_drawn_a_line_per_hypothesis(ax):
     plots.output([-10.0, 0.0], np.array([[0.7, 0.6], [0.1, 2.0]]), ax)
     assert [line.get_ydata().tolist() for line in ax.lines[:2]] == [[0.7, 0.1], [0.6, 2.0]]
     assert ax.lines[0].get_xdata().tolist() == [-10.0, 0.0]
-
-
-def test_psychometric_shows_proportions(ax):
-    assert plots.psychometric(ax, [1, 2], [5, 9], [10, 10], color="k") is ax
-    assert ax.lines[0].get_ydata().tolist() == [0.5, 0.9]
-    assert ax.get_ylabel() == "proportion correct"
 
 
 def test_trajectories_end_at_their_decision(ax):
@@ -79,13 +68,6 @@ def test_trajectories_end_at_their_decision(ax):
     assert ax.lines[0].get_ydata().tolist() == [0.0, 1.0, 2.5]
     assert ax.lines[2].get_ydata().tolist() == [0.0, -2.0]
     assert {line.get_ydata()[0] for line in ax.lines[-2:]} == {-2.0, 2.0}
-
-
-def test_speed_and_accuracy_are_drawn_with_chance_unless_it_is_left_out(ax):
-    plots.speed_accuracy(ax, [1, 2], [0.6, 0.9])
-    assert len(ax.lines) == 2
-    plots.speed_accuracy(ax, [1, 2], [0.6, 0.9], None)
-    assert len(ax.lines) == 3
 
 
 def test_acquisition_draws_the_median_run(ax):
@@ -103,14 +85,6 @@ def test_human_thresholds_stand_at_the_published_grooves_at_three_quarters_corre
         "human lip": [0.51, 0.75],
         "human tongue": [0.58, 0.75],
     }
-
-
-def test_channels_are_lines_in_their_own_colours(ax):
-    table = pd.DataFrame({"channel": [0, 1, 0, 1], "time_ms": [0, 0, 5, 5], "value": [1, 2, 3, 4]})
-    assert channel_lines(ax, table, steps=True) is ax
-    assert [line.get_ydata().tolist() for line in ax.lines] == [[1, 3], [2, 4]]
-    assert [line.get_color() for line in ax.lines] == list(PALETTE[:2])
-    assert {line.get_drawstyle() for line in ax.lines} == {"steps-post"}
 
 
 def test_raster_shows_the_first_neurons_of_each_channel(ax):

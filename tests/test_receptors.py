@@ -22,7 +22,7 @@ from circuits.laws.controls import linear_stn, perturbed, shuffled_stn
 from circuits.laws.fluctuation import out_variance, rate_spectrum
 from circuits.laws.homeostasis import recovery
 from circuits.laws.stability import growth, ringing
-from tests.helpers import refused
+from tests.helpers import refused, refusing
 
 SEED = 5
 MACAQUE = load_circuit("macaque", 2)
@@ -139,9 +139,7 @@ def test_a_blocked_receptor_is_a_missing_row_and_its_tone(path, share):
             rtol=1e-6,
         )
     npt.assert_allclose(
-        resting_state(two.scale(second.name, 0))[1],
-        resting_state(without)[1],
-        rtol=1e-7,
+        resting_state(two.scale(second.name, 0))[1], resting_state(without)[1], rtol=1e-7
     )
 
 
@@ -236,31 +234,26 @@ def test_a_block_onto_a_nucleus_takes_every_pathway_through_the_receptor():
     assert lost == {"GPe->SNr GABA-A", "D1->SNr GABA-A"}
 
 
-@pytest.mark.parametrize(
-    ("field", "edit"),
-    [
-        ("synapse NMDA", lambda c: c.block("STN->SNr NMDA")),
-        ("synapse GPe", lambda c: c.edited("block GPe GABA-A")),
-        ("synapse AMPA", lambda c: c.scale("STN->GPe AMPA", 0.5)),
-        ("synapse NDMA", lambda c: c.edited("add STN->SNr NDMA weight=1")),
-        ("synapse GABA-A", lambda c: c.edited("add STN->SNr GABA-A weight=1")),
-        ("synapse", lambda c: split(c, "STN", "SNr", 0.5).set("STN->SNr.weight", 1)),
-        ("synapse", lambda c: c.with_rows(c.projection("STN->SNr"))),
-        ("add STN->SNr", lambda c: c.edited("add STN->SNr weight=1")),
-        ("nucleus", lambda c: c.block("GPi AMPA")),
-        ("pathway", lambda c: c.block("SNr->STN AMPA")),
-        ("channel", lambda c: split(c, "STN", "SNr", 0.5).block("SNr NMDA", channel=2)),
-        ("fraction", lambda c: split(c, "STN", "SNr", 0.5).block("SNr NMDA", 1.5)),
-        ("edits", lambda c: c.edited("block GPe 30%")),
-        ("edits", lambda c: c.edited("cut STN->SNr 10%", "block STN->SNr NMDA")),
-        ("edits", lambda c: c.edited("block SNr NMDA 10%", "block STN->SNr NMDA 10%")),
-        ("edits", lambda c: c.edited("block SNr NMDA 10%", "cut STN->SNr 10%")),
-        ("edits", lambda c: c.edited("scale STN->SNr 0.5", "set STN->SNr NMDA.weight 2")),
-    ],
+test_a_receptor_that_is_not_there_and_two_edits_of_one_row_are_refused = refusing(
+    (lambda c: c.block("STN->SNr NMDA"), "synapse NMDA"),
+    (lambda c: c.edited("block GPe GABA-A"), "synapse GPe"),
+    (lambda c: c.scale("STN->GPe AMPA", 0.5), "synapse AMPA"),
+    (lambda c: c.edited("add STN->SNr NDMA weight=1"), "synapse NDMA"),
+    (lambda c: c.edited("add STN->SNr GABA-A weight=1"), "synapse GABA-A"),
+    (lambda c: split(c, "STN", "SNr", 0.5).set("STN->SNr.weight", 1), "synapse"),
+    (lambda c: c.with_rows(c.projection("STN->SNr")), "synapse"),
+    (lambda c: c.edited("add STN->SNr weight=1"), "add STN->SNr"),
+    (lambda c: c.block("GPi AMPA"), "nucleus"),
+    (lambda c: c.block("SNr->STN AMPA"), "pathway"),
+    (lambda c: split(c, "STN", "SNr", 0.5).block("SNr NMDA", channel=2), "channel"),
+    (lambda c: split(c, "STN", "SNr", 0.5).block("SNr NMDA", 1.5), "fraction"),
+    (lambda c: c.edited("block GPe 30%"), "edits"),
+    (lambda c: c.edited("cut STN->SNr 10%", "block STN->SNr NMDA"), "edits"),
+    (lambda c: c.edited("block SNr NMDA 10%", "block STN->SNr NMDA 10%"), "edits"),
+    (lambda c: c.edited("block SNr NMDA 10%", "cut STN->SNr 10%"), "edits"),
+    (lambda c: c.edited("scale STN->SNr 0.5", "set STN->SNr NMDA.weight 2"), "edits"),
+    of=lambda edit: edit(MACAQUE),
 )
-def test_a_receptor_that_is_not_there_and_two_edits_of_one_row_are_refused(field, edit):
-    with refused(field):
-        edit(MACAQUE)
 
 
 def test_edits_of_two_receptors_or_of_a_nucleus_and_a_receptor_are_not_of_one_number():

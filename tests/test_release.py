@@ -1,8 +1,11 @@
-"""What a release states about itself: dates, dependencies of the recipe, numbers of the paper."""
+"""What a release states about itself: dates, dependencies, numbers of the paper."""
 
+import ast
 import re
+import sys
 import tomllib
 from collections import Counter
+from itertools import chain
 
 import pytest
 import yaml
@@ -42,12 +45,6 @@ def test_the_recipe_needs_what_the_core_needs():
     assert {n: runs[n] for n in same} == {n: str(wanted[n]) for n in same}
 
 
-@pytest.mark.parametrize("python", ["3.11", "3.12", "3.13"])
-def test_supported_pythons_are_classified(python):
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert f"Programming Language :: Python :: {python}" in project["classifiers"]
-
-
 def sentences():
     """Yield what the paper says of each table, from the tables."""
     table = read_table(table_path("raw_decisions"))
@@ -82,3 +79,44 @@ def test_the_paper_cites_what_its_bibliography_holds():
     keys = re.findall(r"^@\w+\{(\w+),", (ROOT / "paper" / "paper.bib").read_text(), re.MULTILINE)
     assert len(keys) == len(set(keys))
     assert set(re.findall(r"@([a-z]+\d*)\b", text)) == set(keys)
+
+
+FOLDERS = ("bgmodel", "circuits", "figures", "benchmarks", "docs")
+NAMES = {
+    "PIL": "pillow", "cv2": "opencv-python-headless",
+    "ssms": "ssm-simulators", "pydantic_core": "pydantic-core",
+    "docstring_parser": "docstring-parser", "arviz_stats": "arviz-stats",
+}  # fmt: skip
+"""Distributions whose modules have another name."""
+ELSEWHERE = {"hssm", "_notebooks"}
+"""HSSM needs a separate environment; the other is a file of this folder."""
+
+
+def imported():
+    """Return the packages that are imported anywhere, with the first file that does so."""
+    paths = {}
+    for folder in FOLDERS:
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+                if isinstance(node, ast.ImportFrom) and not node.level and node.module:
+                    names = [node.module]
+                for name in names:
+                    paths.setdefault(name.partition(".")[0], path.relative_to(ROOT).as_posix())
+    ours = {*FOLDERS, "tests", *sys.stdlib_module_names, *ELSEWHERE}
+    return {name: path for name, path in paths.items() if name not in ours}
+
+
+def declared():
+    """Return the names of all distributions in pyproject.toml."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    rows = [*project["dependencies"], *chain(*project["optional-dependencies"].values())]
+    return {re.match(r"[\w.-]+", row)[0].lower() for row in rows}
+
+
+@pytest.mark.parametrize(("name", "path"), sorted(imported().items()))
+def test_a_package_that_is_imported_is_declared_and_pinned(name, path):
+    distribution = NAMES.get(name, name).lower()
+    assert distribution in declared(), path
+    pins = (ROOT / "constraints.txt").read_text(encoding="utf-8").lower().replace("_", "-")
+    assert re.search(rf"^{re.escape(distribution)}==", pins, re.MULTILINE), path

@@ -9,13 +9,11 @@ import pandas as pd
 import pytest
 
 from bgmodel.support.files import read_table
-from circuits.anatomy import load_circuit
-from circuits.declaration.table_writer import identity
 from figures import __main__ as runner
 from figures import pages, pieces
 from figures.pieces import Piece, Score
 from figures.rooms import origin, rooms, write
-from tests.helpers import ROOT, refused
+from tests.helpers import ROOT
 
 TEMPLATES = [pytest.param(path, id=pages.page_of(path).name) for path in pages.templates()]
 PROSE = [ROOT / "README.md", *sorted((ROOT / "docs" / "guides").glob("*.md"))]
@@ -24,12 +22,6 @@ QUESTIONS = [pytest.param(room.page, id=room.name) for room in rooms() if room.p
 MOST_LINES, MOST_COLUMNS = 150, 8
 FENCED = r"```.*?```|`[^`]*`"
 CIRCUITS = {"2": {"name": "spiking_msprt", "sha256": "0" * 64}}
-
-
-def test_there_are_pages():
-    made = {pages.page_of(path) for path in pages.templates()}
-    assert made == set(pages.RESULTS.glob("*.md"))
-    assert {"index.md", "decisions.md"} <= {path.name for path in made}
 
 
 @pytest.mark.parametrize("template", TEMPLATES)
@@ -94,14 +86,6 @@ def test_a_table_of_another_circuit_says_so():
     assert "with what circuit is not known" in pages.said(behind)
 
 
-def test_each_of_several_circuits_of_a_table_is_held_to_its_own_of_today():
-    today = {f"{name} 2": identity(load_circuit(name, 2)) for name in ("gpr", "macaque")}
-    behind = {"parameters": {"circuits": today}, "seed": 1, "versions": {"bgmodel": "0"}}
-    assert "another circuit" not in pages.said(behind)
-    today["gpr 2"]["sha256"] = "0" * 64
-    assert "another circuit than today's**: gpr, N = 2 (00000000)" in pages.said(behind)
-
-
 @pytest.fixture
 def place(tmp_path):
     """Return where tables of a page under test are."""
@@ -120,34 +104,6 @@ def test_tables_lists_what_a_page_read_and_what_it_names_by_their_origin(tmp_pat
     assert other.startswith(f"- {pages.link(place('w'))}: 7 trials")
     assert "**measured with another circuit than today's**" in other
     assert key.startswith(f"What each column means: [{tmp_path.name}]")
-
-
-def test_a_table_that_is_missing_or_stale_is_named_in_a_sentence(tmp_path, place):
-    template = tmp_path / "x.md.j2"
-    template.write_text('{{ rows("y")[0].no }}')
-    with refused("table"):
-        pages.rendered(template, place)
-    write(pd.DataFrame({"a": [1]}), place("y"))
-    with pytest.raises(ValueError, match=r"^x.md.j2 uses values that its tables do not"):
-        pages.rendered(template, place)
-
-
-def test_a_row_is_found_by_its_values_and_must_be_the_only_one(tmp_path, place):
-    template = tmp_path / "x.md.j2"
-    write(pd.DataFrame({"name": ["one", "two", "two"], "a": [1, 2, 3]}), place("y"))
-    template.write_text('{{ row("y", name="one").a }} {{ rows("y", name="two") | length }}')
-    assert pages.rendered(template, place) == "1 2"
-    template.write_text('{{ row("y", name="two").a }}')
-    with pytest.raises(ValueError, match=r"^x.md.j2: 2 rows of y match \{'name': 'two'\}, not 1$"):
-        pages.rendered(template, place)
-
-
-def test_a_page_needs_the_origin_of_its_table(tmp_path, place):
-    template = tmp_path / "x.md.j2"
-    template.write_text('{{ rows("y")[0].a }}')
-    place("y").write_text("a\n1\n")
-    with refused("table"):
-        pages.rendered(template, place)
 
 
 @pytest.fixture
@@ -202,17 +158,6 @@ def test_a_score_goes_on_where_it_was_stopped(score, capsys):
     pieces.main(one)
     assert computed == ["one", "two", "two"]
     assert read_table(folder / "tables" / "test_all.csv")["name"].tolist() == ["one", "two"]
-
-
-def test_a_coarse_score_leaves_the_pieces_of_a_whole_one(score, monkeypatch):
-    one, computed, folder = score
-    computed.append("before")
-    pieces.main(one)
-    monkeypatch.setattr(sys, "argv", ["scores", "--fast"])
-    pieces.main(one)
-    assert len(computed) == 5
-    assert origin(folder / "tables" / "test_all.csv")["parameters"]["fast"]
-    assert one.entry(next(iter(one.pieces(False, 1))), folder / "out", False).get() is not None
 
 
 def test_a_piece_of_another_circuit_or_seed_is_not_finished(score):

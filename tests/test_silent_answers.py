@@ -22,7 +22,7 @@ from bgmodel.task import Gaussian
 from bgmodel.trials.reading import Columns, read_trials
 from circuits.engines import run
 from circuits.errors import DataWarning, EditWarning, NoiseWarning
-from tests.helpers import refused, told, unwarned
+from tests.helpers import refused, refusing, told, unwarned
 
 
 def evidence(trials=120, **options):
@@ -116,22 +116,15 @@ def test_what_is_probably_meant_otherwise_is_doubted(category, says, call):
         call()
 
 
-@pytest.mark.parametrize(
-    ("wanted", "call"),
-    [
-        *[("threshold before its first reading", lambda model=model, given=given: model.session(
-            2, **given)) for model, given in (
-                (bg.Msprt(), {"threshold": 0.95}), (bg.Sprt(), {"threshold": 0.95}),
-                (bg.Msprt(), {"posterior": 0.8, "prior": [0.1, 0.9]}))],
-        ("baselines race needs evidence in which zero means no evidence",
-         lambda: bg.compare("macaque", shifted(), baselines="race", accuracies=0.9)),
-        ("accuracies must differ",
-         lambda: bg.compare("macaque", evidence(), accuracies=[0.9, 0.9])),
-    ],
+test_what_would_give_a_misleading_number_is_refused = refusing(
+    (lambda: bg.Msprt().session(2, threshold=0.95), "threshold before its first reading"),
+    (lambda: bg.Sprt().session(2, threshold=0.95), "threshold before its first reading"),
+    (lambda: bg.Msprt().session(2, posterior=0.8, prior=[0.1, 0.9]),
+     "threshold before its first reading"),
+    (lambda: bg.compare("macaque", shifted(), baselines="race", accuracies=0.9),
+     "baselines race needs evidence in which zero means no evidence"),
+    (lambda: bg.compare("macaque", evidence(), accuracies=[0.9, 0.9]), "accuracies must differ"),
 )  # fmt: skip
-def test_what_would_give_a_misleading_number_is_refused(wanted, call):
-    with refused(wanted):
-        call()
 
 
 def padded(trials=60, steps=20, noise=1.0):

@@ -15,7 +15,7 @@ from bgmodel.tables.given import EvidenceTable
 from bgmodel.tactile.source import load_taps
 from bgmodel.tactile.task import EdgeTurn, Orientation, SameDifferent
 from bgmodel.task import KINDS, Gaussian, Task, kind_of, settings_of_tasks
-from tests.helpers import refused
+from tests.helpers import refused, refusing
 
 DRAWN = [Gaussian(channels=3), SameDifferent(1.5), Orientation(4)]
 
@@ -72,20 +72,15 @@ def test_a_task_comes_back_from_its_settings_as_a_file_has_them(name):
     assert Task.from_settings({}) == Gaussian()
 
 
-@pytest.mark.parametrize(
-    ("settings", "says"),
-    [
-        ({"name": "taste"}, "task must be one of gaussian"),
-        ({"d_prime": 1.0, "name": "orientation"}, "task.d_prime"),
-        ({"period_mm": 1.0}, "task.period_mm"),
-        ({"d_prime": "big"}, "task.d_prime"),
-        ({"name": "edge-turn", "step_deg": 181.0}, "step_deg"),
-        ({"name": "same-different", "channels": 4}, "task.channels"),
-    ],
+test_a_setting_of_another_task_is_refused = refusing(
+    ({"name": "taste"}, "task must be one of gaussian"),
+    ({"d_prime": 1.0, "name": "orientation"}, "task.d_prime"),
+    ({"period_mm": 1.0}, "task.period_mm"),
+    ({"d_prime": "big"}, "task.d_prime"),
+    ({"name": "edge-turn", "step_deg": 181.0}, "step_deg"),
+    ({"name": "same-different", "channels": 4}, "task.channels"),
+    of=lambda settings: Task.from_settings(settings),
 )
-def test_a_setting_of_another_task_is_refused(settings, says):
-    with refused(says):
-        Task.from_settings(settings)
 
 
 def test_a_setting_that_a_task_does_not_have_cannot_be_changed():
@@ -107,22 +102,17 @@ def test_files_are_looked_for_in_the_folder_of_the_file_that_names_them():
     assert seen_from(folder, taps).task.taps == folder / "own.csv"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        ({"expectancy_nats": 3.0}, "foreperiod_ms whole steps"),
-        ({"expectancy_nats": 3.0, "expectancy_ms": 70.0}, "foreperiod_ms whole steps"),
-        ({"expectancy_nats": -1.0}, "expectancy_nats"),
-        ({"expectancy_ms": 800.0}, "expectancy_ms expectancy_nats"),
-        ({"conflict": 5.0}, "conflict within"),
-        ({"trials": 0}, "trials"),
-        ({"channels": 1}, "channels"),
-        ({"d_prime": True}, "d_prime"),
-    ],
+test_numbers_out_of_range_are_refused = refusing(
+    ({"expectancy_nats": 3.0}, "foreperiod_ms whole steps"),
+    ({"expectancy_nats": 3.0, "expectancy_ms": 70.0}, "foreperiod_ms whole steps"),
+    ({"expectancy_nats": -1.0}, "expectancy_nats"),
+    ({"expectancy_ms": 800.0}, "expectancy_ms expectancy_nats"),
+    ({"conflict": 5.0}, "conflict within"),
+    ({"trials": 0}, "trials"),
+    ({"channels": 1}, "channels"),
+    ({"d_prime": True}, "d_prime"),
+    of=lambda arguments: Gaussian(**arguments),
 )
-def test_numbers_out_of_range_are_refused(arguments, says):
-    with refused(says):
-        Gaussian(**arguments)
 
 
 def test_every_setting_of_a_task_is_described_once():

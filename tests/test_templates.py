@@ -1,9 +1,6 @@
-"""Help shows a whole file, which the command writes, and which runs."""
+"""A command writes a whole file as a template, and it runs."""
 
 import re
-import textwrap
-import tomllib
-from itertools import takewhile
 
 import pytest
 
@@ -16,22 +13,6 @@ KINDS = {"experiment": bg.Experiment, "sweep": bg.Sweep}
 @pytest.fixture(params=KINDS)
 def command(request):
     return request.param
-
-
-def help_of(command, capsys):
-    assert run(command, "--help") == 0
-    return capsys.readouterr().out
-
-
-@pytest.mark.parametrize("columns", ["60", "200"])
-def test_help_shows_a_file_that_can_be_copied(command, columns, monkeypatch, capsys):
-    monkeypatch.setenv("COLUMNS", columns)
-    after = help_of(command, capsys).partition("--template writes:\n")[2].splitlines()
-    shown = "\n".join(takewhile(lambda line: not line or line.startswith("    "), after))
-    template = KINDS[command].template()
-    assert tomllib.loads(textwrap.dedent(shown)) == tomllib.loads(template)
-    lines = [line for line in template.splitlines() if line]
-    assert [line.strip() for line in shown.splitlines() if line.strip()] == lines
 
 
 def test_the_file_is_written_as_shown_and_runs(command, tmp_path, monkeypatch):

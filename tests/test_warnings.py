@@ -73,20 +73,6 @@ def test_overlapping_runs_of_two_threads_leave_the_filters_as_they_were(monkeypa
     assert [one.category for one in issued] == [RangeWarning, RangeWarning]
 
 
-def rounds(count):
-    """Decide in four threads at a time: each decision warns, once."""
-    with process() as issued:
-        with ThreadPoolExecutor(4) as pool:
-            for _ in range(count):
-                list(pool.map(lambda _: decide(), range(4)))
-        assert len(issued) == 4 * count
-        assert {one.category for one in issued} == {RangeWarning}
-
-
-def test_each_decision_of_four_threads_warns_once():
-    rounds(2)
-
-
 def test_a_warning_is_an_error_in_a_thread_if_a_user_says_so():
     with warnings.catch_warnings(), ThreadPoolExecutor(1) as pool:
         warnings.simplefilter("error", RangeWarning)

@@ -21,7 +21,7 @@ from bgmodel.fitting.trials.design import FAVOURS, design_of
 from bgmodel.learning.values.models import LAPSES, MODELS, likelihood
 from circuits.errors import DataWarning, FitWarning
 from tests.drawn import choices, drawn
-from tests.helpers import refused, told, unwarned
+from tests.helpers import refused, refusing, told, unwarned
 
 pytestmark = pytest.mark.filterwarnings("ignore:there is no column rt")
 STRENGTHS = np.array([0.05, 0.1, 0.2, 0.4])
@@ -333,29 +333,23 @@ def withheld(rt_s, **more):
     return replace(choices([0.1, -0.1], [1, 0]), withheld=0, rt_s=np.array(rt_s), **more)
 
 
-@pytest.mark.parametrize(
-    ("field", "call"),
-    [
-        ("rt", lambda: mixed(None)),
-        ("rt", lambda: mixed("b")),
-        ("rt", lambda: alone(RT_ms=500.0)),
-        ("deadline_s", lambda: bg.read_trials(table(), columns=bg.Columns(deadline_s=1.0))),
-        ("response", lambda: alone(response=lambda t: t.response.where(t.index > 5))),
-        ("deadline_s", lambda: bg.Columns(withheld="no")),
-        ("stimulus", lambda: bg.Columns(withheld="no", deadline_s=1.0, stimulus="shown")),
-        ("withheld", lambda: bg.Columns(withheld=0, deadline_s=1.0)),
-        ("rt", lambda: waiting(lambda t: t.fillna({"rt": 1.2}))),
-        ("rt", lambda: waiting(lambda t: t.assign(rt=t.rt.where(t.rt > 0.5)))),
-        ("withheld", lambda: waiting(lambda t: t[t.response == "go"])),
-        ("withheld", lambda: waiting(lambda t: t.replace({"response": {"no": "nogo"}}))),
-        ("withheld", lambda: waiting(lambda t: t.assign(rt=np.nan))),
-        ("deadline_s", lambda: withheld([0.5, np.nan])),
-        ("rt_s", lambda: withheld([0.5, 0.6], deadline_s=1.0)),
-    ],
+test_missing_times_that_are_wrong_are_refused = refusing(
+    (lambda: mixed(None), "rt"),
+    (lambda: mixed("b"), "rt"),
+    (lambda: alone(RT_ms=500.0), "rt"),
+    (lambda: bg.read_trials(table(), columns=bg.Columns(deadline_s=1.0)), "deadline_s"),
+    (lambda: alone(response=lambda t: t.response.where(t.index > 5)), "response"),
+    (lambda: bg.Columns(withheld="no"), "deadline_s"),
+    (lambda: bg.Columns(withheld="no", deadline_s=1.0, stimulus="shown"), "stimulus"),
+    (lambda: bg.Columns(withheld=0, deadline_s=1.0), "withheld"),
+    (lambda: waiting(lambda t: t.fillna({"rt": 1.2})), "rt"),
+    (lambda: waiting(lambda t: t.assign(rt=t.rt.where(t.rt > 0.5))), "rt"),
+    (lambda: waiting(lambda t: t[t.response == "go"]), "withheld"),
+    (lambda: waiting(lambda t: t.replace({"response": {"no": "nogo"}})), "withheld"),
+    (lambda: waiting(lambda t: t.assign(rt=np.nan)), "withheld"),
+    (lambda: withheld([0.5, np.nan]), "deadline_s"),
+    (lambda: withheld([0.5, 0.6], deadline_s=1.0), "rt_s"),
 )
-def test_missing_times_that_are_wrong_are_refused(field, call):
-    with refused(field):
-        call()
 
 
 def test_a_missing_column_of_times_is_doubted_and_an_empty_one_is_not():

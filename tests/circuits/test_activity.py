@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.special import logsumexp
 
@@ -102,23 +101,6 @@ def test_rates_are_drawn_a_panel_per_nucleus_and_a_line_per_channel(activity):
     assert len(drawn["STN"].lines) == 2
     assert (drawn["STN"].lines[1].get_ydata() == activity.rates_hz["STN"][1, :, 1]).all()
     assert (drawn["OUT\n(nats)"].lines[0].get_ydata() == activity.output_nats[1, :, 0]).all()
-    plt.close(figure)
-
-
-def test_spikes_are_rasters_beside_the_rates_and_the_first_crossing_is_marked(activity):
-    rows = pd.DataFrame({"trial": [0, 1], "channel": 0, "neuron": 0, "time_ms": [5.0, 9.0]})
-    spiking = replace(activity, spikes={"STN": rows})
-    threshold = float(activity.output_nats[1, 10].min())
-    figure = spiking.plot(1, threshold=threshold)
-    assert len(figure.axes) == 2 * (len(activity.circuit.populations) + 1)
-    (raster,) = [ax for ax in figure.axes if ax.get_ylabel() == "STN"]
-    assert raster.lines[0].get_xdata().tolist() == [9.0]
-    at = activity.time_ms[(activity.output_nats[1] <= threshold).any(axis=1)]
-    first = at[at > 0][0]
-    (legend,) = figure.legends
-    labels = [text.get_text() for text in legend.get_texts()]
-    assert f"First crossing, {first:.0f} ms" in labels
-    assert list(raster.lines[-1].get_xdata()) == [first, first]
     plt.close(figure)
 
 

@@ -8,7 +8,6 @@ import pytest
 from circuits import anatomy
 from circuits.anatomy import CIRCUITS
 from circuits.anatomy import load_circuit as named
-from circuits.declaration.table_writer import digest
 from circuits.dynamics.fixed_point import rest_rates, wired
 from circuits.dynamics.wiring import wire
 from circuits.errors import EditWarning
@@ -30,16 +29,6 @@ def test_an_edit_returns_a_new_circuit_and_leaves_the_old(circuit, edit):
     assert edited != circuit
     assert repr(circuit) == before
     assert circuit.edited(edit) == edited
-
-
-def test_a_circuit_is_one_line_that_tells_two_apart():
-    one = anatomy.spiking_msprt()
-    line = repr(one)
-    assert line.startswith("Circuit(spiking_msprt: 2 channels in nats, 7 populations, 10 pathways")
-    assert f"1800 cells per channel, sha256 {digest(one)[:8]})" in line
-    assert len(line) < 150
-    assert repr(one.lesion("STN", 0.1)) != line
-    assert "0 cells per channel" in repr(anatomy.bogacz_gurney())
 
 
 def test_edits_that_change_nothing_return_the_circuit(circuit):

@@ -122,14 +122,6 @@ def test_of_processes_at_once_one_compiles(installed, tmp_path):
     assert len(lines) == len(set(lines))
 
 
-def test_a_folder_that_the_user_sets_is_used(installed, tmp_path):
-    place, start = installed
-    start(NUMBA_CACHE_DIR="own", XDG_CACHE_HOME=str(tmp_path / "cache")).communicate()
-    assert compiled_files(tmp_path / "own")
-    assert compiled_files(place) == []
-    assert not (tmp_path / "cache").exists()
-
-
 @pytest.mark.parametrize(
     "setting",
     [

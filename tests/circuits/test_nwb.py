@@ -10,7 +10,6 @@ from circuits import anatomy
 from circuits.engines import run
 from circuits.nwb import write_nwb
 from tests.circuits.helpers import run_plain
-from tests.helpers import refused
 
 pynwb = pytest.importorskip("pynwb")
 CIRCUIT = anatomy.spiking_msprt().with_neurons(6)
@@ -69,35 +68,6 @@ def test_chosen_trials_read_back_as_the_activity(parts, tmp_path):
             assert (series.starting_time, series.rate) == (pytest.approx(0.002), pytest.approx(500))
         assert json.loads(read.notes)["seed"] == 1
         assert (read.subject.sex, read.subject.age) == ("U", "P0D/")
-
-
-@pytest.mark.parametrize(
-    ("options", "field"),
-    [
-        ({"trials": [3]}, "trials"),
-        ({"trials": [-1]}, "trials"),
-        ({"trials": []}, "trials"),
-        ({"table": pd.DataFrame({"rt": [0.1]})}, "table"),
-    ],
-)
-def test_trials_that_are_not_there_are_refused(options, field, parts, tmp_path):
-    with refused(field):
-        write_nwb(parts, tmp_path / "b.nwb", **options)
-    assert not list(tmp_path.iterdir())
-
-
-def test_the_inspector_finds_no_fault_but_what_a_simulation_lacks(parts, tmp_path):
-    """Nobody did the experiment, and a column of two channels might hold a truth value."""
-    inspector = pytest.importorskip("nwbinspector")
-    write_nwb(parts, tmp_path / "a.nwb", table=pd.DataFrame({"rt": [0.1, 0.2, 0.3]}))
-    messages = [
-        message
-        for config in (None, inspector.load_config("dandi"))
-        for message in inspector.inspect_nwbfile(nwbfile_path=tmp_path / "a.nwb", config=config)
-    ]
-    assert {message.check_function_name for message in messages} <= {
-        *("check_experimenter_exists", "check_institution", "check_column_binary_capability")
-    }
 
 
 def test_out_of_saliences_is_no_nats_in_a_file_of_trials(tmp_path):

@@ -1,18 +1,15 @@
 """Drawings of a circuit, and the parts that plots share."""
 
-import sys
 from itertools import combinations
 
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
 
 from circuits import anatomy, drawing, plots
 from circuits.declaration.rows import Population, Projection
-from tests.helpers import refused
 
 MACAQUE = anatomy.macaque()
 NAMES = ("macaque", "spiking_msprt", "appendix_b", "humphries", "stewart")
@@ -54,15 +51,6 @@ def test_no_pathway_passes_through_a_nucleus_or_another_pathway(name):
         assert apart > 0.09, (a, b)
 
 
-def test_nuclei_lie_as_in_textbooks():
-    """Cortex is drawn above striatum, GPe next to STN, SNr below, others at free places."""
-    placed = drawing.boxes(MACAQUE.edited("add TRN like=STN", "add TRN->GPe weight=0.1"))
-    y = {name: box.y for name, box in placed.items()}
-    assert y["ctx"] > y["D1"] == y["D2"] > y["GPe"] == y["STN"] > y["SNr"]
-    assert placed["D1"].x < placed["D2"].x < placed["STN"].x
-    assert len({(box.x, box.y) for box in placed.values()}) == len(placed)
-
-
 def test_a_row_for_a_second_receptor_shares_the_box_of_its_nucleus():
     texts, arrows, _ = drawn(anatomy.load_circuit("humphries"))
     assert "ctx + ctx_NMDA" in texts
@@ -79,27 +67,6 @@ def test_lesions_and_edits_are_marked():
     assert {"Edited or new", "Partial lesion", "Clamped or silenced"} <= legend
     _, _, ax = drawn(MACAQUE)
     assert not ax.lines
-
-
-def test_a_circuit_plots_itself_on_a_new_figure_or_on_given_axes():
-    figure = MACAQUE.plot()
-    (ax,) = figure.axes
-    assert isinstance(figure, Figure)
-    assert MACAQUE.lesion("STN", 0.5).plot(ax) is figure
-    plt.close(figure)
-    with refused("ax"):
-        MACAQUE.plot(Figure().subplots(2))
-
-
-def test_channels_differ_in_colour_or_line():
-    looks = {tuple(plots.look(k).values()) for k in range(12)}
-    assert len(looks) == 12
-
-
-def test_without_matplotlib_a_plot_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
-    with pytest.raises(ImportError, match="a plot needs Matplotlib: pip install matplotlib"):
-        MACAQUE.plot()
 
 
 def test_a_backend_that_turns_interactive_with_its_first_figure_stays_so():

@@ -1,7 +1,6 @@
 """A circuit on one page."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,18 +25,6 @@ def test_the_page_holds_every_row_with_its_source(name):
     assert max(len(line) for line in page.splitlines()) <= 240
 
 
-def test_edits_show_on_the_page_and_nothing_else_does():
-    page = show.text(anatomy.spiking_msprt().clamp("GPe", 0.5).with_heterogeneity(0.1))
-    assert "0.5, clamped" in page
-    assert "heterogeneity" in page
-    assert "1 0.9" in show.text(anatomy.spiking_msprt().scale("ctx->D1", 0.9, channel=1))
-    assert "0.75 1" in show.text(anatomy.spiking_msprt().lesion("GPe", 0.25, channel=0))
-    for idle in ("by_channel", "probability", "heterogeneity"):
-        assert idle not in show.text(anatomy.spiking_msprt())
-    assert "probability" in show.text(anatomy.spiking_msprt().with_connections(0.25))
-    assert "intact" not in show.text(anatomy.spiking_msprt())
-
-
 def test_the_page_says_whether_a_circuit_is_in_the_family_and_what_fails():
     circuit = anatomy.macaque(3)
     assert "in the family of OUT = -ln P: Sigma0 2.6, loop gain 0.72" in show.text(circuit)
@@ -45,29 +32,6 @@ def test_the_page_says_whether_a_circuit_is_in_the_family_and_what_fails():
     assert "not in the family of OUT = -ln P:\n  direct: " in page
     assert "off by +0.12" in page  # a tenth of 1 + 0.1 * 0.55 + 0.15, rounded
     assert "family" not in show.text(anatomy.gpr())  # not in nats
-
-
-def test_a_row_without_a_source_is_assumed():
-    edited = anatomy.spiking_msprt().edited("add D1->GPe weight=-0.1", "add D1 amount=0.1 to_ms=9")
-    assert show.pathways(edited)["source"].iloc[-1] == "assumed"
-    assert show.courses(edited)["source"].tolist() == ["assumed"]
-
-
-def test_a_page_of_saliences_calls_nothing_nats():
-    page = show.text(anatomy.gpr())
-    assert "in salience, not nats: no posterior follows from OUT" in page
-    assert "gain_hz_per_salience" in page
-    assert "bias_salience" in page
-    assert page.count("nats") == 1
-
-
-def test_the_notebook_shows_both_tables_and_escapes_their_words():
-    circuit = replace(anatomy.spiking_msprt(), about="a < b & c")
-    page = circuit._repr_html_()
-    assert page.count("<table") == 2
-    assert "D1 -&gt; SNr" in page
-    assert "a &lt; b &amp; c" in page
-    assert "D1 -> SNr" not in page
 
 
 @pytest.mark.parametrize("channels", range(2, 9))
@@ -82,7 +46,3 @@ def test_the_macaque_names_the_nuclei_that_rest_outside_the_published_range(chan
     page = show.text(anatomy.macaque(channels))
     (line,) = (line for line in page.splitlines() if "outside the published range" in line)
     assert dict(re.findall(r"(\w+) [\d.]+ \(([\d.]+ to [\d.]+)\)", line)) == outside
-
-
-def test_a_table_without_published_rates_has_no_line_on_them():
-    assert "published" not in show.text(anatomy.spiking_msprt(2))

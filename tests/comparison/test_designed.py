@@ -218,19 +218,3 @@ def test_a_theory_is_followed_within_60_ms_and_told_apart_beyond_100():
     legend = text(designed(Msprt(), OWN[MSPRT]))
     assert f"{FOLLOWS}: all intervals within 60 ms; {APART}: at each OUT an interval" in legend
     assert "beyond 100 ms" in legend
-
-
-@pytest.mark.parametrize("thresholds", [0.2, "0.2", [], [[0.2]], ["a"], None])
-def test_thresholds_are_a_list_of_numbers(thresholds):
-    for call in (
-        lambda: designed(Msprt(), thresholds),
-        lambda: designed_circuit(exact("appendix_b"), thresholds),
-    ):
-        with refused("thresholds must be"):
-            call()
-
-
-@pytest.mark.parametrize("observed", ["appendix_b", Msprt, None])
-def test_what_decides_is_an_integrator(observed):
-    with refused("observed"):
-        designed(observed, [0.2])

@@ -110,17 +110,6 @@ def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms, sh
             assert np.array_equal(getattr(one, field), getattr(dropped[name], field)), (name, field)
 
 
-def test_a_page_has_the_main_measures_and_explains_what_is_unknown(table):
-    shown = page(table)
-    assert re.search("same choice +by chance +r of times +later, ms", shown)
-    assert max(map(len, shown.splitlines())) <= 100
-    late = table.assign(value=table["value"].where(table["measure"] != "extra_ms"))
-    assert "later, ms unknown: an accuracy is reached within 0.01 but not exceeded" in page(late)
-    assert "unknown" not in page(table.assign(value=table["value"].fillna(1), low=0, high=1))
-    loose = table.assign(low=table["low"].where(table["measure"] != "extra_ms"))
-    assert "[unknown]: more than 5 % of the bootstrap's resamples" in page(loose)
-
-
 QUICK = BasalGanglia(TABLE, "population", GAIN, SEED)
 LONG = separated_evidence(
     200, 60, 1 / np.sqrt(2), rng=stream(SEED, "refused"), hypotheses=4, step_ms=50.0

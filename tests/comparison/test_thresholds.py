@@ -1,14 +1,16 @@
-"""Thresholds of comparisons are placed by accuracy, and what cannot be compared has a reason."""
+"""Thresholds of comparisons are placed by accuracy, and the gain of a circuit by its speed."""
 
 import re
 import warnings
 
+import numpy as np
 import pytest
 
 from bgmodel import BasalGanglia, compare, gaussian_evidence
 from bgmodel.comparison.page import NOT_REACHED, verdicts
+from bgmodel.comparison.thresholds import GAINS, fastest_gain
 from circuits.anatomy import load_circuit
-from circuits.errors import DeadlineWarning, RangeWarning
+from circuits.errors import DeadlineWarning, InputError, RangeWarning
 from tests.comparison.deadlines import Task, changed, compared
 
 
@@ -60,3 +62,24 @@ def test_without_reason_nothing_is_said():
     comparison, warned = said_of(RATES, evidence, (0.8, 0.9, 0.95, 0.97))
     assert not warned
     assert NOT_REACHED not in verdicts(comparison.table)
+
+
+EVIDENCE = gaussian_evidence(200, d_prime=0.5, t_max=100, seed=1)
+
+
+def test_a_circuit_in_nats_keeps_its_gain_and_another_gets_the_fastest():
+    model, _ = fastest_gain(load_circuit("spiking_msprt"), "rate", EVIDENCE, 1)
+    assert model.gain == model.circuit.default_gain
+    assert fastest_gain(load_circuit("bogacz_gurney"), "rate", EVIDENCE, 1)[0].gain == 1
+    model, decided = fastest_gain(load_circuit("gpr"), "rate", EVIDENCE, 1)
+    assert model.gain in GAINS
+    slow, slower = fastest_gain(load_circuit("gpr"), "rate", EVIDENCE, 1, gain=0.05)
+    assert slow.gain == 0.05
+    at = [np.interp(0.9, np.sort(one.posterior.mean(axis=1)), np.sort(one.time_ms.mean(axis=1)))
+          for one in (decided, slower)]  # fmt: skip
+    assert at[0] <= at[1]
+
+
+def test_a_circuit_that_rests_below_its_thresholds_is_refused():
+    with pytest.raises(InputError):
+        fastest_gain(load_circuit("linear_gpe"), "rate", EVIDENCE, 1)

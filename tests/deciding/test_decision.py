@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.deciding.decision import any_crossing, crossing_of_each
 from bgmodel.deciding.reward import tally
-from tests.helpers import refused, some_evidence
+from tests.helpers import refused, refusing, some_evidence
 
 
 def plain_crossing(out, thresholds, first):
@@ -155,27 +155,21 @@ def test_a_prior_beyond_its_threshold_is_a_premature_response():
 TRACE = Msprt().run(some_evidence())
 
 
-@pytest.mark.parametrize(
-    ("call", "says"),
-    [
-        (lambda: first_crossing(TRACE, np.nan), "thresholds finite"),
-        (lambda: first_crossing(TRACE, np.ones((2, 2))), r"thresholds \(K, 3\)"),
-        (lambda: first_crossing(TRACE, []), r"thresholds \(K, 3\)"),
-        (lambda: first_crossing(TRACE, np.ones((1, 1, 3))), r"thresholds \(K, 3\)"),
-        (lambda: crossing_of_each(TRACE, [0.3]), "thresholds 300 finite nats"),
-        (lambda: crossing_of_each(TRACE, [np.inf] * 300), "thresholds 300 finite"),
-        (lambda: tally(TRACE, np.zeros(300, int), 0.3), r"thresholds \(K,\)"),
-        (lambda: tally(TRACE, None, [0.3]), "truth needs the truth"),
-        (lambda: tally(TRACE, np.zeros(3, int), [0.3]), "truth must"),
-        (lambda: tally(TRACE, np.full(300, 3), [0.3]), "truth must"),
-        (lambda: tally(TRACE, np.full(300, -1), [0.3]), "truth must"),
-        (lambda: tally(TRACE, np.zeros(300), [0.3]), "truth must"),
-        (lambda: tally(TRACE, ["a"] * 300, [0.3]), "truth must"),
-    ],
+test_thresholds_without_sense_are_refused = refusing(
+    (lambda: first_crossing(TRACE, np.nan), "thresholds finite"),
+    (lambda: first_crossing(TRACE, np.ones((2, 2))), r"thresholds \(K, 3\)"),
+    (lambda: first_crossing(TRACE, []), r"thresholds \(K, 3\)"),
+    (lambda: first_crossing(TRACE, np.ones((1, 1, 3))), r"thresholds \(K, 3\)"),
+    (lambda: crossing_of_each(TRACE, [0.3]), "thresholds 300 finite nats"),
+    (lambda: crossing_of_each(TRACE, [np.inf] * 300), "thresholds 300 finite"),
+    (lambda: tally(TRACE, np.zeros(300, int), 0.3), r"thresholds \(K,\)"),
+    (lambda: tally(TRACE, None, [0.3]), "truth needs the truth"),
+    (lambda: tally(TRACE, np.zeros(3, int), [0.3]), "truth must"),
+    (lambda: tally(TRACE, np.full(300, 3), [0.3]), "truth must"),
+    (lambda: tally(TRACE, np.full(300, -1), [0.3]), "truth must"),
+    (lambda: tally(TRACE, np.zeros(300), [0.3]), "truth must"),
+    (lambda: tally(TRACE, ["a"] * 300, [0.3]), "truth must"),
 )
-def test_thresholds_without_sense_are_refused(call, says):
-    with refused(says):
-        call()
 
 
 @pytest.mark.parametrize("shape", [(2, 3), (0, 3, 2), (2, 0, 2), (2, 3, 0)])

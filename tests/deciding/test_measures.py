@@ -6,13 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bgmodel import stream
-from bgmodel.deciding.measures import (
-    DIFFUSION_S,
-    OF_DIFFUSION,
-    ez_diffusion,
-    mean,
-    median,
-)
+from bgmodel.deciding.measures import DIFFUSION_S, OF_DIFFUSION, ez_diffusion, mean, median
 from tests.helpers import behaving
 
 

@@ -8,14 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bgmodel as bg
-from bgmodel import (
-    BasalGanglia,
-    Evidence,
-    Msprt,
-    Sprt,
-    first_crossing,
-    threshold_from_posterior,
-)
+from bgmodel import BasalGanglia, Evidence, Msprt, Sprt, first_crossing, threshold_from_posterior
 from bgmodel.deciding.decision import crossing_of_each
 from bgmodel.deciding.readout import ReadOut, check_early_and_late
 from bgmodel.deciding.reward import tally
@@ -201,18 +194,6 @@ def test_of_many_thresholds_each_kind_is_warned_of_once_and_all_are_refused(leve
     warned = told(lambda: known.check(levels))
     counts = [f"{sum(kind)} of {len(levels)} thresholds" for kind in wrong if any(kind)]
     assert [one.partition(" are unusable")[0] for one in warned] == counts
-
-
-def test_a_grid_is_warned_of_once_with_the_number_of_its_thresholds():
-    trace = Msprt(0.5).run(EVIDENCE)
-    grid = np.linspace(0, 1, 21)[:-1]
-    warned = told(lambda: first_crossing(trace, grid))
-    assert len(warned) == 2
-    decided = first_crossing(trace, grid, checked=False)
-    for one, each in zip(warned, (decided.premature, decided.forced), strict=True):
-        assert one.startswith(f"at {(each.mean(axis=1) > 0.5).sum()} of 20 thresholds most trials")
-    assert told(lambda: tally(trace, EVIDENCE.truth, grid)) == warned
-    assert not told(lambda: first_crossing(trace, grid, checked=False))
 
 
 def test_a_response_that_is_left_out_by_its_own_threshold_is_no_error():

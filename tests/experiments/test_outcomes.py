@@ -65,41 +65,6 @@ def test_the_threshold_alone_moves_what_it_must(by_threshold):
     assert "EZ-diffusion" not in page(experiment, few)
 
 
-def test_a_page_says_why_a_diffusion_is_withheld(by_threshold):
-    experiment, table = by_threshold
-    assert "withheld" not in page(experiment, table)
-    cut = (table["condition"] == "manipulation") & (table["measure"] == "missed")
-    shown = page(experiment, table.assign(value=table["value"].mask(cut, 0.04)))
-    assert (
-        "non_decision_ms of the manipulation are withheld: the deadline cuts off 4.0% of" in shown
-    )
-    assert "of the control are withheld" not in shown
-    biased = (table["condition"] == "control") & (table["measure"] == "non_decision_ms")
-    shown = page(experiment, table.assign(value=table["value"].mask(biased)))
-    assert "of the control are withheld: no diffusion that starts half-way" in shown
-
-
-@pytest.mark.parametrize(
-    ("channels", "measure", "told"),
-    [(2, "mean_ms", True), (2, B, True), (4, "mean_ms", False), (4, B, True)],
-)
-def test_a_page_names_a_withheld_diffusion_of_two_alternatives_or_one_that_was_predicted(
-    channels, measure, told
-):
-    experiment = replace(shipped()["stn_no_conflict"], effects=())
-    experiment = replace(
-        experiment,
-        predictions=(Expected(measure, "down", 20.0),),
-        task=replace(experiment.task, channels=channels),
-    )
-    values = dict.fromkeys(MEASURES, 0.0) | {"non_decision_ms": np.nan, "decided": 100.0}
-    rows = [(c, m, v, v, v) for c in ("control", "change") for m, v in values.items()]
-    rows += [("manipulation", m, v, v, v) for m, v in (values | {"non_decision_ms": 9}).items()]
-    table = table_of(rows)
-    assert ("of the control are withheld" in page(experiment, table)) == told
-    assert "of the manipulation are withheld" not in page(experiment, table)
-
-
 def table_of(rows):
     """Return measures as a table, each of 100 trials."""
     columns = ["condition", "measure", "value", "low", "high"]
@@ -413,14 +378,3 @@ def test_a_circuit_that_chooses_against_the_evidence_gets_no_verdict():
     control = replace(experiment, control=WITHOUT_DOPAMINE, manipulation=Changes())
     with pytest.raises(ValueError, match="the control's choices go against the evidence"):
         control.run()
-
-
-@pytest.mark.parametrize(("edit", "shift"), [("lesion STN 20%", 0.223), ("lesion GPe 5%", None)])
-def test_a_page_gives_the_criterion_to_which_a_loss_amounts(by_threshold, edit, shift):
-    experiment, table = by_threshold
-    lesioned = replace(experiment, manipulation=Changes(edits=Edits([edit])))
-    text = page(lesioned, table)
-    assert (f"the manipulation acts as a criterion lower by {shift} nats" in text) == bool(shift)
-    # With the same loss in the control there is no change.
-    both = replace(lesioned, control=Changes(edits=Edits([edit])), name="both")
-    assert "acts as a criterion" not in page(both, table)

@@ -1,14 +1,10 @@
 """The explorer in a notebook, ``bg.explore``."""
 
-import subprocess
-import sys
-
 import pytest
 
 import bgmodel as bg
 from bgmodel.explorer import notebook
 from bgmodel.explorer.notebook import state_of
-from tests.helpers import refused
 
 
 def test_a_circuit_made_in_python_is_written_to_a_file_that_reads_back(tmp_path, monkeypatch):
@@ -30,21 +26,9 @@ def test_an_experiment_a_name_and_nothing_are_opened():
     assert state_of("").experiment.circuit == "macaque"
 
 
-@pytest.mark.parametrize("value", [3, None, ["macaque"]])
-def test_anything_else_is_refused(value):
-    with refused("what"):
-        state_of(value)
-
-
 @pytest.mark.filterwarnings("ignore")
 def test_a_notebook_gets_a_layout_with_its_state():
     pytest.importorskip("panel", reason="the explorer needs Panel: pip install '.[explore]'")
     layout = bg.explore("bogacz_gurney")
     assert layout.explorer.state.experiment.circuit == "bogacz_gurney"
     layout.explorer.runs.stop(wait=True)
-
-
-def test_without_panel_one_sentence_says_what_to_install():
-    code = "import sys; sys.modules['panel'] = None; import bgmodel as bg; bg.explore()"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.stderr.strip().splitlines()[-1].startswith("ImportError: the explorer needs Panel")

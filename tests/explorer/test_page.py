@@ -6,9 +6,9 @@ import pytest
 
 pytest.importorskip("panel", reason="the explorer needs Panel: pip install '.[explore]'")
 
-from bgmodel.explorer.controls import CHOOSE, NUMBERS
-from bgmodel.explorer.page import FILES, Explorer
-from bgmodel.explorer.panels import CIRCUIT, TITLES
+from bgmodel.explorer.controls import NUMBERS
+from bgmodel.explorer.page import Explorer
+from bgmodel.explorer.panels import TITLES
 from bgmodel.explorer.runs import RANKING
 from bgmodel.explorer.state import State
 from tests.explorer.helpers import FEW, small
@@ -75,30 +75,6 @@ def test_every_widget_changes_the_state_and_follows_it(explorer, widgets, monkey
     assert explorer.state == explorer.history.first
 
 
-def test_an_edit_is_typed_and_removed_by_a_button(explorer, widgets):
-    widgets["line"].value = "lesion STN 10%"
-    assert explorer.state.edits == ("lesion STN 10%",)
-    assert (widgets["line"].value, widgets["lesion"].value) == ("", 10)
-    explorer.controls.edits[0].clicks += 1
-    assert explorer.state.edits == ()
-
-
-def test_circuits_and_experiments_are_opened(explorer, widgets):
-    widgets["preset"].value = "gpe_lesion"
-    assert explorer.state.experiment.name != "Explored"
-    assert widgets["preset"].value == CHOOSE
-    widgets["file"].value = explorer.history.first.link()
-    assert explorer.state == explorer.history.first
-
-
-def test_a_click_in_the_drawing_chooses_its_row(explorer):
-    drawing, row = explorer.views[CIRCUIT].figure, explorer.controls.row
-    for name in ("GPe->STN", "figure_1"):
-        drawing.chosen = name
-        drawing.clicks += 1
-        assert row.value == "GPe->STN"
-
-
 def test_a_refusal_is_text_below_its_field_which_keeps_what_was_typed(explorer, widgets):
     before = explorer.state
 
@@ -149,12 +125,3 @@ def test_an_emptied_number_is_no_traceback(explorer, widgets, name):
     widgets["line"].value = "lesion STN 10%"
     widgets[name].value = None
     assert explorer.state.edits == (() if name == "lesion" else ("lesion STN 10%",))
-
-
-def test_files_are_those_of_the_state(explorer, widgets):
-    widgets["line"].value = "lesion STN 5%"
-    texts = {name: explorer.file(name).read().decode() for name in FILES}
-    rows = texts["trials.csv"].splitlines()
-    assert len(rows) == 1 + 2 * explorer.state.experiment.trials
-    assert "condition" in rows[0]
-    assert "intact" in texts["circuit.toml"]

@@ -9,9 +9,8 @@ import pytest
 
 pytest.importorskip("panel", reason="the explorer needs Panel: pip install '.[explore]'")
 
-from bgmodel.explorer.server import HOST, Served, free_port
+from bgmodel.explorer.server import HOST, Served
 from tests.explorer.helpers import small
-from tests.helpers import refused
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 
@@ -107,25 +106,9 @@ def test_other_files_are_not_served(served, path):
     assert "root:" not in text
 
 
-def test_a_link_that_is_refused_leaves_the_first_state(served):
-    status, _, _ = answer(served, f"/?{urlsplit(served.address).query}&state=abc")
-    assert status == 200
-    explorer = served.explorers[-1]
-    assert "the link is incomplete" in explorer.refusal.object
-    assert explorer.state == explorer.history.first
-
-
 def test_it_listens_to_this_machine_alone(served):
     with socket.socket() as probe:
         other = socket.gethostbyname(socket.gethostname())
         if other.startswith("127."):
             pytest.skip("this machine has no other address")
         assert probe.connect_ex((other, served.port)) != 0
-
-
-def test_a_port_in_use_is_refused_in_one_sentence(served, refusal):
-    with refused("port"):
-        free_port(served.port)
-    message = refusal("explore", "--port", served.port, "--no-browser")
-    assert len(message.splitlines()) == 1
-    assert f"port {served.port} is in use" in message

@@ -11,7 +11,7 @@ import pytest
 import figures
 from figures import __main__ as runner
 from figures import common, pieces, rooms
-from figures.rooms import METADATA, Room, read_metadata, table_path, write
+from figures.rooms import METADATA, Room, read_metadata, write
 from tests.helpers import ROOT, refused
 
 TEMPLATE = ROOT / "tests" / "figures" / "template"
@@ -100,24 +100,3 @@ def test_a_table_without_metadata_is_refused_and_nothing_is_overwritten(new):
     with refused("tables"):
         run(new, "measure")
     assert (place.read_text(), path.read_text()) == kept
-
-
-def test_a_page_that_names_a_number_that_no_table_has_is_left_as_it_was(new, tmp_path):
-    run(new, "measure", "page")
-    page = tmp_path / "results" / "new_room.md"
-    before = page.read_text()
-    new.page.write_text('{{ rows("answer_numbers")[0].other }}')
-    with pytest.raises(ValueError, match=r"^page.md.j2 uses values"):
-        run(new, "page")
-    new.page.write_text('{{ rows("none") }}')
-    with refused("table"):
-        run(new, "page")
-    assert page.read_text() == before
-
-
-def test_a_table_is_in_one_room(tmp_path):
-    for room in ("a", "b"):
-        write(pd.DataFrame({"x": [1]}), tmp_path / room / "tables" / "t.csv")
-    for name in ("t", "none"):
-        with refused("table"):
-            table_path(name, tmp_path)

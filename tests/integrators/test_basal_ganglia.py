@@ -20,12 +20,7 @@ from bgmodel.tables.named import NamedEvidence, trial_table
 from circuits import anatomy
 from circuits.anatomy import load_circuit, macaque
 from circuits.engines import Algebra, Ensemble, Population, Rate, engine_of
-from circuits.errors import (
-    CalibrationWarning,
-    EditWarning,
-    NoiseWarning,
-    RangeWarning,
-)
+from circuits.errors import CalibrationWarning, EditWarning, NoiseWarning, RangeWarning
 from tests.helpers import refused, unwarned
 
 SEED, GAIN = 51, 0.5

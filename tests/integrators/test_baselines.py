@@ -1,16 +1,13 @@
 """The baselines: closed forms, limits, and the decision times that Bogacz & Gurney print."""
 
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import logsumexp
 
 from bgmodel import Msprt, Sprt, first_crossing, stream
-from bgmodel.cli import main
 from bgmodel.deciding.tradeoff import curve, tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.baselines import (
@@ -22,7 +19,6 @@ from bgmodel.integrators.baselines import (
     Race,
     baselines_on,
 )
-from bgmodel.integrators.sprt import at_readings
 from bgmodel.simulated_evidence import separated_evidence
 from tests.helpers import refused
 
@@ -56,28 +52,6 @@ def test_a_baseline_says_whether_what_all_hypotheses_share_counts(name):
     shifted = replace(evidence, log_likelihood=evidence.log_likelihood + 0.1)
     choices = [first_crossing(BASELINES[name]().run(e), -1.0).time_ms for e in (evidence, shifted)]
     assert BASELINES[name].needs_zero != np.array_equal(*choices)
-
-
-@dataclass(frozen=True)
-class Last:
-    """Only the last reading counts."""
-
-    needs_zero: ClassVar[bool] = True
-
-    def run(self, evidence):
-        out = -np.asarray(evidence.log_likelihood, dtype=float)
-        return at_readings(np.concatenate([np.zeros_like(out[:, :1]), out], axis=1), evidence)
-
-
-def test_a_baseline_is_a_class_and_a_line_of_registration(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(BASELINES, "last", Last)
-    options = ["--task", "trials=100", "t_max=20", "--engine", "algebra"]
-    assert main(["compare", "--save", str(tmp_path / "a.csv"), *options]) == 0
-    assert "last" in set(pd.read_csv(tmp_path / "a.csv", comment="#")["model"])
-    options += ["--task", "same-different"]
-    assert main(["compare", "--save", str(tmp_path / "b.csv"), *options]) == 0
-    assert "race and LCA and last are left out" in capsys.readouterr().err
-    assert "last" not in set(pd.read_csv(tmp_path / "b.csv", comment="#")["model"])
 
 
 def test_of_two_alternatives_baselines_that_compare_decide_as_the_sprt():

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import bgmodel as bg
 from circuits.errors import DeadlineWarning, RangeWarning
-from tests.helpers import refused
+from tests.helpers import refused, refusing
 
 CIRCUIT = bg.load_circuit("macaque", 2)
 SMALL = bg.load_circuit("spiking_msprt", 2).with_neurons(40)
@@ -120,26 +120,20 @@ def test_the_deadline_forces_what_the_readings_favour_or_leaves_it_undecided():
         assert session.finish().forced[0] == forced
 
 
-@pytest.mark.parametrize(
-    ("call", "says"),
-    [
-        (lambda: bg.Msprt().session(2), "posterior neither"),
-        (lambda: bg.Msprt().session(1, posterior=0.9), "hypotheses"),
-        (lambda: bg.Msprt().session(2, posterior=0.4), "posterior chance"),
-        (lambda: bg.Msprt().session(2, posterior=0.9).add([1.0]), "reading 2 finite"),
-        (lambda: bg.Msprt().session(2, posterior=0.9).add([1.0, np.nan]), "reading finite"),
-        (lambda: bg.Msprt().session(2, posterior=0.9).add("ab"), "reading"),
-        (lambda: bg.Msprt().session(2, posterior=0.9).finish(), "reading"),
-        (lambda: bg.Msprt().session(2, posterior=0.9, t_max=0), "t_max"),
-        (lambda: bg.Msprt().session(2, posterior=0.9, step_ms=-1), "step_ms"),
-        (lambda: bg.Msprt().session(2, posterior=0.9, prior=[0.9, 0.3]), "prior"),
-        (lambda: bg.BasalGanglia(CIRCUIT).session(posterior=0.82), "baseline"),
-        (lambda: bg.BasalGanglia(CIRCUIT, "algebra").session(posterior=0.82, baseline=0), "engine"),
-    ],
+test_bad_input_gets_one_clear_sentence = refusing(
+    (lambda: bg.Msprt().session(2), "posterior neither"),
+    (lambda: bg.Msprt().session(1, posterior=0.9), "hypotheses"),
+    (lambda: bg.Msprt().session(2, posterior=0.4), "posterior chance"),
+    (lambda: bg.Msprt().session(2, posterior=0.9).add([1.0]), "reading 2 finite"),
+    (lambda: bg.Msprt().session(2, posterior=0.9).add([1.0, np.nan]), "reading finite"),
+    (lambda: bg.Msprt().session(2, posterior=0.9).add("ab"), "reading"),
+    (lambda: bg.Msprt().session(2, posterior=0.9).finish(), "reading"),
+    (lambda: bg.Msprt().session(2, posterior=0.9, t_max=0), "t_max"),
+    (lambda: bg.Msprt().session(2, posterior=0.9, step_ms=-1), "step_ms"),
+    (lambda: bg.Msprt().session(2, posterior=0.9, prior=[0.9, 0.3]), "prior"),
+    (lambda: bg.BasalGanglia(CIRCUIT).session(posterior=0.82), "baseline"),
+    (lambda: bg.BasalGanglia(CIRCUIT, "algebra").session(posterior=0.82, baseline=0), "engine"),
 )
-def test_bad_input_gets_one_clear_sentence(call, says):
-    with refused(says):
-        call()
 
 
 @pytest.mark.filterwarnings("ignore::circuits.errors.DeadlineWarning")

@@ -22,7 +22,7 @@ from bgmodel.simulated_evidence import separated_evidence
 from circuits.anatomy import load_circuit
 from circuits.engines import Rate
 from circuits.errors import NoiseWarning
-from tests.helpers import refused
+from tests.helpers import refused, refusing
 from tests.levels import GAIN, LEVELS, MODEL, SEED
 
 
@@ -108,21 +108,15 @@ def test_a_learner_plays_what_evidence_decides_and_less_of_it_with_noise():
 CIRCUIT = MODEL.circuit
 
 
-@pytest.mark.parametrize(
-    ("call", "says"),
-    [
-        (lambda: working_range(CIRCUIT, 3.0), "threshold_nats spiking_msprt, 0.0539 to 0.65 nats"),
-        (lambda: working_range(CIRCUIT, 0.0), "threshold_nats must be within .* got 0"),
-        (lambda: stopping_posterior(CIRCUIT, 1.9, 0.3, 0.5), r"level 0.8. to 1.7., got 1.9"),
-        (lambda: decide_at_levels(MODEL, None, [], 0.3), "levels one or more numbers"),
-        (lambda: decide_at_levels(MODEL, None, [1.0, 1.0], 0.3), "levels each once"),
-        (lambda: decide_at_levels(MODEL, None, [1.0, -0.5], 0.3), r"levels must be within 0..2"),
-        (lambda: CIRCUIT.scale("ctx->D1", 1.2, channel=0).dopamine(1.1), "dopamine ctx->D1"),
-    ],
+test_levels_and_thresholds_that_cannot_be_are_refused = refusing(
+    (lambda: working_range(CIRCUIT, 3.0), "threshold_nats spiking_msprt, 0.0539 to 0.65 nats"),
+    (lambda: working_range(CIRCUIT, 0.0), "threshold_nats must be within .* got 0"),
+    (lambda: stopping_posterior(CIRCUIT, 1.9, 0.3, 0.5), r"level 0.8. to 1.7., got 1.9"),
+    (lambda: decide_at_levels(MODEL, None, [], 0.3), "levels one or more numbers"),
+    (lambda: decide_at_levels(MODEL, None, [1.0, 1.0], 0.3), "levels each once"),
+    (lambda: decide_at_levels(MODEL, None, [1.0, -0.5], 0.3), r"levels must be within 0..2"),
+    (lambda: CIRCUIT.scale("ctx->D1", 1.2, channel=0).dopamine(1.1), "dopamine ctx->D1"),
 )
-def test_levels_and_thresholds_that_cannot_be_are_refused(call, says):
-    with refused(says):
-        call()
 
 
 def test_a_sweep_of_levels_is_the_circuit_at_each_level(swept, level_evidence):

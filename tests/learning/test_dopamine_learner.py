@@ -36,7 +36,7 @@ from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Rate
 from circuits.errors import DeadlineWarning, LearningWarning, quiet
-from tests.helpers import refused
+from tests.helpers import refused, refusing
 from tests.levels import LEVELS, MODEL, PLAYED, SEED, XI, synthetic
 
 
@@ -195,23 +195,17 @@ def short(start_level=1.0, runs=2, **options):
     return learn_level(synthetic(10), start_level=start_level, runs=runs, **options)
 
 
-@pytest.mark.parametrize(
-    ("call", "says"),
-    [
-        (lambda: synthetic(10).rewards(0.0), "xi"),
-        (lambda: short(start_level=3.0), "start_level"),
-        (lambda: short(start_level=np.nan), "start_level"),
-        (lambda: short(policy=GaussianPolicy()), "bounds"),
-        (lambda: short(runs=0), "runs"),
-        (lambda: GaussianPolicy(bounds=(2.0, 1.0)), "bounds"),
-        (lambda: GaussianPolicy(first_share=-1.0), "first_share"),
-        (lambda: check_start(-0.01), "start_separation"),
-        (lambda: check_start(8.01), "start_separation"),
-    ],
+test_learning_of_a_level_without_sense_is_refused = refusing(
+    (lambda: synthetic(10).rewards(0.0), "xi"),
+    (lambda: short(start_level=3.0), "start_level"),
+    (lambda: short(start_level=np.nan), "start_level"),
+    (lambda: short(policy=GaussianPolicy()), "bounds"),
+    (lambda: short(runs=0), "runs"),
+    (lambda: GaussianPolicy(bounds=(2.0, 1.0)), "bounds"),
+    (lambda: GaussianPolicy(first_share=-1.0), "first_share"),
+    (lambda: check_start(-0.01), "start_separation"),
+    (lambda: check_start(8.01), "start_separation"),
 )
-def test_learning_of_a_level_without_sense_is_refused(call, says):
-    with refused(says):
-        call()
 
 
 def pool(errors, steps, trials, seed):

@@ -1,10 +1,12 @@
-"""Learning: the exhaustive search, and what reward converges to."""
+"""Learning: the exhaustive search, policy gradients, and what reward converges to."""
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
-from bgmodel import stream
-from bgmodel.deciding.reward import reward_of
+from bgmodel import Sprt, stream
+from bgmodel.deciding.decision import crossing_of_each
+from bgmodel.deciding.reward import reward, reward_of
 from bgmodel.learning.reinforce import (
     GaussianPolicy,
     Learner,
@@ -16,6 +18,7 @@ from bgmodel.learning.reinforce import (
 from bgmodel.learning.worlds import trials_of
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.theory.sprt import gaussian_pair, optimal_separation, reward_curve
+from tests.helpers import refusing
 from tests.learning.helpers import SEPARATION, T_MAX, XI, D, draw
 from tests.levels import SEED
 
@@ -86,23 +89,13 @@ def test_what_is_carried_over_gets_no_credit():
     np.testing.assert_array_equal(none.mean_played, some.mean_played)
 
 
-@pytest.mark.parametrize(
-    ("call", "says"),
-    [
-        (lambda: Learner(episodes=10), "episodes must be at least last"),
-        (lambda: Learner(rate=-1), "rate must be > 0"),
-        (lambda: smoothed(np.ones(3), 0), "window must be >= 1"),
-        (lambda: exhaustive_search([], [1.0]), "at least one trial"),
-        (lambda: trials_of([], xi=0.0), "xi must be > 0"),
-        (
-            lambda: learn(lambda k, gaps: gaps * np.nan, 1.0, rngs=[stream(1)]),
-            "a reward is not finite in episode 0",
-        ),
-    ],
+test_bad_input_to_learning_gets_one_clear_sentence = refusing(
+    (lambda: Learner(episodes=10), "episodes must be at least last"),
+    (lambda: Learner(rate=-1), "rate must be > 0"),
+    (lambda: smoothed(np.ones(3), 0), "window must be >= 1"),
+    (lambda: exhaustive_search([], [1.0]), "evidence at least one trial"),
+    (lambda: trials_of([], xi=0.0), "xi must be > 0"),
 )
-def test_bad_input_to_learning_gets_one_clear_sentence(call, says):
-    with pytest.raises(ValueError, match=says):
-        call()
 
 
 def test_learning_that_cannot_go_on_keeps_what_it_had_reached():
@@ -144,3 +137,38 @@ def test_a_step_is_a_falling_share_of_the_error_along_the_score(unit):
         # The range is twice that of gaps, 8 nats: the step is four times as long.
         rate = 4 * 0.04 / (1 + k / 1000)
         assert mean[:, k + 1] - mean[:, k] == pytest.approx(rate * share * score, rel=1e-6)
+
+
+def exact_smoothed_reward(mean, sd):
+    """Return the expected reward of a Gaussian policy, by quadrature over exact rewards."""
+    gaps = np.linspace(0, 8, 161)
+    curve = reward_curve(*gaussian_pair(D), gaps, XI, t_max=T_MAX)
+    x = np.linspace(mean - 6 * sd, mean + 6 * sd, 2001)
+    weights = norm.pdf(x, mean, sd)
+    return (np.interp(np.clip(x, 0, 8), gaps, curve) * weights).sum() / weights.sum()
+
+
+@pytest.mark.parametrize("mean", [1.0, 6.0])
+def test_policy_gradient_agrees_with_the_finite_difference(mean):
+    policy = GaussianPolicy(first_share=0.7 / 8)
+    runs = 100_000
+    rng = stream(3, "gradient", mean)
+    start = policy.start(np.full(runs, mean))
+    gaps, gradient = policy.sample(start, rng.standard_normal((runs, 1)), 0)
+    evidence = draw(rng)(runs)
+    decision = crossing_of_each(Sprt().run(evidence), Sprt.threshold(gaps))
+    r = reward(decision, evidence.truth, XI)
+    estimate = (r - r.mean()) * gradient[:, 0]
+    h = 0.05
+    exact = (exact_smoothed_reward(mean + h, 0.7) - exact_smoothed_reward(mean - h, 0.7)) / (2 * h)
+    assert abs(exact) > 0.3
+    assert abs(estimate.mean() - exact) < 4 * estimate.std() / np.sqrt(runs)
+
+
+@pytest.mark.parametrize("bounds", [(0.0, 8.0), (0.75, 2.0)])
+def test_exploration_narrows_from_a_quarter_of_the_range_to_a_twentieth(bounds):
+    """Half of the way is gone after 2000 trials."""
+    policy, width = GaussianPolicy(bounds=bounds), bounds[1] - bounds[0]
+    assert policy.sd(0) == pytest.approx(width / 4)
+    assert policy.sd(2000) == pytest.approx((width / 4 + width / 20) / 2)
+    assert policy.sd(10**12) == pytest.approx(width / 20)

@@ -6,7 +6,7 @@ import pytest
 from bgmodel import Evidence, stream
 from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.learning.worlds import LevelOutcomes, trials_of
-from tests.helpers import refused
+from tests.helpers import refused, refusing
 from tests.learning.helpers import XI, draw
 
 
@@ -39,14 +39,8 @@ def test_outcomes_are_sorted_by_level_and_count_readings_from_the_onset():
 TWO, LEVELS = np.ones((2, 3)), np.array([1.0, 1.1])
 
 
-@pytest.mark.parametrize(
-    ("call", "says"),
-    [
-        (lambda: LevelOutcomes(LEVELS[::-1], TWO, TWO, np.zeros(2)), "levels"),
-        (lambda: LevelOutcomes(LEVELS, TWO[:1], TWO[:1], np.zeros(2)), "correct"),
-        (lambda: LevelOutcomes(LEVELS, TWO, np.ones((2, 4)), np.zeros(2)), "steps"),
-    ],
+test_worlds_without_sense_are_refused = refusing(
+    (lambda: LevelOutcomes(LEVELS[::-1], TWO, TWO, np.zeros(2)), "levels"),
+    (lambda: LevelOutcomes(LEVELS, TWO[:1], TWO[:1], np.zeros(2)), "correct"),
+    (lambda: LevelOutcomes(LEVELS, TWO, np.ones((2, 4)), np.zeros(2)), "steps"),
 )
-def test_worlds_without_sense_are_refused(call, says):
-    with refused(says):
-        call()

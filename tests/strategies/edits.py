@@ -138,30 +138,6 @@ def edited_circuits(draw):
     return circuit
 
 
-def refused_edits():
-    """Return calls on a circuit, each with a value that it refuses."""
-    return st.sampled_from([(call, value) for _, call, values in WRONG for value in values])
-
-
-OPTIONS = "|".join(
-    (
-        "",
-        "--edits 'lesion STN 0.0..0.05'",
-        "--edits 'lesion STN 0..5%' 'scale STN->GPe 0.98..1.02'",
-        "--edits 'scale D1->SNr[0] 0.98..1.02'",
-        "--edits 'set STN.cite 0..8'",
-        "--edits 'add STN->D1 weight=0.0..0.001'",
-    )
-)
-"""Options that leave a circuit that works."""
-WRONG_OPTIONS = """--edits 'lesion thalamus', --edits 'lesion STN 2', --edits 'lesion SNr',
-    --edits 'lesion STN x', --edits 'lesoin STN', --edits STN=0.1, --edits 'scale STN',
-    --edits 'scale STN->GPe -1', --edits 'scale STN->ctx 1', --edits 'scale STN->GPe[9] 1',
-    --edits 'dopamine 3', --edits 'set STN.wieght 1', --edits 'set STM.bias_nats 1',
-    --edits 'set STN->GPe.delay_ms fast', --edits 'add D1->GPe', --edits 'add TRN like=thalamus',
-    --edits 'lesion STN' 'lesion STN[0]', --edits 'connections 2'"""
-NO_EVIDENCE = "--edits 'scale ctx->STN 0.3'"
-"""An edit after which the circuit reads no evidence."""
 MANIPULATION = 'edits = ["lesion STN 0.005..0.05"]'
 WRONG_MANIPULATIONS = 'edits = "lesion STN"|edit = ["lesion STN"]|edits = ["STN=0.1"]'
 """Manipulations in an experiment's file."""

@@ -1,6 +1,5 @@
 """Tables to read hide no column, however narrow the terminal."""
 
-import ast
 import re
 
 import pytest
@@ -8,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel.support.tables import MOST_ROWS, Readable
-from tests.helpers import ROOT
 
 NAME = st.from_regex(r"[a-z]{3,16}", fullmatch=True)
 NAMES = st.lists(NAME, min_size=1, max_size=24, unique=True)
@@ -30,22 +28,3 @@ def test_every_column_and_row_is_printed_in_lines_of_the_terminal(columns, names
         assert columns_in(printed) == {*names}
         assert printed.count("0.125") == rows * len(names)
         assert max(map(len, printed.splitlines())) <= columns
-
-
-def returned(tree):
-    """Yield what each method that returns a table to read returns, with its name."""
-    methods = [part for node in tree.body if isinstance(node, ast.ClassDef) for part in node.body]
-    for node in methods:
-        wanted = getattr(node, "name", "") in ("summary", "verdicts", "published")
-        if wanted and ast.unparse(node.returns) == "pd.DataFrame":
-            yield node.name, ast.unparse(node.body[-1])
-
-
-def test_every_summary_is_a_table_to_read():
-    summaries = [
-        (path.stem, name, last)
-        for path in sorted((ROOT / "bgmodel").rglob("*.py"))
-        for name, last in returned(ast.parse(path.read_text()))
-    ]
-    assert len(summaries) > 10
-    assert [each for each in summaries if not each[2].startswith("return Readable(")] == []

@@ -72,10 +72,3 @@ def test_what_lies_in_a_folder_is_not_computed_again(file, outcome, tmp_path, mo
     monkeypatch.setattr("bgmodel.sweeps.shards.compute", None)
     again = Sweep.from_toml(file).run(tmp_path)
     assert again.table.equals(outcome.table)
-
-
-def test_a_reader_sees_the_measures_that_the_plan_shows(outcome):
-    assert list(outcome.summary()) == ["accuracy", "mean_ms", "missed"]
-    assert len(outcome.summary()) == 4
-    assert "points 4" in repr(outcome)
-    assert len(outcome.plot().axes) >= 3

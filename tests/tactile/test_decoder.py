@@ -227,10 +227,15 @@ def test_bad_files_get_one_clear_sentence(decoder, tmp_path):
             use(other)
 
 
+def unknown(taps):
+    return replace(taps, displacement_mm=np.full_like(taps.displacement_mm, np.nan))
+
+
 @pytest.mark.parametrize(
     ("call", "says"),
     [
         (lambda d: d.decode(striped_taps(9, layout="circular")), "taps got taps of 331 pins"),
+        (lambda d: d.decode(unknown(striped_taps(9))), "taps finite displacements"),
         (lambda d: train(striped_taps(40), seed=1), "taps at least 128 taps"),
         (lambda d: train(striped_taps(limit=180), seed=1), "yaw_deg"),
         (
@@ -244,19 +249,3 @@ def test_bad_files_get_one_clear_sentence(decoder, tmp_path):
 def test_bad_input_gets_one_clear_sentence(decoder, call, says):
     with refused(says):
         call(decoder)
-
-
-def test_nan_displacements_are_refused(decoder):
-    taps = striped_taps(9)
-    taps.displacement_mm[3, 4, 0] = np.nan
-    with refused("taps finite displacements"):
-        decoder.decode(taps)
-
-
-def test_an_interrupted_training_leaves_nothing(tmp_path, monkeypatch):
-    def stop(*args, **kwargs):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("bgmodel.tactile.decoder._epoch", stop)
-    with pytest.raises(KeyboardInterrupt, match="no decoder was written"):
-        train(striped_taps(), seed=1, training=QUICK)

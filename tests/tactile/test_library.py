@@ -18,15 +18,6 @@ def test_the_library_is_the_same_file_whatever_the_workers(tmp_path):
     assert [p.name for p in one.parent.iterdir()] == [one.name]
 
 
-def test_the_library_is_kept_and_found_by_environment(tmp_path, monkeypatch):
-    monkeypatch.setenv("BGMODEL_CACHE", str(tmp_path))
-    first = contact_library(TINY)
-    monkeypatch.setattr("bgmodel.tactile.library.press", None)  # must not be needed again
-    second = contact_library(TINY)
-    for period in TINY.periods_mm:
-        assert np.array_equal(first.fields[period], second.fields[period])
-
-
 def test_mirror_images_are_the_solutions():
     direct = np.moveaxis(press(PLAN, 5.0, 6 / 8), -1, 0)
     half = np.moveaxis(np.stack([press(PLAN, 5.0, j / 8) for j in range(5)]), -1, 0)

@@ -16,7 +16,7 @@ from bgmodel.tactile.likelihood import (
     calibration,
     fit_likelihood,
 )
-from tests.helpers import refused
+from tests.helpers import refused, refusing
 
 
 def as_they_are(pool):
@@ -123,24 +123,18 @@ def test_stated_posteriors_are_observed(kind):
     assert np.abs(wrong["stated"] - wrong["observed"]).max() > 0.1
 
 
-@pytest.mark.parametrize(
-    ("call", "says"),
-    [
-        (lambda: fit_likelihood(normal_pool(1, 10), as_they_are, (-9, 9)), "pool at least 40 taps"),
-        (lambda: fit_likelihood([np.full(50, np.nan)] * 2, as_they_are, (-9, 9)), "readings"),
-        (
-            lambda: fit_likelihood(normal_pool(9), as_they_are, (-180, 180))(181.0),
-            "reading_deg covers -180..180 degrees",
-        ),
-        (
-            lambda: fit_likelihood(normal_pool(9), as_they_are, (-180, 180))(np.nan),
-            "reading_deg finite degrees",
-        ),
-    ],
+test_bad_input_gets_one_clear_sentence = refusing(
+    (lambda: fit_likelihood(normal_pool(1, 10), as_they_are, (-9, 9)), "pool at least 40 taps"),
+    (lambda: fit_likelihood([np.full(50, np.nan)] * 2, as_they_are, (-9, 9)), "readings"),
+    (
+        lambda: fit_likelihood(normal_pool(9), as_they_are, (-180, 180))(181.0),
+        "reading_deg covers -180..180 degrees",
+    ),
+    (
+        lambda: fit_likelihood(normal_pool(9), as_they_are, (-180, 180))(np.nan),
+        "reading_deg finite degrees",
+    ),
 )
-def test_bad_input_gets_one_clear_sentence(call, says):
-    with refused(says):
-        call()
 
 
 def test_inner_folds_without_a_reading_are_left_out_or_refused():

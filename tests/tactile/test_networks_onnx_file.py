@@ -121,19 +121,6 @@ def test_taps_are_decoded_without_pytorch(tmp_path):
     np.testing.assert_allclose(table["psi_deg"], readings["psi_deg"])
 
 
-@pytest.mark.parametrize(("absent", "extra"), [("onnx", "tactile"), ("onnxruntime", "onnx")])
-def test_a_missing_package_is_named_with_its_extra(absent, extra, tmp_path, monkeypatch, refusal):
-    """Before a network is trained."""
-    taps, decoder = tmp_path / "t.npz", tmp_path / "d.onnx"
-    decoder.write_bytes(b"")
-    monkeypatch.setitem(sys.modules, absent, None)
-    train_it = ("touch", "train", taps, "--save", decoder, "--force")
-    decode_it = ("touch", "decode", decoder, taps, "--save", tmp_path / "x.csv")
-    command = train_it if absent == "onnx" else decode_it
-    sentence = refusal(*command)
-    assert sentence == f'bgmodel: a decoder in .onnx needs {absent}: pip install ".[{extra}]"\n'
-
-
 def without_header(path):
     """Write a stored decoder again as a network of anyone's."""
     model = onnx.load(path)

@@ -1,13 +1,13 @@
-"""Plans of a library of contacts: their names, and the contact they solve."""
+"""Plans of a library of contacts: their names, the contact they solve, and gratings."""
 
 import dataclasses
 
 import numpy as np
 import pytest
 
-from bgmodel.tactile.pressing import press
+from bgmodel.tactile.pressing import PERIODS_MM, Grating, press
 from bgmodel.tactile.skin import Skin
-from tests.tactile.plans import PLAN, TINY
+from tests.tactile.plans import PLAN, TINY, places
 
 
 def test_every_parameter_is_in_the_key():
@@ -53,3 +53,20 @@ def test_the_interface_under_a_small_contact_moves_as_boussinesq_says():
     # Up to a constant: the mean displacement of a periodic surface is zero.
     error = near[..., 2] - down
     assert np.ptp(error) < 0.03 * np.ptp(down)
+
+
+@pytest.mark.parametrize("period_mm", PERIODS_MM)
+@pytest.mark.parametrize("phase", [0.0, 0.1, -0.4, 1.25])
+def test_grating_is_where_its_phase_says(period_mm, phase):
+    cells, dx = 256, 0.125
+    depth, apex = Grating(period_mm, 0.7, phase).on_grid(cells, dx)
+    if period_mm == 0:
+        assert not depth.any()
+        return
+    x = places(cells, dx) - apex
+    from_bar = np.abs((x / period_mm - phase + 0.5) % 1 - 0.5) * period_mm
+    assert np.array_equal(depth > 0, from_bar > period_mm / 4)
+    assert set(depth) == {0.0, 0.7}
+    assert abs(apex) <= dx / 2 + 1e-12
+    edges = np.flatnonzero(np.diff(depth))
+    assert np.all(np.diff(edges) * dx == period_mm / 2)

@@ -1,7 +1,4 @@
-"""Recordings are read unchanged, and markers are tracked to a fraction of a pixel."""
-
-import re
-import sys
+"""Recordings and their tables are read unchanged; markers are tracked to a fraction of a pixel."""
 
 import numpy as np
 import pandas as pd
@@ -14,10 +11,11 @@ from bgmodel.tactile.recordings import (
     find_recordings,
     pins_found,
     read_taps,
+    read_targets,
 )
 from bgmodel.tactile.skin import Tip
 from tests.helpers import refused
-from tests.tactile.recorded import MM_PER_PX, PITCH, SIZE, draw, field, hexagon, write
+from tests.tactile.recorded import FORMS, MM_PER_PX, PITCH, SIZE, draw, field, hexagon, write
 
 
 @pytest.fixture(scope="module")
@@ -283,13 +281,6 @@ def test_bad_arguments_are_named(recording, changes):
         read_taps(recording, **({"mm_per_px": MM_PER_PX} | changes))
 
 
-def test_missing_opencv_says_what_to_install(recording, monkeypatch):
-    monkeypatch.setitem(sys.modules, "cv2", None)
-    needed = 'reading recordings needs OpenCV: pip install ".[tactile]"'
-    with pytest.raises(ImportError, match=re.escape(needed)):
-        read_taps(recording, mm_per_px=MM_PER_PX)
-
-
 def test_recordings_are_found_by_option_then_environment(tmp_path, monkeypatch):
     monkeypatch.delenv("BGMODEL_RECORDINGS", raising=False)
     assert find_recordings(None) is None
@@ -302,3 +293,31 @@ def test_recordings_are_found_by_option_then_environment(tmp_path, monkeypatch):
     monkeypatch.setenv("BGMODEL_RECORDINGS", str(tmp_path / "gone"))
     with refused("recordings"):
         find_recordings(None)
+
+
+NEEDED = ["x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg"]
+IMAGES = [np.zeros((64, 64), np.uint8)] * 2
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_all_forms_give_one_table(tmp_path, form):
+    targets = read_targets(write(tmp_path / "taps", IMAGES, form))
+    assert targets[NEEDED].iloc[0].tolist() == [0, 1, 2, 3, 4, -150]
+    folder = tmp_path / "taps" / FORMS[form][2]
+    assert targets["image"].tolist() == [folder / f"image_{i}.png" for i in (1, 2)]
+    assert targets["object_label"].tolist() == [1] * 2
+    assert targets["shear_y_mm"].tolist() == [0.5] * 2
+    assert "shear_x_mm" not in targets
+
+
+def test_parts_of_a_recording_share_the_images_beside_them(tmp_path):
+    """dev-data: a table of all taps, and one each of those to train and to test on."""
+    folder = write(tmp_path / "model_edge2d", IMAGES, "dev-data")
+    rows = (folder / "targets.csv").read_text().splitlines()
+    for part, row in (("train", rows[1]), ("test", rows[2])):
+        (folder / part).mkdir()
+        (folder / part / "targets.csv").write_text(f"{rows[0]}\n{row}\n")
+    yaws = [read_targets(folder / part)["yaw_deg"].tolist() for part in ("train", "test")]
+    assert yaws == [[-150], [150]]
+    image = read_targets(folder / "test")["image"][0]
+    assert image.samefile(folder / "frames_bw" / "image_2.png")

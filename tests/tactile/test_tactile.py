@@ -16,7 +16,7 @@ from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin, Tip, response
 from bgmodel.tactile.source import source
 from bgmodel.tactile.task import EdgeDirection, EdgeTurn, Orientation
-from tests.helpers import refused
+from tests.helpers import refused, refusing
 from tests.tactile.plans import TINY
 
 NAN, INF = np.nan, np.inf
@@ -70,17 +70,13 @@ FEW_EDGES = pd.DataFrame({"yaw_deg": np.arange(-180.0, 180.0, 6.0)}).assign(
 )
 
 
-@pytest.mark.parametrize(
-    ("says", "call"),
-    [
-        ("dx_mm stored_dx_mm must not be smaller", lambda: LibraryPlan(stored_dx_mm=0.0625)),
-        ("period_mm", lambda: LibraryPlan(periods_mm=(1.1,))),
-        ("period_mm", lambda: Grating(1.0).on_grid(64, 0.2)),
-        ("taps an edge, with yaw_deg, edge_deg",
-         lambda: source(pd.DataFrame({"psi_deg": [1.0]}), EdgeTurn())),
-        ("pool too few", lambda: source(FEW_EDGES, EdgeTurn())),
-    ],
-)  # fmt: skip
-def test_fields_that_do_not_fit_together_are_refused(says, call):
-    with refused(says):
-        call()
+test_fields_that_do_not_fit_together_are_refused = refusing(
+    (lambda: LibraryPlan(stored_dx_mm=0.0625), "dx_mm stored_dx_mm must not be smaller"),
+    (lambda: LibraryPlan(periods_mm=(1.1,)), "period_mm"),
+    (lambda: Grating(1.0).on_grid(64, 0.2), "period_mm"),
+    (
+        lambda: source(pd.DataFrame({"psi_deg": [1.0]}), EdgeTurn()),
+        "taps an edge, with yaw_deg, edge_deg",
+    ),
+    (lambda: source(FEW_EDGES, EdgeTurn()), "pool too few"),
+)

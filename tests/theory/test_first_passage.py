@@ -1,4 +1,4 @@
-"""Exact walks against enumeration, identities and simulation."""
+"""Exact walks against enumeration and identities, and those of a sample against the density."""
 
 import itertools
 
@@ -6,84 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import njit
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
+from bgmodel.theory.first_passage import _gradient_adjoint, _share, empirical_chain
 from bgmodel.theory.sprt import Empirical, Gaussian, gaussian_pair, sprt, walk
 from tests.helpers import refused
-
-TRIALS = 1_000_000
-Z_LIMIT = 4.0  # about 200 z-values below: one beyond 4 is expected once in 80 sets of seeds
-NEVER = 1 << 30
-# d, theta: those of the printed table of the sequential test.
-SETTINGS = [(0.25, 3), (0.5, 1), (1, 1), (1, 3), (2, 3)]
-
-
-@njit
-def simulate(rng, draw, x, lower, upper, start, t_max, trials):
-    steps, upward, forced = np.zeros(trials), 0, 0
-    for i in range(trials):
-        z, t = start, 0
-        while True:
-            z += draw(rng, x)
-            t += 1
-            if z <= lower or z >= upper or t == t_max:
-                if (z <= lower and z >= upper) or (lower < z < upper and z == 0):
-                    upward += rng.random() < 0.5
-                else:
-                    upward += z >= upper or (z > lower and z > 0)
-                forced += lower < z < upper
-                break
-        steps[i] = t
-    return steps, upward, forced
-
-
-@njit
-def draw_gaussian(rng, x):
-    return x[0] + x[1] * rng.standard_normal()
-
-
-@njit
-def draw_sample(rng, x):
-    return x[int(rng.random() * x.size)]
-
-
-def assert_agrees(exact, simulated):
-    """Every |z| below 4: P(upper), P(forced), E[T] and, with a deadline, each P(T = t)."""
-    steps, upward, forced = simulated
-    counts = [(upward, exact.p_upper), (forced, exact.p_forced)]
-    if exact.steps_pmf is not None:
-        seen = np.bincount(steps.astype(int), minlength=exact.steps_pmf.size)
-        counts += zip(seen, exact.steps_pmf, strict=True)
-    for count, p in counts:
-        if min(p, 1 - p) * steps.size > 25:  # else a normal z means little
-            assert abs(count - p * steps.size) < Z_LIMIT * np.sqrt(steps.size * p * (1 - p))
-        else:
-            assert min(count, steps.size - count) < 80
-    error = steps.std() / np.sqrt(steps.size)
-    assert abs(steps.mean() - exact.mean_steps) <= Z_LIMIT * error + 1e-9
-
-
-CASES = [
-    *[(d, -theta, theta, 0.0, None) for d, theta in SETTINGS[1:]],
-    *[(d, -theta, theta, 0.0, t_max) for d, theta in SETTINGS for t_max in (1, 4, 20)],
-    (0.5, -1.0, 2.5, 0.3, None),
-    (0.5, -1.0, 2.5, 0.3, 7),
-    (1.0, 0.2, 2.0, 1.0, 5),  # 0 lies below both bounds: forced responses are all R2
-    (1.0, -1.0, 1.0, 1.0, 5),  # a start on a bound reads once more
-    (1.0, 0.0, 0.0, 0.0, 3),
-]
-
-
-@pytest.mark.parametrize("case", range(len(CASES)))
-def test_a_gaussian_walk_ends_as_simulated(case):
-    d, lower, upper, start, t_max = CASES[case]
-    x = gaussian_pair(d)[case % 2]
-    exact = walk(x, lower, upper, start=start, t_max=t_max)
-    rng, limit = np.random.default_rng(100 + case), t_max or NEVER
-    moments = np.array([x.mean, x.sd])
-    args = (moments, lower, upper, start, limit, TRIALS)
-    assert_agrees(exact, simulate(rng, draw_gaussian, *args))
 
 
 def capped_sample(size=40_000, cap=1.0):
@@ -92,30 +19,6 @@ def capped_sample(size=40_000, cap=1.0):
     x = np.clip(rng.normal(0.2, 1.0, size), -cap, cap)
     x[rng.random(size) < 0.2] = 0.0
     return x
-
-
-SAMPLE_CASES = [
-    (-2.0, 2.0, 0.0, None),  # two caps meet a bound exactly
-    (-2.0, 2.0, 0.0, 6),
-    (-0.5, 0.5, 0.0, 50),
-    (-1.0, 1.0, 0.0, 1),  # one cap meets it, and Z = 0 is a tie
-    (-1.0, 1.0, 0.0, 2),
-    (-3.0, 3.0, 0.0, 2),  # no bound in reach
-    (-1.0, 2.5, 0.37, None),
-    (-1.0, 2.5, 0.37, 8),
-    (-1.4, 1.6, 0.6, 5),  # the start and one cap meet each bound
-    (0.0, 0.0, 0.0, 5),
-]
-
-
-@pytest.mark.parametrize("case", range(len(SAMPLE_CASES)))
-def test_an_empirical_walk_ends_as_simulated(case):
-    lower, upper, start, t_max = SAMPLE_CASES[case]
-    x = capped_sample()
-    exact = walk(Empirical.of_sample(x), lower, upper, start=start, t_max=t_max)
-    rng, limit = np.random.default_rng(300 + case), t_max or NEVER
-    args = (x, lower, upper, start, limit, TRIALS)
-    assert_agrees(exact, simulate(rng, draw_sample, *args))
 
 
 def enumerate_walk(x, lower, upper, t_max):
@@ -256,3 +159,74 @@ def test_probabilities_add_up(x, lower, width, start, t_max):
     assert -1e-9 <= end.p_forced <= end.steps_pmf[-1] + 1e-6
     assert 0 <= end.mean_steps <= t_max + 1e-9
     assert min(end.p_upper, end.p_lower) > -1e-6
+
+
+@pytest.mark.parametrize("t_max", [None, 1, 10])
+@pytest.mark.parametrize("d", [0.25, 0.5, 1.0, 2.0])
+def test_quantiles_of_a_gaussian_agree_with_it(d, t_max):
+    x = gaussian_pair(d)[1]
+    grid = (np.arange(200_000) + 0.5) / 200_000
+    sample = Empirical.of_sample(x.mean + x.sd * ndtri(grid))
+    for lower, upper, start in ((-3, 3, 0), (-1, 2.5, 0.3), (0, 0, 0)):
+        fine = walk(x, lower, upper, start=start, t_max=t_max)
+        coarse = walk(sample, lower, upper, start=start, t_max=t_max)
+        # The quantiles are a little narrower than the Gaussian, which alone costs about 1e-6.
+        assert coarse.p_upper == pytest.approx(fine.p_upper, abs=4e-6)
+        assert coarse.mean_steps == pytest.approx(fine.mean_steps, rel=4e-6)
+
+
+def test_where_one_reading_always_decides_nothing_is_left_for_cells():
+    """Light atoms need cells; none where all lie beyond a bound, however close the bounds are."""
+    values = np.concatenate([np.linspace(-2, -1, 1000), np.linspace(1, 2, 1000)])
+    x = Empirical.of_sample(values)
+    assert not x.heavy.all()
+    states = [
+        len(empirical_chain(x, -bound, bound, 0.0, None, cells=64)[0]) for bound in (1e-3, 1.5)
+    ]
+    assert states[0] == 1
+    assert states[1] > 64
+    passage = walk(x, -1e-3, 1e-3)
+    assert (passage.p_upper, passage.mean_steps) == pytest.approx((0.5, 1.0), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("cells", "upper", "states"), [(200, 2.0, 200), (201, 2.0, 202), (50, 29.9, 124)]
+)
+def test_there_are_as_many_cells_as_asked_an_even_number_and_four_to_a_standard_deviation(
+    cells, upper, states
+):
+    # Readings with an sd of 1 in atoms too light to be followed, but for the start: one state more.
+    values = ndtri((np.arange(2000) + 0.5) / 2000)
+    x = Empirical.of_sample(values / values.std())
+    onward = empirical_chain(x, -1.0, upper, 0.0, None, cells)[0]
+    assert onward.shape == (1 + states, 1 + states)
+
+
+def test_atoms_of_two_in_a_thousand_keep_their_place_and_lighter_ones_do_not():
+    weights = np.array([0.0021, 0.0019, 0.996])
+    assert Empirical(np.array([-1.0, 0.5, 1.0]), weights).heavy.tolist() == [True, False, True]
+    # No more than the 32 heaviest.
+    some = np.concatenate([np.full(32, 0.03), np.full(8, 0.005)])
+    assert Empirical(np.arange(40.0), some).heavy.tolist() == [True] * 32 + [False] * 8
+
+
+def test_a_place_that_is_not_followed_goes_to_two_cells_that_keep_its_mean():
+    edges = np.linspace(-1.0, 3.0, 9)
+    middles = (edges[1:] + edges[:-1]) / 2
+    landing, weight = np.array([-0.75, -0.6, 0.0, 0.51, 2.7]), np.array([0.1, 0.2, 0.3, 0.15, 0.25])
+    onward = np.zeros((5, 8))
+    _share(onward, np.arange(5), landing, weight, edges)
+    assert onward.sum(axis=1) == pytest.approx(weight)
+    assert onward @ middles == pytest.approx(weight * landing)
+    assert (np.abs(middles - landing[:, None])[onward > 0] < 0.5).all()
+    # Beyond the middle of an outer cell there is only that one.
+    onward = np.zeros((1, 8))
+    _share(onward, np.zeros(2, int), np.array([-0.9, 2.9]), np.array([0.4, 0.6]), edges)
+    assert onward[0].tolist() == [0.4, 0, 0, 0, 0, 0, 0, 0.6]
+
+
+def test_an_effect_of_slopes_is_one_of_the_masses_they_are_taken_from():
+    """The adjoint of numpy's gradient: one-sided at the ends, central between them."""
+    rng = np.random.default_rng(4)
+    masses, effect = rng.random(9), rng.normal(size=(9, 3))
+    assert masses @ _gradient_adjoint(effect) == pytest.approx(np.gradient(masses) @ effect)

@@ -16,7 +16,7 @@ from bgmodel.theory.sprt import (
     wald,
     walk,
 )
-from tests.helpers import refused
+from tests.helpers import refusing
 
 # d, theta: exact ER and E[T], then Wald's and Siegmund's, as printed.
 TABLE = [
@@ -183,35 +183,29 @@ def test_delta_zero_takes_the_sign_of_one_reading():
 G = Gaussian(0.1, 1.0)
 
 
-@pytest.mark.parametrize(
-    ("call", "field"),
-    [
-        (lambda: Gaussian(0.0, 0.0), "sd"),
-        (lambda: Gaussian(np.nan, 1.0), "mean"),
-        (lambda: gaussian_pair(-1.0), "d"),
-        (lambda: Empirical.of_sample([]), "values"),
-        (lambda: Empirical.of_sample([1.0, np.inf]), "values"),
-        (lambda: Empirical(np.ones((2, 2)), np.full((2, 2), 0.25)), "values"),
-        (lambda: Empirical(np.ones(2), np.ones(2)), "weights"),
-        (lambda: Empirical(np.ones(2), np.array([1.5, -0.5])), "weights"),
-        (lambda: Empirical(np.ones(2), np.ones(1)), "weights"),
-        (lambda: walk(G, 1.0, -1.0), "lower"),
-        (lambda: walk(G, -1.0, np.inf), "upper"),
-        (lambda: walk(G, -1.0, 1.0, start=np.nan), "start"),
-        (lambda: walk(G, -1.0, 1.0, t_max=0), "t_max"),
-        (lambda: walk(G, -1.0, 1.0, t_max=2.5), "t_max"),
-        (lambda: walk(G, -1.0, 1.0, cells=2), "cells"),
-        (lambda: walk(G, -1e5, 1e5), "upper"),
-        (lambda: walk(Empirical.of_sample([0.0]), -1.0, 1.0), "increments"),
-        (lambda: sprt(G, G, [1.0, -0.1]), "boundary_separation"),
-        (lambda: sprt(G, G, 1.0, prior_s2=1.0), "prior_s2"),
-        (lambda: wald(0.0, 1.0), "d"),
-        (lambda: siegmund(1.0, -0.2), "theta"),
-        (lambda: optimal_threshold(1.0, 0.0), "xi"),
-        (lambda: optimal_separation(G, G, -2.0, t_max=5), "xi"),
-        (lambda: optimal_separation(G, G, 2.0, t_max=5, bounds=(3.0, 1.0)), "bounds"),
-    ],
+test_errors_name_the_argument = refusing(
+    (lambda: Gaussian(0.0, 0.0), "sd"),
+    (lambda: Gaussian(np.nan, 1.0), "mean"),
+    (lambda: gaussian_pair(-1.0), "d"),
+    (lambda: Empirical.of_sample([]), "values"),
+    (lambda: Empirical.of_sample([1.0, np.inf]), "values"),
+    (lambda: Empirical(np.ones((2, 2)), np.full((2, 2), 0.25)), "values"),
+    (lambda: Empirical(np.ones(2), np.ones(2)), "weights"),
+    (lambda: Empirical(np.ones(2), np.array([1.5, -0.5])), "weights"),
+    (lambda: Empirical(np.ones(2), np.ones(1)), "weights"),
+    (lambda: walk(G, 1.0, -1.0), "lower"),
+    (lambda: walk(G, -1.0, np.inf), "upper"),
+    (lambda: walk(G, -1.0, 1.0, start=np.nan), "start"),
+    (lambda: walk(G, -1.0, 1.0, t_max=0), "t_max"),
+    (lambda: walk(G, -1.0, 1.0, t_max=2.5), "t_max"),
+    (lambda: walk(G, -1.0, 1.0, cells=2), "cells"),
+    (lambda: walk(G, -1e5, 1e5), "upper"),
+    (lambda: walk(Empirical.of_sample([0.0]), -1.0, 1.0), "increments"),
+    (lambda: sprt(G, G, [1.0, -0.1]), "boundary_separation"),
+    (lambda: sprt(G, G, 1.0, prior_s2=1.0), "prior_s2"),
+    (lambda: wald(0.0, 1.0), "d"),
+    (lambda: siegmund(1.0, -0.2), "theta"),
+    (lambda: optimal_threshold(1.0, 0.0), "xi"),
+    (lambda: optimal_separation(G, G, -2.0, t_max=5), "xi"),
+    (lambda: optimal_separation(G, G, 2.0, t_max=5, bounds=(3.0, 1.0)), "bounds"),
 )
-def test_errors_name_the_argument(call, field):
-    with refused(field):
-        call()

@@ -1,14 +1,11 @@
 """Jobs of SLURM killed half-way, on a node that is drained: the bytes are those of this machine."""
 
 import os
-import re
-import shlex
 import signal
 import subprocess
 import sys
 import time
-from contextlib import chdir, contextmanager
-from pathlib import Path
+from contextlib import contextmanager
 
 import pytest
 
@@ -156,63 +153,3 @@ def test_a_sweep_goes_on_after_a_killed_job_and_a_drained_node(cluster, ask, fil
         assert process.wait(WAIT_S) == 0, log.read_text()
     assert before.items() <= times(folder).items()  # what was finished is not computed again
     assert outcome(folder) == outcome(tmp_path / "alone")
-
-
-LESS = ["--share", "0.05", "--domains", "resting rates"]
-"""Options that make the exams of the page short."""
-SEARCH = """import bgmodel as bg
-from bgmodel.commands.output import say
-
-found = bg.discriminate("msprt", "max vs average", trials=200, check_trials=2000, evaluations=8,
-                        workers=1, tell=say)
-found.to_json("average.json")
-"""
-"""A script that searches for an experiment, as that of a reader."""
-
-
-def of_page():
-    """Return the commands of the guide, exams made short, and the script that runs one of them."""
-    page = (ROOT / "docs/guides/sweeps.md").read_text()
-    lines, script = re.findall(r"```sh\n(.*?)```", page, re.DOTALL)
-    commands = [shlex.split(line) for line in lines.splitlines()]
-    return [[*each, *(LESS if each[0] == "bgmodel" else ())] for each in commands], script
-
-
-def test_searches_and_exams_go_on_as_an_array_of_jobs(cluster, ask, tmp_path):
-    """As the guide has it; the first command, a search, is killed once it has tried a task."""
-    commands, script = of_page()
-    (tmp_path / "commands.txt").write_text("".join(f"{shlex.join(each)}\n" for each in commands))
-    (tmp_path / "array.sh").write_text(script)
-    (tmp_path / "search.py").write_text(SEARCH)
-    with chdir(tmp_path):
-        place = os.pathsep.join((str(Path(sys.executable).parent), cluster["PATH"]))
-        submit = ["env", f"PATH={place}", "sbatch", "--parsable", "array.sh"]
-        first = ask(*submit)
-        log = tmp_path / f"slurm-{first}_1.out"
-        until(lambda: log.is_file() and "bgmodel: N = " in log.read_text(), "the search")
-        with drained(ask):
-            ask("scancel", f"{first}_1")
-            wait_until_drained(ask)
-            assert jobs(ask, "pending") == [f"{first}_3"]
-        until(lambda: not jobs(ask, "pending,running,completing"), "the end of jobs")
-        assert sorted(path.name for path in tmp_path.glob("done.*")) == ["done.2", "done.3"]
-        before = results(tmp_path)
-        assert len(before) == 2
-
-        ask(*submit)
-        until(lambda: not jobs(ask, "pending,running,completing"), "the end of jobs")
-        after = results(tmp_path)
-        assert before.items() <= after.items()
-        for path in tmp_path.glob("*.json"):
-            path.unlink()
-        exec(SEARCH, {})
-        for each in commands[1:]:
-            assert run(*each[1:]) == 0
-        assert {name: text for name, (text, _) in after.items()} == {
-            name: text for name, (text, _) in results(tmp_path).items()
-        }
-
-
-def results(folder):
-    """Return the bytes of every result, and when it was written, by name."""
-    return {p.name: (p.read_bytes(), p.stat().st_mtime_ns) for p in folder.glob("*.json")}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import bgmodel as bg
-from bgmodel.learning.weights.deciders import Feedback, FixedPoint, WeightLearner
+from bgmodel.learning.weights.deciders import WeightLearner
 from bgmodel.learning.weights.in_circuit import (
     InCircuit,
     circuit_time_at_accuracy,
@@ -46,32 +46,6 @@ def test_taps_are_read_as_fast_as_with_the_exact_likelihoods(period, t_max, tria
     assert calibration.r.mean() > 0.97
     # On 1.5 mm the exact likelihoods are shrunk towards no evidence.
     assert 0.9 < calibration.slope.mean() < (1.1 if period == 2 else 1.2)
-
-
-def test_reinforce_learns_a_classifier_and_no_posterior():
-    # Four readings: after many more no trial is an error, and a scalar critic stops learning.
-    taps, held_out = gratings(2.0, 4)
-    test = held_out.draw(1000, rng=SEED)
-    slopes = [
-        learn_weights(taps, seed=SEED, runs=RUNS, rule="reinforce", decider=decider)
-        for decider in (FixedPoint(), FixedPoint(sampled=3, drawn=True))
-    ]
-    at_criterion, sampled = (one.calibration(test).slope.mean() for one in slopes)
-    early = slopes[1].after(3000).calibration(test).slope.mean()
-    print(f"criterion {at_criterion:.2f}, sampled {early:.2f} then {sampled:.2f}")
-    assert at_criterion < 0.6
-    assert sampled > 1.4
-    assert sampled > early + 0.1
-
-
-def test_an_affine_critic_that_knows_the_share_of_valid_feedback_stays_calibrated():
-    taps, held_out = gratings(2.0)
-    learned = learn_weights(
-        taps, seed=SEED, runs=RUNS, critic="affine", feedback=Feedback(valid=0.9)
-    )
-    slope = learned.calibration(held_out.draw(1000, rng=SEED)).slope
-    print(f"slope {slope.mean():.3f}")
-    assert 0.9 < slope.mean() < 1.1
 
 
 def test_a_circuit_learns_from_the_confidence_of_its_own_snr():

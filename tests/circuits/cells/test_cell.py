@@ -8,15 +8,7 @@ import pytest
 from circuits.cells import CELLS, Cell, Phase, Rate, register
 from circuits.cells.cell import RESERVED
 from circuits.cells.single import single
-from tests.circuits.spiking import (
-    ADEX,
-    BASE,
-    SPIKING,
-    lacking,
-    one_sentence,
-    spikes_of,
-    with_cell,
-)
+from tests.circuits.spiking import ADEX, BASE, SPIKING, lacking, one_sentence, spikes_of, with_cell
 from tests.helpers import refused
 
 
@@ -30,18 +22,6 @@ def test_a_type_that_only_names_its_state_lacks_every_step():
     for engine in SPIKING:
         with refused(r"cell Bare\.\w+, and Bare cells do not have it"):
             lacking(engine)(circuit)
-
-
-def test_a_type_without_a_text_is_refused_by_brian2_alone():
-    @register
-    @dataclass(frozen=True)
-    class Mute(Phase):
-        brian = None
-
-    circuit = with_cell(BASE, "STN", Mute(0.3))
-    with refused(r"cell brian2 engine needs Mute\.brian"):
-        lacking("brian2")(circuit)
-    assert spikes_of(circuit, "ensemble") == spikes_of(circuit, "plain")
 
 
 def test_a_type_that_cannot_be_one_is_refused_at_registration():

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from circuits import anatomy, table_reader
 from circuits.declaration import table_writer
 from circuits.declaration.courses import Course, extremes
-from circuits.show import courses, html, text
+from circuits.show import courses
 
 TABLE = anatomy.spiking_msprt()
 PULSE = Course("dopamine", 0.5, 20, 120, rise_ms=10, decay_ms=40, cite="assumed")
@@ -146,16 +146,3 @@ def test_courses_come_back_from_a_file(rows):
     assert restored == circuit
     assert table_writer.digest(restored) == table_writer.digest(circuit)
     assert (table_writer.digest(circuit) == table_writer.digest(TABLE)) == (not rows)
-
-
-def test_a_page_shows_courses_where_there_are_some():
-    train = Course("STN", 2.0, rate_hz=130, pulse_ms=1)
-    assert list(courses(TIMED)["course"]) == ["dopamine", "STN"]
-    assert "rate_hz" not in courses(TIMED)
-    assert courses(TIMED.with_rows(train))[["rate_hz", "pulse_ms"]].values.tolist()[-1] == [130, 1]
-    assert "assumed" in text(TIMED)
-    for page in (text, html):
-        assert "decay_ms" in page(TIMED)
-        assert "decay_ms" not in page(TABLE)
-    assert repr(TIMED) != repr(TABLE)
-    assert "2 courses" in repr(TIMED)

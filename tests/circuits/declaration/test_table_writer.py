@@ -242,5 +242,3 @@ def test_a_file_that_cannot_be_read_is_said(tmp_path):
     (tmp_path / "mine.toml").write_text("a = " + "[" * 100_000)
     with refused(r"path ^mine\.toml is n"):
         anatomy.load_circuit(tmp_path / "mine.toml")
-    with refused("path"):
-        table_writer.write(anatomy.gpr(), "mine.csv")

@@ -30,12 +30,6 @@ def test_a_name_is_the_engine_with_its_defaults(name):
     assert pickle.loads(pickle.dumps(engine)) == engine
 
 
-def test_an_engine_shows_the_options_that_were_changed():
-    engine = engine_of(Population(dt_ms=0.5), rates=False)
-    assert engine.changed() == {"dt_ms": 0.5, "rates": False}
-    assert repr(engine) == "Population(dt_ms=0.5, rates=False)"
-
-
 @pytest.mark.parametrize("name", ["nest", "", None, 3, Population])
 def test_an_unknown_engine_lists_those_that_there_are(name):
     for make in (engine_of, lambda engine: BasalGanglia("macaque", engine)):

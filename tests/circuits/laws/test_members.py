@@ -5,10 +5,9 @@ import pytest
 
 from circuits.anatomy import load_circuit
 from circuits.dynamics.fixed_point import off_nats, resting_hz
-from circuits.laws.family import constraints, failures, shift_nats
+from circuits.laws.family import constraints, shift_nats
 from circuits.laws.members import SIGMA0, dependent, directions, loop, moved
 from tests.circuits.laws.test_family import above, drives
-from tests.helpers import refused
 
 
 def somewhere(channels, seed):
@@ -91,19 +90,6 @@ def test_exact_circuits_move_too_and_stay_exact():
     simple = moved(load_circuit("bogacz_gurney", 3), {"GPe->STN.weight": -0.5})
     assert simple["STN->GPe"].weight == pytest.approx(2)
     assert off_nats(simple) == pytest.approx((0, 0), abs=1e-6)
-
-
-def test_only_members_move_and_only_along_free_directions():
-    circuit = load_circuit("macaque", 2)
-    with refused("circuit"):
-        moved(circuit.scale("STN->SNr", 0.5), {SIGMA0: 2.6})
-    with refused("to"):
-        moved(circuit, {"STN->SNr.weight": 0.5})  # it follows from the others
-    with refused("to"):
-        moved(circuit, {SIGMA0: float("nan")})
-    with refused("weight"):
-        moved(circuit, {"GPe->STN.weight": -1.2})  # GPe->SNr would have to excite
-    assert failures(circuit) == []
 
 
 def test_a_move_in_time_makes_the_largest_lead_unknown_and_one_in_hz_does_not():

@@ -40,17 +40,6 @@ def test_the_noise_of_every_bin_gives_the_probability_of_the_choice(likelihood):
     )
 
 
-def test_without_gains_spikes_do_not_depend_on_the_choice(likelihood):
-    vector = true_vector(likelihood, noise=4.0)
-    for k, name in enumerate(likelihood.freedom.names):
-        vector[k] = 0.0 if name.endswith("gain") else vector[k]
-    (session,) = likelihood.sessions
-    for k, (_, nats, mean) in enumerate(compared.expected(likelihood, vector)):
-        log = (2.0 + 0.2 * session.past[k] + np.log(BIN_S))[session.on]
-        assert np.allclose(nats, session.counts[k][session.on] * log - np.exp(log))
-        assert np.allclose(mean, np.exp(log))
-
-
 def test_a_regression_finds_the_numbers_of_its_cell(likelihood):
     trials = likelihood.simulated(true_vector(likelihood), np.random.default_rng(2))
     (session,) = likelihood_of(trials).sessions

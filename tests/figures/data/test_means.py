@@ -39,12 +39,3 @@ def test_parameters_that_made_the_data_are_found():
     assert fit.sensitivity == pytest.approx(12, rel=0.05)
     assert fit.bound == pytest.approx(0.6, rel=0.03)
     assert fit.t0_s == pytest.approx(0.3, abs=0.01)
-
-
-def test_conditions_and_trials_without_a_response_have_no_place_in_means():
-    some = read_trials("cavanagh_2011", conditions=["stimulation"])
-    with pytest.raises(ValueError, match="knows strengths alone: leave conditions out"):
-        fit_means(design_of(some, ["stimulation"]))
-    late = drawn(GapModel(), [0.1, 0.3], 50, 42, deadline_s=0.5, sensitivity=8.0, bound=0.8)
-    with pytest.raises(ValueError, match="no place for trials without a response"):
-        fit_means(design_of(late))

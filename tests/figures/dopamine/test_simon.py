@@ -5,21 +5,14 @@ import pandas as pd
 import pytest
 from scipy.stats import t as student
 
-from bgmodel.bootstrap import RESAMPLES
-from circuits.errors import InputError
 from figures.dopamine import measure_medication as medication
 from figures.dopamine.simon import (
     QUANTILES,
-    between,
-    by_order,
     expanded,
     means,
     measures,
-    named,
     of_people,
-    within,
 )
-from tests.helpers import refused
 
 COST_S, FASTER_S, LATER_S, LESS = 0.03, 0.02, 0.01, 0.1
 """Of the people below: cost of incongruence, on minus off, session 2 minus 1, and what off
@@ -80,17 +73,6 @@ def test_a_session_is_measured_as_it_was_made():
     assert measured["better_near"] == pytest.approx(test.loc[~far, "response"].mean())
 
 
-def test_errors_that_are_all_fast_are_found_in_the_fastest_third():
-    rows = session(np.random.default_rng(1), "x1", "none", 1)
-    training = rows["phase"] == "training"
-    quick = rows["rt"].rank(pct=True) < 0.1
-    rows.loc[training & rows["rt"].notna(), "response"] = 1.0 - quick[training & rows["rt"].notna()]
-    measured = measures(rows)
-    assert measured["congruent_slow"] == measured["incongruent_slow"] == 1
-    assert measured["congruent_fast"] < 0.95
-    assert measured["congruent_rise"] == pytest.approx(1 - measured["congruent_fast"])
-
-
 def test_the_effects_of_medication_and_of_practice_are_found_and_only_these(each):
     effects = medication.found(each, np.random.default_rng(3))
     change = effects[effects["contrast"] == "on - off"]
@@ -114,23 +96,6 @@ def test_shuffled_labels_of_medication_have_no_effect(each, monkeypatch):
     assert abs(effect["value"]) < 5
 
 
-def test_orders_weigh_the_same_whatever_their_numbers():
-    rows = pd.DataFrame({"x": [4.0] * 9 + [0.0] * 3})
-    first = np.arange(12) < 9
-    effect = by_order(rows, first, np.random.default_rng(1)).iloc[0]
-    assert (effect["value"], effect["people"]) == (2, 12)
-    assert means(rows, 1).iloc[0]["value"] == 3
-
-
-def test_a_group_difference_has_the_interval_of_its_standard_error():
-    rng = np.random.default_rng(2)
-    one, other = (pd.DataFrame({"x": rng.normal(m, 2, 200)}) for m in (1, 0))
-    effect = between(one, other, rng).iloc[0]
-    assert effect["value"] == pytest.approx(one["x"].mean() - other["x"].mean())
-    half = 1.96 * np.hypot(one["x"].sem(), other["x"].sem())
-    assert effect["high"] - effect["low"] == pytest.approx(2 * half, rel=4 / np.sqrt(RESAMPLES))
-
-
 @pytest.mark.parametrize("people", [8, 22, 1000])
 def test_intervals_of_few_people_are_as_wide_as_those_of_student(people):
     rng = np.random.default_rng(4)
@@ -143,41 +108,3 @@ def test_intervals_of_few_people_are_as_wide_as_those_of_student(people):
     # An end of an interval from 1000 resamples has an error of some 4 %.
     assert np.mean(widths) == pytest.approx(1, abs=0.03)
     assert expanded(10**6) == pytest.approx(0.025, abs=1e-6)
-
-
-def test_people_are_chosen_by_the_deadlines_of_their_sessions(trials):
-    training = trials["phase"] == "training"
-    early = trials.assign(rt=trials["rt"].mask(training, trials["rt"].clip(upper=0.7)))
-    for who, number in (("p3", 1), ("p4", 1), ("p4", 2)):
-        mine = training & (early["participant_id"] == who) & (early["session"] == number)
-        early.loc[early.index[mine][5], "rt"] = 1.2
-
-    def left_out(who):
-        some = medication.of_deadline(early, who)
-        return set(early["participant_id"]) - set(some["participant_id"])
-
-    assert [left_out(who) for who in medication.WHO] == [{"p3", "p4"}, {"p3"}, set()]
-    with pytest.raises(InputError):
-        medication.of_deadline(early, "some")
-
-
-def test_too_few_trials_give_nan_and_not_a_number_from_some(trials):
-    some = trials[trials["participant_id"] == "c1"]
-    training = some[some["phase"] == "training"]
-    few = measures(training.head(30))
-    assert np.isnan([few["congruent_ms"], few["congruent_rise"], few["better_near"]]).all()
-
-
-@pytest.mark.parametrize(
-    ("change", "field"),
-    [(lambda t: t.drop(columns="pair"), "trials"), (lambda t: t.assign(session=1), "medication")],
-)
-def test_tables_that_are_no_simon_task_are_refused(trials, change, field):
-    with refused(field):
-        of_people(change(trials))
-
-
-def test_a_contrast_that_nobody_has_is_refused(each):
-    with refused("medication"):
-        within(each[each["medication"] == "none"], "medication", "on", "off")
-    assert "participant_id" not in named(each)

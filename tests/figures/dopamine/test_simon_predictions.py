@@ -9,11 +9,9 @@ from bgmodel.experiments.expected import AGREES, DISAGREES
 from figures.dopamine.simon import of_people
 from figures.dopamine.simon_model import (
     DEADLINE_MS,
-    STEP_MS,
     Simon,
     colour,
     items,
-    location_course,
     simulated,
 )
 from figures.dopamine.simon_predictions import (
@@ -27,7 +25,6 @@ from figures.dopamine.simon_predictions import (
     told,
     written,
 )
-from tests.helpers import refused
 
 SIMON = Simon(0.47, 0.37, 0.775, 0.7, 335.0, "pulse")
 
@@ -54,20 +51,6 @@ def test_an_outcome_says_whether_people_tell_a_prediction_from_none(predicted, d
     assert prediction(*predicted).outcome(*data) == outcome
 
 
-def test_a_prediction_has_the_sign_of_its_range():
-    assert [prediction(*ends).sign for ends in ((1, 2), (-2, -1), (-1, 1))] == ["+", "-", "0"]
-
-
-@pytest.mark.parametrize(
-    ("change", "field"),
-    [({"contrast": "left - right"}, "contrast"), ({"measure": "iq"}, "measure"),
-     ({"low": 3.0}, "value")],
-)  # fmt: skip
-def test_a_prediction_of_nothing_known_is_refused(change, field):
-    with refused(field):
-        replace(prediction(-1.0, 1.0), **change)
-
-
 def test_predictions_are_read_as_they_were_written(tmp_path):
     made = Told(5, 10, [SIMON], [prediction(-1.5, 2.5)])
     (tmp_path / "told.toml").write_text(written(made))
@@ -92,18 +75,6 @@ def test_the_location_excites_its_channel_and_is_no_evidence():
         side = shown.truth[k] if congruent[k] else 1 - shown.truth[k]
         assert added[k, -1, side] == pytest.approx(SIMON.location_nats)
         assert added[k, :, 1 - side] == pytest.approx(0.0)
-
-
-def test_a_pulse_persists_and_other_inputs_peak_once_and_vanish():
-    pulse = location_course("pulse", 200)
-    at = round(100 / STEP_MS) - 1
-    assert pulse[at - 1] < pulse[at] == 1
-    assert (pulse[at:] == 1).all()
-    for kind, peak in (("fading", at), ("brief", round(30 / STEP_MS) - 1)):
-        course = location_course(kind, 200)
-        assert course.argmax() == peak
-        assert course[peak] == pytest.approx(1)
-        assert course[-1] < 1e-6
 
 
 def test_the_mean_reading_of_the_test_is_proportional_to_the_difference_of_value():

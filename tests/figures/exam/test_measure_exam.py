@@ -13,10 +13,8 @@ from figures.exam.measure_exam import (
     NO_MOTIFS,
     WITHOUT,
     examinees,
-    games,
     judged,
     noise_alone,
-    others,
     ranks,
 )
 
@@ -55,21 +53,6 @@ def test_a_control_is_ranked_among_circuits_and_not_among_controls():
     assert ranked.loc["no GPe", ["worse", "tied", "of"]].tolist() == [1, 0, 3]
     assert ranked.loc["no D1", ["worse", "tied"]].tolist() == [0, 1]
     assert set(ranked["as_good_as_default"]) == {"resting rates"}
-
-
-def test_a_game_is_told_by_the_numbers_that_it_wins_and_loses():
-    ids = ["a", "b", "c"]
-    plain = pd.DataFrame({"id": ids, "outcome": ["agrees", "agrees", "disagrees"]})
-    tried = plain.assign(edit="one", outcome=["agrees", "fails", "agrees"])
-    (row,) = games(tried, plain).to_dict("records")
-    assert row == {"edit": "one", "more": 0, "won": "c", "lost": "b"}
-
-
-def test_rates_of_other_people_answer_what_is_about_rest():
-    table = others()
-    known = table[table["outcome"] != "not answered"]
-    assert set(known["domain"]) == {"resting rates"}
-    assert set(known["circuit"]) == {"topological_bg"}
 
 
 def test_a_cortex_that_codes_likelihoods_leaves_out_as_it_is():

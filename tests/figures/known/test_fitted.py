@@ -5,7 +5,6 @@ import pytest
 
 from bgmodel.fitting.known.models import EXACT
 from figures.known.fitted import (
-    CIRCUIT,
     LEAKY,
     RANDOM,
     STRONG_NATS,
@@ -31,11 +30,6 @@ def test_models_that_do_not_differ_need_infinitely_many():
     assert trials_needed(-np.ones(10) + 0.1 * np.arange(10)) == np.inf
 
 
-def test_more_parameters_need_more_trials():
-    ratios = 0.2 + 0.1 * np.random.default_rng(3).standard_normal(1000)
-    assert trials_needed(ratios, 2) > trials_needed(ratios) > trials_needed(ratios, -2)
-
-
 class Scored:
     def __init__(self, log_evidence, error):
         self.log_evidence, self.error = log_evidence, error
@@ -56,7 +50,3 @@ def test_a_leak_is_told_and_parameters_are_counted():
         bic = len(fit.optimum.vector) * np.log(200) - 2 * fit.optimum.log_likelihood
         assert fit.log_evidence == pytest.approx(-bic / 2)
         assert fit.error == 0
-
-
-def test_the_observer_that_is_a_circuit_responds():
-    assert set(trials_of(RANDOM, CIRCUIT, 30, 1).choice) == {0, 1}

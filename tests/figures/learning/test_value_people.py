@@ -1,7 +1,5 @@
 """Summaries of people who learn values: what is simulated is found in them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -15,12 +13,9 @@ from figures.learning.value_people import (
     from_prior,
     like,
     log_ratio,
-    mean_and_error,
     natural,
     predicted,
     recovered,
-    rises,
-    slow_errors,
 )
 
 MODEL = MODELS["q"]
@@ -37,10 +32,6 @@ def people():
 @pytest.fixture(scope="module")
 def fits(people):
     return {who: optimum(likelihood(MODEL, person)) for who, person in people.items()}
-
-
-def test_mean_and_error_leave_out_what_is_unknown():
-    assert mean_and_error([1.0, np.nan, 3.0]) == pytest.approx((2.0, 1.0))
 
 
 def test_the_right_model_predicts_choices_and_times_within_their_errors(fits):
@@ -61,16 +52,6 @@ def test_larger_differences_are_decided_better_and_sooner(fits):
     _, p, times = predicted(fits["0"], 1, "0")
     assert np.array_equal(times, predicted(fits["0"], 1, "0")[2])
     assert ((p > 0) & (p < 1)).all()
-
-
-def test_rises_and_slow_errors_are_those_of_each_person(people):
-    person = list(people.values())[3]
-    of_pair = person.response[person.conditions["pair"] == "AB"]
-    assert rises(people, "AB")[3] == pytest.approx(of_pair[-10:].mean() - of_pair[:10].mean())
-    later = {
-        who: replace(one, rt_s=one.rt_s + 0.5 * (one.response == 0)) for who, one in people.items()
-    }
-    assert slow_errors(later) == pytest.approx(np.array(slow_errors(people)) + 0.5)
 
 
 def test_drawn_parameters_have_the_spread_of_the_fits_or_of_the_prior(fits):

@@ -8,15 +8,11 @@ import pytest
 from bgmodel.fitting.stops.model import laid
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.people import slowing_of
-from bgmodel.stopping.trials import StopTrials
 from figures.stopping.stopped import (
-    DELAYS,
     StopValues,
     counted_ssrt,
     known_people,
     like,
-    raced,
-    sequence,
     slopes,
 )
 from tests.helpers import unwarned
@@ -54,15 +50,6 @@ def test_shuffled_delays_have_no_inhibition_function(people):
     assert abs(shuffled.mean()) < 4 * shuffled.std() / np.sqrt(len(shuffled))
 
 
-def test_a_race_is_decided_by_the_first_to_finish():
-    go = np.array([400.0, 300.0, np.inf, 900.0])
-    stop = np.array([False, True, True, True])
-    trials = raced(go, stop, np.full(3, 100.0), np.zeros(3, bool), np.random.default_rng(1))
-    reached = trials.ssd_ms + 100 >= go
-    assert (trials.responded == (~stop | reached)).all()
-    assert np.isin(trials.ssd_ms[stop], DELAYS).all()
-
-
 def test_people_like_others_have_their_go_times_and_slowing(people):
     slow = {
         who: replace(each, rt_ms=each.rt_ms + 40 * np.append(False, each.stop[:-1]))
@@ -78,15 +65,3 @@ def test_people_like_others_have_their_go_times_and_slowing(people):
         assert abs(table.loc[name, "value"] - 40) < 4 * table.loc[name, "se"]
     means = [np.nanmean(some["0"].rt_ms[~some["0"].stop]) for some in (slow, again)]
     assert means[0] == pytest.approx(means[1], abs=25)
-
-
-def test_the_order_of_trials_is_counted():
-    #      go     stop   stop    go   stop    go   stop  go
-    rt = [400.0, 300.0, np.nan, 500, np.nan, 460, 350, 600]
-    ssd = [np.nan, 200.0, 200.0, np.nan, 250.0, np.nan, 250.0, np.nan]
-    counts = sequence({"a": StopTrials(rt, ssd)}).iloc[0].to_dict()
-    assert counts == {
-        "p_first": 1.0, "p_odd": 0.5, "p_even": 0.5, "p_after_stop": 0.0,
-        "p_after_go": pytest.approx(2 / 3), "odd_after_stop": 0.0, "even_after_stop": 0.5,
-        "last_quarter_ms": 200.0,
-    }  # fmt: skip

@@ -20,12 +20,11 @@ from bgmodel.learning.values.models import (
     draw,
     likelihood,
     log_density,
-    model_of,
     simulated,
     value_differences,
 )
 from bgmodel.learning.values.people import pairs_of, read_pairs
-from tests.helpers import refused
+from tests.helpers import refused, refusing
 
 TRUE = {"rate": 0.3, "rate_minus": 0.15, "scale": 2.5, "bound": 0.9, "t0_s": 0.35,
         "stickiness": 0.15}  # fmt: skip
@@ -185,50 +184,12 @@ TABLE = pd.DataFrame(
 LONGER = pd.concat([TABLE.assign(rt=0.7 + 0.01 * k) for k in range(4)])
 
 
-@pytest.mark.parametrize(
-    ("data", "field"),
-    [
-        (TABLE.assign(reward=0.5), "reward"),
-        (TABLE.assign(response=2), "response"),
-        (TABLE.assign(response=np.nan), "response"),
-        (TABLE.assign(rt=0.0), "rt"),
-        (TABLE.assign(pair=list("xxxxxy")), "pair"),
-        *((LONGER.drop(columns=column), column) for column in ("pair", "response", "reward")),
-    ],
+test_a_table_with_a_wrong_value_or_without_a_column_is_refused = refusing(
+    (TABLE.assign(reward=0.5), "reward"),
+    (TABLE.assign(response=2), "response"),
+    (TABLE.assign(response=np.nan), "response"),
+    (TABLE.assign(rt=0.0), "rt"),
+    (TABLE.assign(pair=list("xxxxxy")), "pair"),
+    *((LONGER.drop(columns=column), column) for column in ("pair", "response", "reward")),
+    of=read_pairs,
 )
-def test_a_table_with_a_wrong_value_or_without_a_column_is_refused(data, field):
-    with refused(field):
-        read_pairs(data)
-
-
-def test_other_conditions_are_read():
-    with_block = TABLE.assign(block=["a", "b"] * 3)
-    assert list(read_pairs(with_block, conditions=["block"]).conditions) == ["pair", "block"]
-    with refused("block"):
-        read_pairs(TABLE, conditions=["block"])
-
-
-def test_other_bad_input_is_refused(person):
-    one = read_pairs(TABLE)
-    two = read_pairs(pd.concat([TABLE, TABLE.assign(participant_id="b", rt=0.8)]))
-    for call, field in (
-        (lambda: model_of("sarsa"), "model"),
-        (lambda: read_pairs("nobody"), "source"),
-        (lambda: likelihood("q", one, fixed={"rat": 0.1}), "rat"),
-        (lambda: likelihood("q", one, vary={"bound": "block"}), "by"),
-        (lambda: likelihood("q", two), "participant"),
-        (lambda: likelihood("q", replace(person, reward=None)), "reward"),
-        (lambda: likelihood("q", replace(person, reward=person.reward / 2)), "reward"),
-        (lambda: likelihood("q", replace(person, conditions=person.conditions[[]])), "pair"),
-        (lambda: simulated("no learning", {n: np.ones(1) for n in ("drift", "bound", "t0_s",
-                                                                  "stickiness")}, seed=1), "model"),
-        (lambda: simulated("q", {"rate": np.ones(1)}, seed=1), "values"),
-        (lambda: replace(person, reward=person.reward[1:]), "response"),
-    ):  # fmt: skip
-        with refused(field):
-            call()
-
-
-def test_an_absurd_drift_has_a_finite_density():
-    density = log_density(np.array([0.31, 3.0]), np.array([1, 0]), 500.0, 1.0, 0.0, 0.3)
-    assert np.isfinite(density).all()

@@ -13,7 +13,7 @@ from bgmodel.learning.weights.features import (
 from bgmodel.learning.weights.sources import GaussianFeatures, PoissonFeatures, tap_features
 from bgmodel.tactile.source import held_out_taps, source
 from bgmodel.tactile.task import SameDifferent
-from tests.helpers import refused
+from tests.helpers import refused, refusing
 
 NAMES = ("left", "right")
 
@@ -70,24 +70,21 @@ def test_taps_are_scored_on_a_fold_that_teaches_nothing():
     assert np.bincount(drawn.truth).tolist() == [15, 15]
 
 
-@pytest.mark.parametrize(
-    ("wanted", "change"),
-    [
-        ("values", {"values": np.ones((2, 3))}),
-        ("values", {"values": np.full((2, 3, 2), np.inf)}),
-        ("names", {"names": ("left",)}),
-        ("truth", {"truth": [0, 2]}),
-        ("truth", {"truth": [0, 1, 1]}),
-        ("truth", {"truth": None}),
-        ("step_ms", {"step_ms": 0.0}),
-        ("lengths", {"lengths": np.array([4, 1])}),
-        ("lengths features after the last", {"lengths": np.array([3, 2])}),
-        ("log_likelihood", {"log_likelihood": np.zeros((2, 3, 3))}),
-    ],
+test_features_that_do_not_fit_are_refused = refusing(
+    ({"values": np.ones((2, 3))}, "values"),
+    ({"values": np.full((2, 3, 2), np.inf)}, "values"),
+    ({"names": ("left",)}, "names"),
+    ({"truth": [0, 2]}, "truth"),
+    ({"truth": [0, 1, 1]}, "truth"),
+    ({"truth": None}, "truth"),
+    ({"step_ms": 0.0}, "step_ms"),
+    ({"lengths": np.array([4, 1])}, "lengths"),
+    ({"lengths": np.array([3, 2])}, "lengths features after the last"),
+    ({"log_likelihood": np.zeros((2, 3, 3))}, "log_likelihood"),
+    of=lambda change: Features(
+        **{"values": np.ones((2, 3, 2)), "truth": [0, 1], "names": NAMES} | change
+    ),
 )
-def test_features_that_do_not_fit_are_refused(wanted, change):
-    with refused(wanted):
-        Features(**{"values": np.ones((2, 3, 2)), "truth": [0, 1], "names": NAMES} | change)
 
 
 def test_whole_trials_are_drawn_from_a_table():

@@ -8,17 +8,14 @@ from bgmodel.learning.weights.critics import Trial
 from bgmodel.learning.weights.deciders import Feedback, FixedPoint, WeightLearner
 from bgmodel.learning.weights.features import Features
 from bgmodel.learning.weights.learn import learn_weights
-from bgmodel.learning.weights.learned import (
-    LearnedWeights,
-    counted_weights,
-)
+from bgmodel.learning.weights.learned import LearnedWeights, counted_weights
 from bgmodel.learning.weights.rules import rule_of
 from bgmodel.learning.weights.sources import PoissonFeatures, tap_features
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.source import held_out_taps
 from bgmodel.tactile.task import SameDifferent
 from circuits.errors import CalibrationWarning
-from tests.helpers import refused, unwarned
+from tests.helpers import refused, refusing, unwarned
 
 CELLS = PoissonFeatures(channels=3, units=12, centred=True, t_max=25)
 EXACT = np.log(CELLS.means)
@@ -185,33 +182,35 @@ def test_rewards_and_names_that_do_not_fit_are_refused(wanted, options):
         learn_weights(CELLS, **{"seed": 1, "runs": 2} | options)
 
 
-@pytest.mark.parametrize(
-    ("wanted", "make"),
-    [
-        ("given learning needs feedback", lambda: Feedback(given=0)),
-        ("right must exceed wrong", lambda: Feedback(right=0)),
-        ("valid", lambda: Feedback(valid=1.1)),
-        ("trials", lambda: WeightLearner(trials=0)),
-        ("rate", lambda: WeightLearner(rate=0)),
-        ("gain_plus", lambda: WeightLearner(gain_plus=-1)),
-        ("trace_decay", lambda: WeightLearner(trace_decay=1.5)),
-        ("half_trials", lambda: WeightLearner(half_trials=0)),
-        ("half_trials", lambda: WeightLearner(half_trials="long")),
-        ("right", lambda: Feedback(right="one")),
-        ("wrong", lambda: Feedback(wrong=-np.inf)),
-        ("rule", lambda: rule_of(["q"])),
-        ("run", lambda: LearnedWeights(np.zeros((1, 3, 12)), tuple("012")).to_evidence(
-            CELLS.draw(2, rng=1), "first")),
-        ("trials", lambda: learn_weights(
-            CELLS, seed=1, runs=1, learner=WeightLearner(trials=5)).after(6)),
-        ("criterion", lambda: FixedPoint(criterion=1.2)),
-        ("sampled", lambda: FixedPoint(sampled=0)),
-        ("trials", lambda: LearnedWeights(np.zeros((1, 2, 3)), ("a", "b")).after(10)),
-        ("weights", lambda: LearnedWeights(np.zeros((1, 3, 3)), ("a", "b"))),
-        ("features", lambda: LearnedWeights(np.zeros((1, 3, 3)), tuple("abc")).to_evidence(
-            CELLS.draw(2, rng=1))),
-    ],
-)  # fmt: skip
-def test_options_out_of_range_are_refused(wanted, make):
-    with refused(wanted):
-        make()
+test_options_out_of_range_are_refused = refusing(
+    (lambda: Feedback(given=0), "given learning needs feedback"),
+    (lambda: Feedback(right=0), "right must exceed wrong"),
+    (lambda: Feedback(valid=1.1), "valid"),
+    (lambda: WeightLearner(trials=0), "trials"),
+    (lambda: WeightLearner(rate=0), "rate"),
+    (lambda: WeightLearner(gain_plus=-1), "gain_plus"),
+    (lambda: WeightLearner(trace_decay=1.5), "trace_decay"),
+    (lambda: WeightLearner(half_trials=0), "half_trials"),
+    (lambda: WeightLearner(half_trials="long"), "half_trials"),
+    (lambda: Feedback(right="one"), "right"),
+    (lambda: Feedback(wrong=-np.inf), "wrong"),
+    (lambda: rule_of(["q"]), "rule"),
+    (
+        lambda: LearnedWeights(np.zeros((1, 3, 12)), tuple("012")).to_evidence(
+            CELLS.draw(2, rng=1), "first"
+        ),
+        "run",
+    ),
+    (
+        lambda: learn_weights(CELLS, seed=1, runs=1, learner=WeightLearner(trials=5)).after(6),
+        "trials",
+    ),
+    (lambda: FixedPoint(criterion=1.2), "criterion"),
+    (lambda: FixedPoint(sampled=0), "sampled"),
+    (lambda: LearnedWeights(np.zeros((1, 2, 3)), ("a", "b")).after(10), "trials"),
+    (lambda: LearnedWeights(np.zeros((1, 3, 3)), ("a", "b")), "weights"),
+    (
+        lambda: LearnedWeights(np.zeros((1, 3, 3)), tuple("abc")).to_evidence(CELLS.draw(2, rng=1)),
+        "features",
+    ),
+)

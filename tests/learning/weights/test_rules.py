@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from bgmodel.learning.weights.critics import (
-    CRITICS,
     Affine,
     Confidence,
     ReadOutConfidence,
     RunningMean,
     Trial,
-    critic_of,
 )
 from bgmodel.learning.weights.rules import (
     RULES,
@@ -23,7 +21,6 @@ from bgmodel.learning.weights.rules import (
     Reinforce,
     rule_of,
 )
-from tests.helpers import refused
 
 RUNS, UNITS = 6, 4
 
@@ -148,15 +145,3 @@ def test_the_affine_critic_expects_reversed_feedback():
     expected = critic.expected(critic.start(RUNS), trial)
     p = trial.posterior[:, 0]
     assert expected == pytest.approx(0.8 * p + 0.2 * (1 - p))
-
-
-def test_unknown_names_list_the_known_ones():
-    with refused("rule must be one of confidence, chosen"):
-        rule_of("hebb")
-    with refused("critic must be one of mean, confidence"):
-        critic_of("exact")
-    assert all(critic_of(name).name == name for name in CRITICS)
-    assert all(critic_of(rule_of(name).critic).name for name in RULES)
-    for wrong in (lambda: Affine(valid=0.3), lambda: ReadOutConfidence(1.2)):
-        with pytest.raises(ValueError, match="must be"):
-            wrong()

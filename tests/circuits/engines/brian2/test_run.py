@@ -115,16 +115,6 @@ def test_spikes_are_those_of_the_plain_engine_on_any_grid_of_time():
     assert_same(*both(small().with_channels(3), drive, **options | {"settle_ms": 0}))
 
 
-def test_a_trial_has_its_noise_whatever_runs_beside_it():
-    arguments = STEPS | {"seed": 5, "spikes": ("SNr",)}
-    two = run_brian2(small(), DRIVE, **arguments)
-    one = run_brian2(small(), DRIVE[1:], first_trial=1, **arguments)
-    npt.assert_array_equal(one.output_nats[0], two.output_nats[1])
-    rows = two.spikes["SNr"].query("trial == 1").drop(columns="trial")
-    npt.assert_array_equal(one.spikes["SNr"].drop(columns="trial"), rows)
-    assert one.about == {"seed": 5, "first_trial": 1, "dt_ms": 0.1, "settle_ms": 30}
-
-
 def test_brian2_loads_when_it_runs_and_leaves_the_hook_for_errors():
     code = (
         "import sys, circuits.engines.brian2.run; print('brian2' in sys.modules);"

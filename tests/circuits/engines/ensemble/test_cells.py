@@ -6,14 +6,10 @@ import pytest
 
 from circuits.cells import Lif, Phase, Rate, register
 from circuits.declaration.transfer import TRANSFERS
-from circuits.engines import run
 from circuits.engines.ensemble import cells as compiled_cells
 from tests.circuits.spiking import (
     BASE,
-    DRIVE,
     GIVEN,
-    NAMES,
-    WITH_ADEX,
     lacking,
     one_sentence,
     spikes_of,
@@ -52,18 +48,6 @@ def test_types_of_ones_own_with_sparse_connections_spike_as_in_the_plain_engine(
     twin = registered(BASE.with_connections(0.25).with_heterogeneity(0.1))
     fast, plain = spikes_of(twin, "ensemble"), spikes_of(twin, "plain")
     assert len(fast ^ plain) <= 0.03 * len(plain)
-
-
-def test_another_window_or_recording_changes_no_spike_of_a_type_of_ones_own(monkeypatch):
-    from circuits.engines.ensemble import kernel
-
-    settings = GIVEN | {"step_ms": 20.1, "sample_ms": 0.3, "settle_ms": 20.3}
-    recorded = run(WITH_ADEX, DRIVE, engine="ensemble", spikes=NAMES, **settings)
-    unrecorded = run(WITH_ADEX, DRIVE, engine="ensemble", **settings)
-    monkeypatch.setattr(kernel, "WINDOW", 1)
-    one = run(WITH_ADEX, DRIVE, engine="ensemble", spikes=NAMES, **settings)
-    for other in (unrecorded, one):
-        assert other.output_nats.tobytes() == recorded.output_nats.tobytes()
 
 
 def test_a_transfer_that_an_engine_does_not_know_is_refused_by_it(monkeypatch):

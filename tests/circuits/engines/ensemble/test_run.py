@@ -35,25 +35,6 @@ def both(circuit, drive, **options):
 @pytest.mark.parametrize(
     "circuit",
     [
-        BASE,
-        BASE.clamp("GPe", 0.5),
-        BASE.scale("STN->GPe", 0.5),
-        BASE.with_heterogeneity(0.1),
-        BASE.with_heterogeneity(0.3),
-    ],
-    ids=["plain", "lesion", "scaled", "heterogeneity", "wide heterogeneity"],
-)
-def test_cells_spike_as_in_the_plain_scheme(circuit):
-    fast, plain = both(circuit, ramp(2, 2), settle_ms=0)
-    npt.assert_allclose(fast.output_nats, plain.output_nats, atol=1e-9)
-    for name in NAMES:
-        assert spike_set(fast.spikes[name]) == spike_set(plain.spikes[name])
-        npt.assert_allclose(fast.rates_hz[name], plain.rates_hz[name], atol=1e-3)
-
-
-@pytest.mark.parametrize(
-    "circuit",
-    [
         pytest.param(BASE.with_connections(0.25), id="sparse", marks=pytest.mark.validate),
         pytest.param(
             BASE.with_connections(0.25).scale("ctx->D1", 0.9, 0).scale("STN->GPe", 0, 1),
@@ -142,11 +123,3 @@ def test_an_edit_without_a_state_of_rest_warns():
     runaway = BASE.with_rows(Projection("STN", "STN", 0.5, "diffuse", delay_ms=2)).lesion("common")
     with pytest.warns(EditWarning, match="has no resting state after these edits"):
         run_ensemble(runaway, ramp(1, 1), step_ms=20, seed=1, settle_ms=10)
-
-
-def test_a_run_shows_a_bar_of_progress_only_on_request(capsys):
-    settings = {"step_ms": 1, "seed": 7, "settle_ms": 0}
-    run_ensemble(BASE, np.zeros((9, 1, 2)), **settings)
-    assert not capsys.readouterr().err
-    run_ensemble(BASE, np.zeros((9, 1, 2)), progress=True, **settings)
-    assert "9/9" in capsys.readouterr().err

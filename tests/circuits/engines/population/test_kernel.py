@@ -105,20 +105,6 @@ def test_steady_state_is_the_fixed_point(name, channels):
     assert np.abs(late - exact).max() < SINGLE
 
 
-@pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))
-@pytest.mark.parametrize("channels", [2, 9])
-def test_a_trial_alone_has_the_bytes_that_it_has_in_a_batch(name, channels):
-    circuit = anatomy.load_circuit(name, channels)
-    drive = evidence(7, 3, channels) / 2
-    times = {"step_ms": 20, "settle_ms": 20}
-    every = run_rate(circuit, drive, **times)
-    for trials in (slice(3, 4), slice(0, 2), slice(2, 7)):
-        some = run_rate(circuit, drive[trials], **times)
-        assert some.output_nats.tobytes() == every.output_nats[trials].tobytes()
-        for name_, rates in some.rates_hz.items():
-            assert rates.tobytes() == every.rates_hz[name_][trials].tobytes()
-
-
 def test_a_drive_beyond_the_stated_range_warns_once_with_the_number():
     circuit = anatomy.bogacz_gurney()
     with pytest.warns(RangeWarning, match=r"S runs from 3.00 to 7.00 nats, bogacz_gurney works"):

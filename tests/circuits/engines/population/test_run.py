@@ -190,20 +190,6 @@ def test_lines_with_noise_have_the_noise_of_the_cells():
     check_power(activity, law, ((3, 12), (18, 40), (60, 100)))
 
 
-@pytest.mark.parametrize(("sample_ms", "settle_ms"), [(2.5, 50.0), (1.0, 0.0), (2.5, 1.0)])
-def test_lanes_that_are_used_again_change_nothing(sample_ms, settle_ms):
-    drive = np.random.default_rng(1).normal(0, 1, (200, 6, 2)).cumsum(axis=1)
-    drive -= drive.mean(axis=2, keepdims=True)
-    settings = {"step_ms": 50, "settle_ms": settle_ms, "sample_ms": sample_ms}
-    uncut = populations(FULL, drive, **settings)
-    cut = populations(FULL, drive, drop_below=0.3, **settings)
-    kept = np.isfinite(cut.output_nats[:, :, 0])
-    assert 0 < kept.sum() < 0.9 * kept.size
-    np.testing.assert_array_equal(cut.output_nats[kept], uncut.output_nats[kept])
-    for name, rates in cut.rates_hz.items():
-        np.testing.assert_array_equal(rates[kept], uncut.rates_hz[name][kept])
-
-
 def test_rates_that_run_away_anywhere_are_said():
     """In a channel that is not the first, and where the read-out does not hear of it."""
     side = Population("side", Rate(signed=True), 0.0, 10.0)

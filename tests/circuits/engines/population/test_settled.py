@@ -67,11 +67,6 @@ def test_a_later_run_takes_the_first_states_from_a_file(folder, monkeypatch):
     assert len([*folder.rglob("*.npz")]) == 2
 
 
-def test_few_trials_store_no_states(folder):
-    populations(drive=DRIVE[:-1])
-    assert not [*folder.rglob("*.npz")]
-
-
 def test_edited_circuits_settle_under_the_same_noise():
     """What D1 does not reach is in the same state without it."""
     table = anatomy.spiking_msprt(2)
@@ -122,10 +117,3 @@ def test_courses_act_from_the_onset_on_and_share_the_states():
     assert len(settled._BANKS) == 1
     np.testing.assert_array_equal(before[:, :40], after[:, :40])
     assert (before[:, 70] != after[:, 70]).all()
-
-
-def test_the_oldest_states_give_way(monkeypatch):
-    populations()
-    monkeypatch.setattr(settled, "MOST_BYTES", 1)
-    populations(seed=2)
-    assert len(settled._BANKS) == 1
