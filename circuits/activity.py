@@ -89,7 +89,6 @@ class Activity:
         )
 
     def __repr__(self) -> str:
-        """Return a one-line summary: shapes and the mean of OUT."""
         trials, ticks, channels = self.output_nats.shape
         spikes = sum(map(len, self.spikes.values())) if self.spikes else "no recorded"
         low, high = (float(np.min(self.time_ms)), float(np.max(self.time_ms)))
@@ -101,7 +100,6 @@ class Activity:
         )
 
     def _repr_html_(self) -> str:
-        """Return the ``repr`` and a table of mean rates, for notebooks."""
         import pandas as pd
 
         means = {

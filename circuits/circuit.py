@@ -40,7 +40,6 @@ class Circuit(EditableTable):
     """
 
     def __repr__(self) -> str:
-        """Return a one-line summary; ``print(circuit)`` shows the tables."""
         rows = (row for row in self.populations if row.spiking and not row.pooled)
         return (
             f"Circuit({self.name}: {self.channels} channels in {self.unit}, "
@@ -50,13 +49,11 @@ class Circuit(EditableTable):
         )
 
     def __str__(self) -> str:
-        """Return the tables as text, as printed by ``bgmodel circuit show``."""
         from circuits.show import text  # imports pandas
 
         return text(self)
 
     def _repr_html_(self) -> str:
-        """Return the tables as HTML, for notebooks."""
         from circuits.show import html  # imports pandas
 
         return html(self)

@@ -80,7 +80,6 @@ def _values(row: Row | Cell, old: Row | Cell | None) -> Iterator[tuple[str, Any]
 
 
 def _text(value: Any) -> str:
-    """Return a value as the text that an edit takes."""
     return ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
 

@@ -138,7 +138,6 @@ def curves(source: Box, target: Box) -> Curve:
 
 
 def _loops(box: Box) -> Curve:
-    """Return the possible loops of a nucleus onto itself."""
     ways = []
     for sx, sy in product((-1, 1), (-1, 1)):
         out = (box.x + sx * (box.wide - 0.15), box.y + sy * box.high)
@@ -251,7 +250,6 @@ def draw(
 
 
 def _differs(row: Population | Projection, reference: CircuitTable | None) -> bool:
-    """Whether a row is not in the reference circuit, or is another there."""
     if reference is None:
         return False
     rows: tuple[Population | Projection, ...] = (*reference.populations, *reference.projections)
@@ -259,7 +257,6 @@ def _differs(row: Population | Projection, reference: CircuitTable | None) -> bo
 
 
 def _passes(circuit: CircuitTable, p: Projection) -> bool:
-    """Whether a pathway transmits anything."""
     alive = circuit.intact_of(p.source).any() and circuit.axons_of(p).any()
     return bool(alive and p.weight != 0)
 
@@ -310,12 +307,10 @@ def _pathway(
 
 
 def _star(ax: Axes, x: float, y: float) -> None:
-    """Mark an edited row."""
     ax.plot(x, y, marker="*", ms=7, mfc="w", mec="k", mew=0.7, zorder=5)
 
 
 def _nucleus(ax: Axes, circuit: CircuitTable, row: Population, box: Box, differs: bool) -> None:
-    """Draw the box of one nucleus with its name, and what a lesion leaves of it."""
     from matplotlib.patches import FancyBboxPatch
 
     intact = circuit.intact_of(row.name)
@@ -363,7 +358,6 @@ def _nucleus(ax: Axes, circuit: CircuitTable, row: Population, box: Box, differs
 
 
 def _frame(ax: Axes, placed: dict[str, Box]) -> None:
-    """Set the limits around the boxes, with room for pathways outside of them."""
     around = [(b.x - b.wide, b.x + b.wide, b.y - b.high, b.y + b.high) for b in placed.values()]
     low_x, high_x, low_y, high_y = zip(*around, strict=True)
     ax.set_xlim(min(low_x) - 0.35, max(high_x) + 0.35)
@@ -372,7 +366,6 @@ def _frame(ax: Axes, placed: dict[str, Box]) -> None:
 
 
 def _legend(ax: Axes, circuit: CircuitTable, reference: CircuitTable | None) -> None:
-    """Explain arrows, bars and marks below the drawing."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

@@ -100,7 +100,6 @@ def write_nwb(
 
 
 def _name(name: str) -> str:
-    """Return the name of a column as the format allows it."""
     plain = re.sub(r"[/:]", "_", name)
     return f"given_{plain}" if plain in OF_INTERVALS else plain
 
@@ -113,7 +112,6 @@ def _values(column: pd.Series[Any]) -> list[Any]:
 
 
 def _add_rates(file: Any, trials: Sequence[Trial], apart_ms: float) -> None:
-    """Add a time series of rates per nucleus, and OUT."""
     from pynwb import TimeSeries
 
     first = trials[0][0]
@@ -133,7 +131,6 @@ def _add_rates(file: Any, trials: Sequence[Trial], apart_ms: float) -> None:
 
 
 def _add_units(file: Any, trials: Sequence[Trial], trial_ms: float) -> None:
-    """Add the spike times of each cell."""
     import pandas as pd
     from pynwb.misc import Units
 

@@ -269,7 +269,6 @@ def activity(
 
 
 def _spikes(ax: Axes, spikes: pd.DataFrame | None, channels: int) -> None:
-    """Draw the raster of one nucleus, or say that it has none."""
     if spikes is not None:
         raster(ax, spikes, channels=channels, neurons=max(2, ROWS // channels), ms=1.0)
         return
@@ -304,7 +303,6 @@ def _marks(
 
 
 def _line(label: str, **style: Any) -> Any:
-    """Return an entry of a legend."""
     from matplotlib.lines import Line2D
 
     return Line2D([], [], label=label, **style)
@@ -318,7 +316,6 @@ def _lines(ax: Axes, time_ms: Array, values: npt.NDArray[np.floating]) -> None:
 
 
 def _key(channels: int, rates_hz: Mapping[str, npt.NDArray[np.floating]]) -> list[Any]:
-    """Return the entries of a legend of channels."""
     handles = [_line(f"Channel {k}", **look(k)) for k in range(channels)]
     if channels > 1 and any(values.shape[1] == 1 for values in rates_hz.values()):
         handles.append(_line("Pooled nucleus", color=GREY))

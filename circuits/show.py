@@ -108,7 +108,6 @@ def html(circuit: CircuitTable) -> str:
 
 
 def _page(circuit: CircuitTable) -> tuple[str, list[pd.DataFrame], str]:
-    """Return the circuit's summary, its tables, and the constants of its cells."""
     resting = _resting(circuit)
     tables = [nuclei(circuit, resting), pathways(circuit)]
     if circuit.courses:
@@ -117,7 +116,6 @@ def _page(circuit: CircuitTable) -> tuple[str, list[pd.DataFrame], str]:
 
 
 def _head(circuit: CircuitTable, resting: Mapping[str, float]) -> str:
-    """Return the circuit's summary, one fact per line."""
     low, high = circuit.range_nats
     at_rest = f"S = {circuit.reference_nats:.3g} nats"
     if circuit.unit != NATS:
@@ -163,7 +161,6 @@ def _off(circuit: CircuitTable) -> str:
 
 
 def _family(circuit: CircuitTable) -> str:
-    """Return the constraints of OUT = -ln P that fail, or the free numbers of a member."""
     if circuit.unit != NATS:
         return ""
     if fails := failures(circuit):
@@ -173,7 +170,6 @@ def _family(circuit: CircuitTable) -> str:
 
 
 def _outside(circuit: CircuitTable, resting: Mapping[str, float]) -> str:
-    """Return a line on nuclei that rest outside their published range, if any."""
     rows = []
     for row in circuit.populations:
         hz = resting.get(row.name, math.nan)
@@ -184,7 +180,6 @@ def _outside(circuit: CircuitTable, resting: Mapping[str, float]) -> str:
 
 
 def _drive(circuit: CircuitTable) -> str:
-    """Return a description of the drive of each channel."""
     if not circuit.centred:
         return "each channel driven by its own evidence"
     most = circuit.max_deficit_nats
@@ -220,7 +215,6 @@ def _text(table: pd.DataFrame) -> str:
 
 
 def _source(row: Population | Projection) -> str:
-    """Return the sources of a row's numbers."""
     return "; ".join(filter(None, (row.cite, row.cite_more))) or ASSUMED
 
 
@@ -231,6 +225,5 @@ def _intact(p: Population | Projection) -> str:
 
 
 def _dropping(table: pd.DataFrame, **defaults: object) -> pd.DataFrame:
-    """Drop columns in which every row has the default."""
     silent = [name for name, value in defaults.items() if (table[name] == value).all()]
     return table.drop(columns=silent)

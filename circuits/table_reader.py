@@ -58,7 +58,6 @@ class _Reader:
         self.places: dict[str, str] = {}
 
     def circuit(self, data: dict[str, Any]) -> Circuit:
-        """Return the circuit; raises ValueError for the first problem found."""
         for key in data:
             self._known(self._at("", key), "key", key, KEYS)
         for key in NEEDED:
@@ -86,7 +85,6 @@ class _Reader:
         return self.file
 
     def _cells(self, cells: Any) -> dict[str, Any]:
-        """Return the cells by their names."""
         if not isinstance(cells, dict):
             raise InputError.of("cells", "must be a table", cells, owner=self._at("", "cells"))
         return {name: self._cell(name, one) for name, one in cells.items()}
@@ -107,7 +105,6 @@ class _Reader:
             return CELLS[kind](**values)
 
     def _rows(self, table: str, contents: Any, cells: Mapping[str, Any]) -> tuple[Any, ...]:
-        """Return the rows of a table."""
         where = self._at("", table)
         if not isinstance(contents, dict) or set(contents) != {"columns", "rows"}:
             reason = f"{where}: {table} must contain columns and rows, and nothing else"
@@ -171,7 +168,6 @@ class _Reader:
 
     @staticmethod
     def _known(where: str, what: str, name: Any, known: Any) -> None:
-        """Raise ValueError if a name is unknown."""
         if not isinstance(name, str) or name not in known:
             names = ", ".join(known)
             reason = f"{where}: there is no {what} {name!r}; there are {names}"
@@ -195,7 +191,6 @@ def _needed(kind: type, *names: str) -> str:
 
 @contextmanager
 def _placed(where: str) -> Iterator[None]:
-    """Prefix the message of an error with its location."""
     try:
         yield
     except (ValueError, TypeError) as error:

@@ -24,32 +24,14 @@ from circuits.declaration import table_writer
 from circuits.errors import EditWarning, InputError, require
 
 __all__ = [
-    "CIRCUITS",
-    "DEFAULT",
-    "appendix_b",
-    "bogacz_gurney",
-    "checked_circuit",
-    "gpr",
-    "humphries",
-    "is_included",
-    "linear_gpe",
-    "load_circuit",
-    "macaque",
-    "macaque_small",
-    "spiking_msprt",
+    "CIRCUITS", "DEFAULT", "appendix_b", "bogacz_gurney", "checked_circuit", "gpr", "humphries",
+    "is_included", "linear_gpe", "load_circuit", "macaque", "macaque_small", "spiking_msprt",
     "stewart",
-]
+]  # fmt: skip
 
 _TABLES = (
-    bogacz_gurney,
-    appendix_b,
-    linear_gpe,
-    macaque,
-    macaque_small,
-    spiking_msprt,
-    gpr,
-    humphries,
-    stewart,
+    *(bogacz_gurney, appendix_b, linear_gpe, macaque, macaque_small),
+    *(spiking_msprt, gpr, humphries, stewart),
 )
 CIRCUITS: dict[str, Callable[..., Circuit]] = {table.__name__: table for table in _TABLES}
 """All tables by name; each takes the number of channels."""

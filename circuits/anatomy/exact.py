@@ -83,7 +83,6 @@ def appendix_b(
 
 
 def _check_weights(w_gpe_stn: float, w_gpe_snr: float, w_d2_gpe: float, w_d1_snr: float) -> None:
-    """Raise ValueError unless the weights cancel Sigma, as they must in the exact family."""
     if min(w_gpe_stn, w_gpe_snr, w_d2_gpe) < 0 or not math.isclose(w_gpe_stn + w_gpe_snr, 1.0):
         weights = f"{w_gpe_stn} + {w_gpe_snr}, w_d2_gpe {w_d2_gpe}"
         message = f"w_gpe_stn + w_gpe_snr must be 1 with no weight negative, got {weights}"

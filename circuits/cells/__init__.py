@@ -11,14 +11,5 @@ from circuits.cells.phase import Phase
 from circuits.cells.rate import Rate
 
 __all__ = [
-    "CELLS",
-    "AdEx",
-    "BrianText",
-    "Cell",
-    "Lif",
-    "Line",
-    "Phase",
-    "Rate",
-    "Response",
-    "register",
-]
+    "CELLS", "AdEx", "BrianText", "Cell", "Lif", "Line", "Phase", "Rate", "Response", "register",
+]  # fmt: skip

@@ -25,7 +25,6 @@ class Membrane:
 
 @cache
 def _legendre() -> tuple[Array, Array]:
-    """Return nodes and weights of the quadrature in ``lif_rate_hz``."""
     nodes, weights = np.polynomial.legendre.leggauss(120)
     return nodes, weights
 

@@ -116,7 +116,6 @@ class _Density:
         return np.asarray(self.step * self.up[-1] * density[-1])
 
     def area(self, density: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Return the total probability."""
         return np.asarray(self.step * density.sum(axis=0))
 
 

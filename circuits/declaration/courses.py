@@ -59,7 +59,6 @@ class Course:
         self._check_train()
 
     def _check_train(self) -> None:
-        """Raise ValueError for a train without a rate or width, or pulses that run together."""
         rate, width = self.rate_hz, self.pulse_ms
         check_range(0, math.inf, owner=self.name, rate_hz=rate, pulse_ms=width)
         if bool(rate) != bool(width):

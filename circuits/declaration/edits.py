@@ -33,104 +33,62 @@ FRACTION, NUMBER, WHOLE_NUMBER = "fraction", "number", "whole number"
 class Verb:
     """A kind of edit."""
 
-    example: str
-    """An example line."""
-    about: str
-    """Description of the edit."""
-    of: str = ""
-    """What follows the verb: a nucleus, a pathway, either with a receptor, or nothing."""
-    takes: str = ""
-    """The number at the end: a fraction (optional, by default all), a number, or none."""
-    method: str = ""
-    """The method of a circuit that makes the edit, if its name differs from the verb."""
-    changes: str = ""
-    """The field of rows that it changes."""
+    example: str  # an example line
+    about: str  # description of the edit
+    of: str = ""  # what follows the verb: a nucleus, a pathway, either with a receptor, or nothing
+    takes: str = ""  # the number at the end: a fraction (by default all), a number, or none
+    method: str = ""  # the method of a circuit that makes the edit, if its name differs
+    changes: str = ""  # the field of rows that it changes
 
 
+# fmt: off
 VERBS = {
-    "neurons": Verb(
-        "neurons 100",
-        "cells per channel of every spiking nucleus",
-        takes=WHOLE_NUMBER,
-        method="with_neurons",
-        changes="neurons",
-    ),
-    "connections": Verb(
-        "connections 0.25",
-        "connection probability between spiking nuclei, with fixed in-degree",
-        takes=NUMBER,
-        method="with_connections",
-        changes="probability",
-    ),
+    "neurons": Verb("neurons 100", "cells per channel of every spiking nucleus",
+                    takes=WHOLE_NUMBER, method="with_neurons", changes="neurons"),
+    "connections": Verb("connections 0.25",
+                        "connection probability between spiking nuclei, with fixed in-degree",
+                        takes=NUMBER, method="with_connections", changes="probability"),
     "heterogeneity": Verb(
         "heterogeneity 0.1",
         "heterogeneity of the constants of cells in every spiking nucleus, as a fraction of each",
-        takes=NUMBER,
-        method="with_heterogeneity",
-        changes="heterogeneity",
-    ),
+        takes=NUMBER, method="with_heterogeneity", changes="heterogeneity"),
     "add": Verb(
         "add D1->GPe weight=-0.1 delay_ms=4",
         "a pathway, a nucleus (TRN like=STN bias_nats=-1), a motif (striatal_FSI), or a course, "
-        "which is a change within each trial (D2[0] amount=-2 from_ms=200 to_ms=400)",
-    ),
+        "which is a change within each trial (D2[0] amount=-2 from_ms=200 to_ms=400)"),
     "keep": Verb("keep rest", "existing nuclei keep their resting rates when rows are added"),
     "set": Verb(
         "set STN.bias_nats -0.2",
-        "a field of a nucleus, of its cells (STN.cell.cv) or of a pathway (STN->GPe.delay_ms)",
-    ),
+        "a field of a nucleus, of its cells (STN.cell.cv) or of a pathway (STN->GPe.delay_ms)"),
     "lesion": Verb(
         "lesion STN 10%",
         "a fraction of a nucleus is lost, with the effect of its steady firing (its tone)",
-        of=NUCLEUS,
-        takes=FRACTION,
-        changes="intact",
-    ),
+        NUCLEUS, FRACTION, changes="intact"),
     "clamp": Verb(
         "clamp GPe 50%",
         "a lesion after which the targets receive the lost output as a constant, its resting rate",
-        of=NUCLEUS,
-        takes=FRACTION,
-        changes="intact",
-    ),
-    "cut": Verb(
-        "cut GPe->STN 30%",
-        "a fraction of the axons of a pathway is lost, with their tone",
-        of=PATHWAY,
-        takes=FRACTION,
-        changes="intact",
-    ),
+        NUCLEUS, FRACTION, changes="intact"),
+    "cut": Verb("cut GPe->STN 30%",
+                "a fraction of the axons of a pathway is lost, with their tone",
+                PATHWAY, FRACTION, changes="intact"),
     "block": Verb(
         "block STN->SNr NMDA 50%",
         "a fraction of the receptors of a pathway, or of all pathways onto a nucleus (GPe AMPA), "
         "is blocked, with the tone that they transmit",
-        of=RECEPTOR,
-        takes=FRACTION,
-        changes="intact",
-    ),
-    "scale": Verb(
-        "scale STN->GPe 0.5",
-        "the weight of a pathway is multiplied; the tone of its source stays",
-        of=PATHWAY,
-        takes=NUMBER,
-        changes="weight",
-    ),
-    "dopamine": Verb(
-        "dopamine 0.9",
-        "the dopamine level, 0 to 2, where 1 is normal",
-        takes=NUMBER,
-    ),
-    "compensate": Verb(
-        "compensate",
-        "every nucleus returns to its own resting rate, as long after a lesion",
-    ),
+        RECEPTOR, FRACTION, changes="intact"),
+    "scale": Verb("scale STN->GPe 0.5",
+                  "the weight of a pathway is multiplied; the tone of its source stays",
+                  PATHWAY, NUMBER, changes="weight"),
+    "dopamine": Verb("dopamine 0.9", "the dopamine level, 0 to 2, where 1 is normal",
+                     takes=NUMBER),
+    "compensate": Verb("compensate",
+                       "every nucleus returns to its own resting rate, as long after a lesion"),
     "rebound": Verb(
         "rebound SNr 0.5",
         "nuclei compensate, and one comes to rest above its old rate by that many nats",
-        of=NUCLEUS,
-        takes=NUMBER,
-    ),
+        NUCLEUS, NUMBER),
 }
+# fmt: on
 """All kinds of edits, in the order in which they are applied."""
 NOTES = {
     "scale": "scale multiplies what a pathway signals and leaves its tone, the effect of its "
@@ -220,7 +178,6 @@ class Edit:
         return {SAME_NUMBER.get(name, name) for name in fields}
 
     def _given(self) -> list[str]:
-        """Return the fields specified by a new row."""
         return re.findall(r"(\S+?)\s*=", str(self.value))
 
 
@@ -247,7 +204,6 @@ class Edits(tuple[str, ...]):
     def __get_pydantic_core_schema__(
         cls, source: object, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        """Make pydantic read a list of lines."""
         from pydantic_core import core_schema
 
         lines = core_schema.no_info_before_validator_function(_list, handler(tuple[str, ...]))
@@ -293,7 +249,6 @@ class Edits(tuple[str, ...]):
 
 
 def _list(value: object) -> tuple[object, ...]:
-    """Return the list of edits in a file; ValueError for anything else."""
     if not isinstance(value, (list, tuple)):
         must = 'must be a list of lines, such as edits = ["lesion STN 10%"]'
         raise InputError.of("edits", must, value)
@@ -385,7 +340,6 @@ def row_of(words: list[str], receptor: bool = False) -> str:
 
 
 def _channel_of(line: str, name: str) -> tuple[str, int | None]:
-    """Split "name[channel]"; without brackets, all channels are meant."""
     row, channel = place_of(name)
     if "[" in row:
         raise InputError(f"{line!r}: a channel is a number in brackets, such as GPe[0]", "edits")

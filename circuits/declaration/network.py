@@ -52,7 +52,6 @@ class Network(Mapping[str, "Population | Projection"]):
             self._check_projection(p)
 
     def _check_projection(self, p: Projection) -> None:
-        """Reject weights of the wrong sign, and factors that do not match the target's channels."""
         channels = self.channels_of(p.target)
         what = self.population(p.source).transmitter
         if p.weight * SIGNS[what] < 0:
@@ -98,19 +97,16 @@ class Network(Mapping[str, "Population | Projection"]):
         return self.projection(name)
 
     def __getitem__(self, name: str) -> Population | Projection:
-        """Return a row by its name; KeyError lists the known names."""
         try:
             return self.row(name)
         except ValueError as error:
             raise KeyError(str(error)) from None
 
     def __iter__(self) -> Iterator[str]:
-        """Iterate over the names of populations, then of projections."""
         yield from (row.name for row in self.populations)
         yield from (row.name for row in self.projections)
 
     def __len__(self) -> int:
-        """Return the number of rows."""
         return len(self.populations) + len(self.projections)
 
     def channels_of(self, name: str) -> int:
@@ -156,7 +152,6 @@ class Network(Mapping[str, "Population | Projection"]):
 
 
 def _check_counts(row: Population | Projection, channels: int, *names: str) -> None:
-    """Reject per-channel fields that do not have one number for each channel."""
     for name in names:
         count = len(getattr(row, name))
         must = f"must hold one number for each of {channels} channels"

@@ -126,7 +126,6 @@ def new_rows(
 def _read(
     circuit: CircuitTable, known: Mapping[str, Row], name: str, given: Mapping[str, Any]
 ) -> Row | Course:
-    """Return a new row from its name and fields."""
     if name == DOPAMINE or any(field in OF_COURSES for field in given):
         return _course(name, given)
     if name in known:
@@ -154,7 +153,6 @@ def _as(like: Row, names: Iterable[str]) -> str:
 
 
 def _course(what: str, texts: Mapping[str, Any]) -> Course:
-    """Return a course from its fields."""
     owner = f"a course of {what}"
     _check_names(texts, [f.name for f in fields(Course) if f.name != "what"], owner)
     course: Course = _made(Course, None, {"what": what, **_typed(Course, texts)}, owner)
@@ -171,7 +169,6 @@ def naming(*edits: str) -> Iterator[None]:
 
 
 def _new(text: str) -> tuple[str, dict[str, Any]]:
-    """Return the name and the fields of a new row."""
     tidied = re.sub(r"\s*(->|=)\s*", r"\1", text.strip())  # without blanks around -> and =
     tidied = re.sub(r"^([^\s=\[]+)\s*\[\s*", r"\1[", tidied)
     words = shlex.split(tidied) or [""]
@@ -246,7 +243,6 @@ def _parts(kind: type, text: str) -> object:
 
 
 def _names(kind: type, cell: type | None = None) -> list[str]:
-    """Return the fields of a row that can be changed, and the constants of its cell."""
     names = [f.name for f in fields(kind) if f.name not in NAMES]
     return names + [OF_CELL + f.name for f in (fields(cell) if cell else ())]
 

@@ -202,7 +202,6 @@ class Projection:
 
 
 def _warn_of_times(owner: str, **times_ms: float) -> None:
-    """Warn of implausible time constants and delays, such as values in s."""
     for name, time_ms in times_ms.items():
         if time_ms and not LEAST_MS <= time_ms <= LONGEST_MS:
             EditWarning.warn(
@@ -212,7 +211,6 @@ def _warn_of_times(owner: str, **times_ms: float) -> None:
 
 
 def _check_intact(row: Population | Projection) -> None:
-    """Reject surviving fractions that are out of range."""
     check_range(0, 1, owner=row.name, intact=row.intact)
     for part in row.intact_by_channel:
         check_range(0, 1, owner=row.name, intact_by_channel=part)

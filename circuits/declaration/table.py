@@ -145,7 +145,6 @@ class CircuitTable(DopamineTable):
         return [place_of(text) for text in self.more_inputs]
 
     def _check_more_inputs(self) -> None:
-        """Reject inputs of unknown or repeated nuclei, and of the one that the evidence drives."""
         known = [name for name in self._known if name != self.input]
         seen: set[tuple[str, int]] = set()
         for text, (name, channel) in zip(self.more_inputs, self.input_places(), strict=True):
@@ -160,7 +159,6 @@ class CircuitTable(DopamineTable):
             seen |= places
 
     def _check_courses(self) -> None:
-        """Reject courses of unknown quantities, and those that take dopamine out of its range."""
         for row in self.courses:
             name, channel = place_of(row.what)
             if row.what != DOPAMINE and name not in self._known:

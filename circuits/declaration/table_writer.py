@@ -141,7 +141,6 @@ def _labels(circuit: CircuitTable) -> dict[Any, str]:
 
 
 def _cell_lines(labels: Mapping[Any, str]) -> list[str]:
-    """Return the lines of ``[cells]``, one per cell that has constants."""
     import tomlkit
 
     named = {tomlkit.key(name).as_string(): cell for cell, name in labels.items()}
@@ -156,7 +155,6 @@ def _cell_lines(labels: Mapping[Any, str]) -> list[str]:
 
 
 def _columns(kind: type, rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return the lines of a table: its columns, and its rows below them."""
     known = {f.name: f.default for f in fields(kind)}
     names = [name for name in known if any(name in row for row in rows)]
     cells = [[_value(name) for name in names]]

@@ -60,7 +60,6 @@ class EditableTable(CircuitTable):
         return self._set(Edits([f"set {field}={text}"]).parsed())
 
     def _set(self, edits: Sequence[Edit]) -> Self:
-        """Return the circuit with the fields of all edits set together."""
         rows = changed_rows(self, edits)
         with naming(*(edit.text for edit in edits)):
             return self._with(*rows.values(), names=rows)
@@ -386,7 +385,6 @@ def _computes(row: Population | Projection) -> list[object]:
 
 
 def _times(row: Population | Projection) -> tuple[float, ...]:
-    """Return the delay and the time constants of a row, ms."""
     if isinstance(row, Population):
         return row.tau_ms, getattr(row.cell, "tau_ms", 0.0)
     return row.delay_ms, row.tau_ms

@@ -176,6 +176,5 @@ def _entering(circuit: CircuitTable, drive: Array) -> Array:
 
 
 def _out(circuit: CircuitTable, drive: Array) -> npt.NDArray[np.float64]:
-    """Return OUT (drives, channels) at the fixed point, nats."""
     wiring, name = wired(circuit), circuit.readout
     return wiring.activity(wiring.rates(solve(wiring, drive))[:, wiring.blocks_of(name)], name)

@@ -31,22 +31,9 @@ if TYPE_CHECKING:
     from circuits.activity import Activity
 
 __all__ = [
-    "ENGINES",
-    "Algebra",
-    "Brian2",
-    "CompiledEngine",
-    "Engine",
-    "EngineOrName",
-    "Ensemble",
-    "Plain",
-    "Population",
-    "Rate",
-    "SpikingEngine",
-    "TimedEngine",
-    "engine_of",
-    "register",
-    "run",
-]
+    "ENGINES", "Algebra", "Brian2", "CompiledEngine", "Engine", "EngineOrName", "Ensemble", "Plain",
+    "Population", "Rate", "SpikingEngine", "TimedEngine", "engine_of", "register", "run",
+]  # fmt: skip
 
 
 def run(

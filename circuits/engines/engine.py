@@ -77,15 +77,12 @@ class Engine:
         return 1.0
 
     def __post_init__(self) -> None:
-        """Check the options."""
         check_types(self, f"the {self.id} engine")
 
     def __str__(self) -> str:
-        """Return the id."""
         return self.id
 
     def __repr__(self) -> str:
-        """Return the record with the options that differ from their defaults."""
         text = ", ".join(f"{name}={value!r}" for name, value in self.changed().items())
         return f"{type(self).__name__}({text})"
 
@@ -223,7 +220,6 @@ class TimedEngine(Engine):
     """Time at rest before the first reading, ms; it is not recorded."""
 
     def __post_init__(self) -> None:
-        """Also check the times."""
         super().__post_init__()
         check_positive(sample_ms=self.sample_ms)
         check_range(0, math.inf, settle_ms=self.settle_ms)
@@ -304,7 +300,6 @@ class CompiledEngine(TimedEngine):
     """Number of threads; results do not depend on it."""
 
     def __post_init__(self) -> None:
-        """Also check the number of threads and the level."""
         super().__post_init__()
         allowed = is_whole(self.workers) and self.workers >= 1
         require(allowed, "workers", "must be a whole number >= 1", self.workers)
@@ -390,7 +385,6 @@ class EngineOrName:
         self.default = default
 
     def __set_name__(self, owner: type, name: str) -> None:
-        """Store the name of the field."""
         self.name = name
 
     @overload
@@ -398,12 +392,10 @@ class EngineOrName:
     @overload
     def __get__(self, of: object, owner: type) -> Engine: ...
     def __get__(self, of: object | None, owner: type) -> Engine | str:
-        """Return the engine or, on the class, the default of the field."""
         if of is None:
             return self.default
         engine: Engine = vars(of)[self.name]
         return engine
 
     def __set__(self, of: object, value: Engine | str) -> None:
-        """Store the engine."""
         vars(of)[self.name] = engine_of(value)

@@ -68,7 +68,6 @@ def _spread(builder, value, width):
 
 
 def _named(builder, name, *values):
-    """Call an LLVM function of vectors by its name."""
     kind = ir.FunctionType(values[0].type, [value.type for value in values])
     return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), values)
 
@@ -131,7 +130,6 @@ def bits_before(builder, byte):
 def _spreading(kind):
     @instruction(kind, types.float32)
     def spread(builder, value):
-        """Return a register of one number."""
         return _spread(builder, value, kind.width)
 
     return spread
@@ -140,8 +138,6 @@ def _spreading(kind):
 def _loading(kind):
     @intrinsic
     def load(typing, array, place):
-        """Return the numbers of an array from a place on."""
-
         def build(context, builder, signature, arguments):
             array, place = arguments
             pointer = _pointer(context, builder, signature.args[0], array, place, kind.vector)

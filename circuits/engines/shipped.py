@@ -41,7 +41,6 @@ class Algebra(Engine):
     effect of the noise of finitely many cells on mean rates (``circuits.laws.fluctuation``)."""
 
     def __post_init__(self) -> None:
-        """Check the laws."""
         known = ", ".join(LAWS_AT_REST)
         require(self.laws in LAWS_AT_REST, "laws", f"must be one of {known}", self.laws)
 
@@ -122,7 +121,6 @@ class Population(PopulationsEngine):
     """Whether rates have the noise of a finite number of cells."""
 
     def __post_init__(self) -> None:
-        """Also check the laws."""
         super().__post_init__()
         known = ", ".join(LAWS_OF_RATES)
         require(self.laws in LAWS_OF_RATES, "laws", f"must be one of {known}", self.laws)

@@ -80,7 +80,6 @@ def settled(
 
 
 def _settled(wiring: Wiring, outside: Array, extra_hz: Array, start: Array) -> Array:
-    """Return the state (blocks,) of one trial at the fixed point."""
     from scipy.optimize import root
 
     def residual(x: Array) -> Array:

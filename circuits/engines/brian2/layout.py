@@ -204,7 +204,6 @@ class Layout:
         return values
 
     def _cells_start(self, name: str, streams: npt.NDArray[np.uint64]) -> Values:
-        """Return the initial values of a population's cells, ordered by trial."""
         row, blocks = self.wiring.circuit.population(name), self.wiring.blocks_of(name)
         constants = {b: self.scheme.constants(b) for b in blocks}
         begun = [

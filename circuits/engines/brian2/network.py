@@ -110,7 +110,6 @@ class Network:
         self.connections.append(connection)
 
     def _texts(self, state: str, ticks: tuple[str, str], laws: list[str]) -> tuple[str, str]:
-        """Return the equations and the code of a tick, with courses if there are any."""
         timed = bool(self.layout.courses)
         state += brian_text.law_state(laws) + brian_text.COURSE_STATE * timed
         return state, ticks[timed].format(law=brian_text.law(laws))

@@ -239,6 +239,5 @@ def _place(begin: Callable[..., Any], size: int, count: int) -> Callable[..., No
 
 
 def _reason(error: Exception) -> str:
-    """Return the most informative line of a compiler's message."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return next((line for line in lines if "No implementation" in line), lines[0])

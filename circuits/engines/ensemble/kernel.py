@@ -64,7 +64,6 @@ def _most(work):
 
 @part
 def _scale(first, window, factors, row):
-    """Multiply the output of a unit in the ticks of a window by its factors."""
     for t in range(window):
         row[t] *= factors[first + t]
 
@@ -266,7 +265,6 @@ def _inputs_varied(p, work, block, t, k, ticks):
 
 @numba.njit(inline="always")
 def _cells(p, work, block, t, ticks, noise_of):
-    """Advance the cells of a block by some ticks."""
     if block.kind == GENERAL:
         _general(p, work, block, t, ticks, noise_of)
     elif block.variation == IDENTICAL:
@@ -309,7 +307,6 @@ def _varied(p, work, block, t, ticks, x, noise_of):
 
 @part
 def _general(p, work, block, t, ticks, noise_of):
-    """Advance cells by the compiled tick of their type."""
     heard, marks = work.heard, work.marks
     lanes.refresh(work.counts, block.start, block.filled, noise_of)
     for i in range(len(ticks)):
@@ -401,7 +398,6 @@ def _read(clock, readout, ring, k, last, low_pass):
 
 @part
 def _sum_up(ring, k, last, total):
-    """Add the rates of the ticks from k to the last."""
     mask = ring.shape[1] - 1
     for b in range(len(total)):
         x = total[b]

@@ -69,19 +69,16 @@ _F32 = ir.FloatType()
 
 
 def _data(context, builder, kind, array, place=None):
-    """Return the pointer to an array's data, or to one of its elements."""
     data = context.make_array(kind)(context, builder, array).data
     return data if place is None else builder.gep(data, [place])
 
 
 def _row(context, builder, kind, array):
-    """Return the length of the rows of a two-dimensional array."""
     shape = context.make_array(kind)(context, builder, array).shape
     return builder.extract_value(shape, 1)
 
 
 def _call(builder, address, *values):
-    """Call a function without a result by its address."""
     kind = ir.FunctionType(ir.VoidType(), [value.type for value in values])
     builder.call(builder.inttoptr(address, kind.as_pointer()), values)
 
@@ -288,7 +285,6 @@ def _counts(place, noise_of, ticks):
 
 @numba.njit(inline="always")
 def _spread_four(values):
-    """Return registers of four numbers."""
     return spread(values[0]), spread(values[1]), spread(values[2]), spread(values[3])
 
 

@@ -31,20 +31,22 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
     source_from, sources = edges(records.EDGE, wiring.deliver)
     input_from, inputs = edges(records.EDGE, places.weight)
     return records.Plan(
+        # times in ticks, the read-out, and whether spikes are listed cell by cell
         clock=_clock(places, clock, window, ring, listing),
+        # a row per block: its kind, the positions of its cells and inputs, its constants
         blocks=_blocks(places, kept, input_from, own_inputs, of_block),
-        units=_units(places, source_from),
-        sources=sources,
-        inputs=inputs,
-        own_inputs=own_inputs,
-        own_sources=own_sources,
-        connections=connections,
+        units=_units(places, source_from),  # a row per postsynaptic sum
+        sources=sources,  # blocks, with weights, that reach a unit
+        inputs=inputs,  # units that reach a block
+        own_inputs=own_inputs,  # a row per target block of a sparse projection
+        own_sources=own_sources,  # blocks that feed one, and their rows in ``connections``
+        connections=connections,  # uint64: a row of bits per source cell, the cells it reaches
         readout=wiring.blocks_of(wiring.circuit.readout),
-        ticks=lanes.SINGLE if window == 1 else lanes.FOUR,
+        ticks=lanes.SINGLE if window == 1 else lanes.FOUR,  # by which cells advance at once
         constants=_constants(places),
         tick_constants=_tick_constants(places),
-        factors=places.courses.factors,
-        nats=nats,
+        factors=places.courses.factors,  # (rows, ticks); ``course`` is the row of a unit; 0: none
+        nats=nats,  # the same for blocks
     )
 
 
@@ -102,7 +104,6 @@ class _Places:
 
     @cached_property
     def start(self) -> npt.NDArray[np.int64]:
-        """Each block's first cell."""
         return np.concatenate([[0], np.cumsum(self.filled)[:-1]]).astype(np.int64)
 
 
@@ -210,7 +211,12 @@ def _law(name: str) -> int:
 
 
 def _constants(places: _Places) -> npt.NDArray[np.float32] | None:
-    """Return the constants of each cell where cells differ; None if none do."""
+    """Return the constants (5, cells) of cells that differ; None, to compile less, if none do.
+
+    For a Lif: decay, rest (corrected for the mean of the noise), slope, noise step, unit of
+    potential; for the others the last is a factor on the rate, and the noise step is that of a
+    Phase, cv times the root of half of it.
+    """
     if not places.variation.any():
         return None
     constants = np.zeros((5, int(places.filled.sum())), np.float32)
@@ -223,7 +229,7 @@ def _constants(places: _Places) -> npt.NDArray[np.float32] | None:
 
 
 def _tick_constants(places: _Places) -> npt.NDArray[np.float32]:
-    """Return the constants of cells without dedicated loops."""
+    """Return the constants (most constants, cells) of types without dedicated loops."""
     general = [b for b, made in enumerate(places.entries) if made is GENERAL]
     by_block = {b: list(places.scheme.constants(b).values()) for b in general}
     constants = np.zeros(
@@ -296,26 +302,28 @@ def workspace(p: records.Plan) -> records.Work:
     widest = int(p.blocks["filled"].max())
     most = widest if clock["listing"] else 1
     return records.Work(
-        v=np.zeros(cells, np.float32),
-        counts=np.zeros(cells, np.uint32),
-        x=np.zeros((kernel.WORD, widest), np.float32),
-        cell_x=np.zeros(cells, np.float32),
-        ring=np.zeros((blocks, ring)),
-        state=np.zeros(blocks),
-        total=np.zeros(blocks),
-        common=np.zeros(window),
+        v=np.zeros(cells, np.float32),  # state
+        counts=np.zeros(cells, np.uint32),  # noise of four ticks, without dedicated loops
+        x=np.zeros((kernel.WORD, widest), np.float32),  # inputs of one block's cells in four ticks
+        cell_x=np.zeros(cells, np.float32),  # filtered input
+        ring=np.zeros((blocks, ring)),  # rates of the last ticks, Hz
+        state=np.zeros(blocks),  # filtered inputs, nats
+        total=np.zeros(blocks),  # sums of rates over a sample
+        common=np.zeros(window),  # common input of the cells of one block, nats
+        # its effect on a cell's state; if cells differ, that input (Lif) or the mean advance
         mean_step=np.zeros(window, np.float32),
-        noise_step=np.zeros(window, np.float32),
+        noise_step=np.zeros(window, np.float32),  # per bit; if cells differ, root of mean_step
+        # of cells without dedicated loops; their inputs follow
         states=np.zeros((int(p.blocks["variables"].max(initial=1)), cells), np.float32),
         heard=np.zeros((kernel.WORD, widest)),
-        fired=np.zeros((kernel.WORD, widest // lanes.LANES), np.uint64),
-        unit=np.zeros(units),
-        passed=np.zeros((units, window)),
-        own_input=np.zeros(connected, np.float32),
-        scale=np.zeros(len(p.own_inputs)),
-        sums=np.zeros(widest, np.uint8),
-        marks=np.zeros(widest, np.uint8),
-        spiked=np.zeros(ring * blocks * most, np.int32),
-        spiked_n=np.zeros(ring * blocks, np.int32),
-        low_pass=np.zeros(len(p.readout)),
+        marks=np.zeros(widest, np.uint8),  # a bit for each of four ticks in which one fired
+        fired=np.zeros((kernel.WORD, widest // lanes.LANES), np.uint64),  # a bit for each cell
+        unit=np.zeros(units),  # filtered activity before the transfer
+        passed=np.zeros((units, window)),  # and after it
+        own_input=np.zeros(connected, np.float32),  # filtered activity, divided by the scale
+        scale=np.zeros(len(p.own_inputs)),  # common to all cells of an own input
+        sums=np.zeros(widest, np.uint8),  # arrivals in a tick
+        spiked=np.zeros(ring * blocks * most, np.int32),  # cells that fired in the last ticks
+        spiked_n=np.zeros(ring * blocks, np.int32),  # their number
+        low_pass=np.zeros(len(p.readout)),  # low-passed rates of the read-out, Hz
     )

@@ -65,7 +65,9 @@ UNIT, PASSED = 0, 2
 multiplied by a factor."""
 UNIT_ROWS, STATE_ROWS = 3, 12
 OF_LANES = ("trial", "begun", "samples", "reading", "due", "places", "rows")
-"""Whole numbers of each lane."""
+"""Whole numbers of each lane: its trial, that trial's first tick, numbers of samples and readings
+so far, tick of the next reading, column of the next tick in the tables of courses, and row of
+coefficients."""
 EMPTY = -1
 ZERO, ONE, HALF = np.float32(0), np.float32(1), np.float32(0.5)
 MOST, ENDLESS = np.float32(MOST_NATS), np.float32(np.inf)
@@ -117,7 +119,6 @@ def _look_up(n, values, lowest, per, points):
 
 @part
 def _apply(n, law, values, lowest, per, points):
-    """Apply a law to values in place."""
     if law == RECTIFIED:
         _clip(n, values, ENDLESS)
     elif law == SATURATING:
@@ -171,7 +172,6 @@ def _hear(p, work, b, ticks):
 
 @part
 def _filter(block, state, values, shifts, ticks):
-    """Low-pass a block's input in place."""
     gain, before = spread(block.gain), spread(block.before)
     x, last = load(state, _at(X)), load(state, _at(LAST))
     for t in range(len(ticks)):
@@ -242,7 +242,6 @@ def _noise(coeffs, state, values, counts, ticks):
 
 @numba.njit(inline="always")
 def _white(values, counts, ticks):
-    """Write white noise of zero mean and unit variance."""
     centre = spread(CENTRE)
     for t in range(len(ticks)):
         store(values, _at(t), multiply_add(spread(_PER_ONE[t]), ones_in(counts, t), centre))
@@ -250,7 +249,6 @@ def _white(values, counts, ticks):
 
 @numba.njit(inline="always")
 def _section(coeffs, c, state, s, values, ticks):
-    """Filter noise by a second-order section, in place."""
     held, top, top1 = load(coeffs, _at(c)), load(coeffs, _at(c + 1)), load(coeffs, _at(c + 2))
     low1, low2 = load(coeffs, _at(c + 3)), load(coeffs, _at(c + 4))
     last, before, old = load(state, _at(s)), load(state, _at(s + 1)), load(state, _at(s + 2))
@@ -364,7 +362,6 @@ def _arrive(p, work, q, first, ticks):
 
 @part
 def _advance(p, work, b, first, ticks):
-    """Advance a block through the ticks of a window."""
     block, values, state, coeffs = p.blocks[b], work.values, work.states[b], work.coefficients[b]
     if block.table >= 0 and first % p.clock[0].refresh == 0:
         _refresh(p, work, b)

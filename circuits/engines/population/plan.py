@@ -56,23 +56,25 @@ def plan(scheme: Scheme, clock: Clock, engine: PopulationsEngine) -> records.Pla
     blocks = _blocks(scheme, tables, courses, input_from)
     for sentence in tables.rough:
         NoiseWarning.warn(sentence)
+    still = courses.still  # None, to avoid compiling unused code
     return records.Plan(
         clock=_clock(scheme, clock),
+        # a row per postsynaptic sum, or block: law, filter, and positions of its inputs
         units=_units(scheme, tables, courses, source_from),
         blocks=blocks,
-        sources=sources,
-        inputs=inputs,
-        driven=np.flatnonzero(wiring.columns >= 0),
+        sources=sources,  # blocks, with weights, that reach a unit
+        inputs=inputs,  # units that reach a block
+        driven=np.flatnonzero(wiring.columns >= 0),  # blocks that receive a column of the drive
         readout=wiring.blocks_of(wiring.circuit.readout),
-        laws=_together(tables.laws, 2),
-        tables=_together(tables.rows, kernel.COEFFICIENTS),
-        factors=None if courses.still else _behind_rest(courses.factors, 1.0),
-        nats=None if courses.still else _behind_rest(courses.nats, 0.0),
+        laws=_together(tables.laws, 2),  # without dedicated loops: values at even steps
+        tables=_together(tables.rows, kernel.COEFFICIENTS),  # state by state
+        # (rows, 1 + ticks), after one tick of rest; ``course`` is the row of a unit, or a block
+        factors=None if still else _behind_rest(courses.factors, 1.0),
+        nats=None if still else _behind_rest(courses.nats, 0.0),
     )
 
 
 def _behind_rest(rows: Array, rest: float) -> npt.NDArray[np.float32]:
-    """Return rows of ticks preceded by one tick of rest."""
     return np.pad(rows, ((0, 0), (1, 0)), constant_values=rest).astype(np.float32)
 
 
@@ -124,7 +126,6 @@ class _Tables:
         return fields
 
     def transfer(self, name: str) -> dict[str, float]:
-        """Return the fields of a record set by a transfer."""
         if name in kernel.TRANSFERS:
             return {"law": kernel.TRANSFERS[name], "column": 0, "lowest": 0, "per": 0}
         lowest, highest, values = looked_up(name)
@@ -161,7 +162,6 @@ def _low_pass(tau_ms: Array, dt_ms: float) -> dict[str, Array]:
 
 
 def _blocks(scheme: Scheme, tables: _Tables, courses: Timed, input_from: Any) -> Any:
-    """Return one record per block."""
     wiring = scheme.wiring
     of_rows = [tables.block(row) for row in wiring.rows]
     columns = {name: [one[name] for one in of_rows] for name in of_rows[0]}
@@ -245,7 +245,10 @@ def rest(scheme: Scheme) -> records.State:
 
 
 def workspace(p: records.Plan, *, kept: bool) -> records.Work:
-    """Return the working memory of a group of trials."""
+    """Return the working memory of a group of trials.
+
+    A row has one number per lane; the rows of a unit or a block are contiguous.
+    """
     blocks, units, channels = len(p.blocks), len(p.units), len(p.readout)
     places = 1 << (int(p.units["delay"].max(initial=1)) + kernel.WINDOW).bit_length()
 
@@ -253,24 +256,26 @@ def workspace(p: records.Plan, *, kept: bool) -> records.Work:
         return np.zeros((*of, count * kernel.LANES), kind)
 
     return records.Work(
-        ring=rows(places, blocks),
-        units=rows(kernel.UNIT_ROWS, units),
-        states=rows(kernel.STATE_ROWS, blocks),
-        coefficients=rows(kernel.COEFFICIENTS, blocks),
-        passed=rows(kernel.WINDOW, units),
-        jumps=rows(kernel.WINDOW, units),
+        ring=rows(places, blocks),  # rates of the last ticks, Hz
+        units=rows(kernel.UNIT_ROWS, units),  # filters
+        states=rows(kernel.STATE_ROWS, blocks),  # filters
+        coefficients=rows(kernel.COEFFICIENTS, blocks),  # of these filters
+        passed=rows(kernel.WINDOW, units),  # activity transmitted in each tick of a window, nats
+        jumps=rows(kernel.WINDOW, units),  # change of a previous output due to that of its factor
+        # change of a block's previous input due to courses
         shifts=None if p.factors is None else rows(kernel.WINDOW),
+        # sums of rates over a sample; those of some blocks in the order of lanes
         totals=rows(1, -(-blocks // kernel.LANES) * kernel.LANES),
         square=rows(kernel.LANES),
-        values=rows(kernel.WINDOW),
-        noise=rows(kernel.WINDOW),
-        drive=rows(1, blocks),
-        low_pass=rows(1, channels),
-        out=rows(1, channels),
-        lowest=rows(1),
-        streams=rows(1, blocks, kind=np.uint64),
-        keys=rows(2, blocks, kind=np.uint32),
+        values=rows(kernel.WINDOW),  # input or activity of one block at a time, nats
+        noise=rows(kernel.WINDOW),  # the noise of its cells
+        drive=rows(1, blocks),  # by the current reading, nats
+        low_pass=rows(1, channels),  # low-passed rates of the read-out, Hz
+        out=rows(1, channels),  # nats
+        lowest=rows(1),  # lowest OUT, nats
+        streams=rows(1, blocks, kind=np.uint64),  # keys of the noise of each trial
+        keys=rows(2, blocks, kind=np.uint32),  # keys of the present ticks, in halves
         **{name: rows(1, kind=np.int64) for name in kernel.OF_LANES},
-        soonest=np.zeros(1, np.int64),
-        kept=kept,
+        soonest=np.zeros(1, np.int64),  # tick of the next reading of any lane
+        kept=kept,  # whether rates are recorded
     )

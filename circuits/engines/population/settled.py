@@ -85,7 +85,6 @@ def number_of(trials: Index) -> Index:
 
 
 def _room(like: records.State, entries: int) -> records.State:
-    """Return room for a number of states."""
     return records.State(*(np.zeros((entries, *part.shape[1:]), np.float32) for part in like))
 
 
@@ -160,7 +159,6 @@ def _settle(
     seed: int,
     ticks: tuple[int, ...],
 ) -> None:
-    """Simulate the missing states of a bank."""
     names = scheme.wiring.names if engine.noise else []
     streams = noise.stream_keys(seed, np.uint64(FIRST) + missing.astype(np.uint64), names)
     groups = np.array_split(np.arange(len(missing)), -(-len(missing) // kernel.LANES))
