@@ -38,10 +38,7 @@ def parsed_toml(text: str, file: str) -> dict[str, Any]:
 
 
 def check_types(row: Any, owner: str) -> None:
-    """Raise InputError for a field of a dataclass whose value is not of the declared type.
-
-    Fields of type float, int, bool, str, tuples of numbers, or optional numbers are checked.
-    """
+    """Raise InputError for a field of a dataclass whose value is not of the declared type."""
     for field in fields(row):
         kind = _KINDS.get(str(field.type)) if field.init else None
         if kind is not None and not kind[1](value := getattr(row, field.name)):

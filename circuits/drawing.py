@@ -219,12 +219,7 @@ def _shown(circuit: CircuitTable) -> list[Projection]:
 def draw(
     circuit: CircuitTable, ax: Axes | None = None, reference: CircuitTable | None = None
 ) -> Figure:
-    """Draw the circuit: arrows excite, bars inhibit, and width follows the weight.
-
-    Silenced nuclei are grey and hatched, pathways through which nothing passes grey and dotted. A
-    share below a name is what a lesion leaves, per channel if channels differ. A star marks nuclei
-    and pathways that differ from the reference or are new.
-    """
+    """Draw the circuit, as ``Circuit.plot``."""
     figure, ax = one_panel(ax, (4.8, 4.0))
     names = {p.name for p in circuit.populations}
     placed = boxes(circuit)
@@ -237,13 +232,8 @@ def draw(
     for pair, rows in drawn.items():
         _pathway(ax, circuit, rows, ways[pair], any(_differs(p, reference) for p in rows))
     for name, box in placed.items():
-        _nucleus(
-            ax,
-            circuit,
-            circuit.population(name),
-            box,
-            _differs(circuit.population(name), reference),
-        )
+        row = circuit.population(name)
+        _nucleus(ax, circuit, row, box, _differs(row, reference))
     _frame(ax, placed)
     _legend(ax, circuit, reference)
     return figure
@@ -277,14 +267,8 @@ def _pathway(
     source = circuit.population(rows[0].source)
     alive = tuple(p for p in rows if _passes(circuit, p))
     width = 0.6 + 1.0 * np.sqrt(min(_strength(alive or rows), 4.0))
-    inhibits = source.transmitter == GABA
     colour = COLOURS[source.transmitter] if alive else LOST
-    style: dict[str, Any] = {
-        "arrowstyle": "|-|,widthA=0,widthB=0.45"
-        if inhibits
-        else "-|>,head_length=0.5,head_width=0.25",
-        "mutation_scale": 9,
-    }
+    bar, tip = "|-|,widthA=0,widthB=0.45", "-|>,head_length=0.5,head_width=0.25"
     arrow = FancyArrowPatch(
         path=Path(way, [Path.MOVETO, *[Path.CURVE4] * 3]),
         color=colour,
@@ -292,7 +276,8 @@ def _pathway(
         ls="-" if alive else ":",
         gid=rows[0].pair,
         zorder=2,
-        **style,
+        arrowstyle=bar if source.transmitter == GABA else tip,
+        mutation_scale=9,
     )
     arrow.set_path_effects([Stroke(linewidth=width + 2.5, foreground="w"), Normal()])
     ax.add_patch(arrow)

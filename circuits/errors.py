@@ -52,18 +52,7 @@ class InputError(ValueError):
 
     @classmethod
     def of(cls, field: Hashable, must: str, given: object, *, owner: str = "") -> Self:
-        """Return an error such as "channels must be at least 2, got 1".
-
-        Parameters
-        ----------
-        field : str
-            Name of the argument.
-        must : str
-            What is allowed, with its verb: "must be at least 2".
-        given : object
-        owner : str
-            Owner of the field, named first: "STN: tau_ms must be >= 0, got -1".
-        """
+        """Return an error such as "STN: tau_ms must be >= 0, got -1", of the owner STN."""
         prefix = f"{owner}: " if owner else ""
         return cls(f"{prefix}{field} {must}, got {shown(given)}", field, given)
 
@@ -87,10 +76,7 @@ def nearest(name: object, known: Iterable[str]) -> str:
 
 
 def within(owner: str, error: Exception, field: str) -> InputError:
-    """Return an error with its owner, such as a file or a row, named first.
-
-    The field is that of the error if it has one, otherwise ``field``.
-    """
+    """Return an error with its owner, such as a file or a row, named first."""
     message = f"{owner}: {error}" if owner else str(error)
     return InputError(message, getattr(error, "field", field), getattr(error, "given", None))
 

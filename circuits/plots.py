@@ -223,13 +223,7 @@ def activity(
     threshold: float | None = None,
     smooth_ms: float = 20.0,
 ) -> Figure:
-    """Draw one trial: rates of each nucleus, OUT, and a raster of its recorded spikes.
-
-    Times (ticks,) are from the onset of evidence; rates (ticks, channels) of each nucleus, a pooled
-    one with one channel; OUT (ticks, channels). Spikes have channel, neuron, time_ms. The first
-    crossing of a threshold on OUT after the onset is marked. ``smooth_ms`` is the standard
-    deviation of the Gaussian kernel that smooths rates; 0 draws them as recorded.
-    """
+    """Draw one trial as ``Activity.plot``: rates and OUT (ticks, channels), and its spikes."""
     columns = 2 if spikes else 1
     count = len(rates_hz) + 1
     figure, axes = panels(

@@ -182,13 +182,7 @@ class Edit:
 
 
 class Edits(tuple[str, ...]):
-    """Edits of a circuit, one per line; together they are the hypothesis.
-
-    Raises
-    ------
-    ValueError
-        If a line is not an edit, or two of them change the same number.
-    """
+    """Edits of a circuit, one per line; ValueError if two of them change the same number."""
 
     def __new__(cls, lines: Iterable[str] = ()) -> Edits:
         """Return edits from their lines."""

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
 from circuits.checks import check_channels, check_types
-from circuits.declaration.rows import PATTERNS, RECEPTORS, SIGNS, SYNAPSES, Population, Projection
+from circuits.declaration.rows import PATTERNS, SIGNS, SYNAPSES, Population, Projection
 from circuits.errors import InputError, require, shown
 
 
 @dataclass(frozen=True, repr=False)
 class Network(Mapping[str, "Population | Projection"]):
-    """Populations, each with a number of channels, and the projections between them.
-
-    It is a mapping of rows by name: ``circuit["STN"]`` is a population, ``circuit["STN->GPe"]`` a
-    projection.
-    """
+    """Populations, each with a number of channels, and the projections between them, by name."""
 
     name: str
     """Name of the circuit."""
@@ -163,47 +158,3 @@ def check_rows(owner: str, kind: type, rows: Iterable[object]) -> None:
     for row in rows:
         if not isinstance(row, kind):
             raise InputError(f"{owner}: a row must be a {kind.__name__}, got {row!r}", "row", row)
-
-
-# A level of dopamine, or one per tick.
-Level = TypeVar("Level", float, Array)
-
-
-@dataclass(frozen=True, repr=False)
-class DopamineTable(Network):
-    """A network in which dopamine scales the pathways that have receptors."""
-
-    input: str = "ctx"
-    """Population that receives the evidence."""
-
-    def receptors(self) -> tuple[tuple[Projection, Population | Projection], ...]:
-        """Return the pathways scaled by dopamine, each with the row that has the receptor.
-
-        These are pathways with receptors at their terminals, and pathways from the input onto cells
-        with receptors; if both have receptors, only those of the pathway count.
-        """
-        pairs: list[tuple[Projection, Population | Projection]] = []
-        for p in self.projections:
-            cells = self.population(p.target)
-            if p.receptor:
-                pairs.append((p, p))
-            elif cells.receptor and p.source == self.input:
-                pairs.append((p, cells))
-        return tuple(pairs)
-
-    def dopamine_changes(self, level: Level) -> list[tuple[Projection, Level, Level]]:
-        """Return the effects of a dopamine level relative to this circuit's; 1 has no effect.
-
-        The weight of a pathway with D1 receptors is multiplied by ``level``, with D2 receptors by
-        ``2 - level``; see ``receptors``. Its input at ``operating_point_nats`` does not change.
-        Each effect is a pathway, the change of its weight's factor (relative to 1), and the nats
-        added to its target's bias; the level may be an array, one per tick.
-        """
-        changes = []
-        for p, row in self.receptors():
-            if p.factors and row.operating_point_nats:
-                bias = "dopamine about a pivot would need a bias for each"
-                raise InputError(f"{p.name} differs from channel to channel: {bias}", "dopamine")
-            change = RECEPTORS[row.receptor] * (level - 1)
-            changes.append((p, change, -(change * p.weight * row.operating_point_nats)))
-        return changes

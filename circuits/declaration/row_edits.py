@@ -84,16 +84,7 @@ def new_rows(
     """Return the rows to add to a circuit.
 
     A row may be like an existing row or another new row, in any order. A population like a lesioned
-    one is itself intact. The name of a motif adds all of its rows.
-
-    Parameters
-    ----------
-    circuit : Circuit
-        The circuit.
-    texts : sequence of str
-        The rows, as in edits.
-    more : dict of str to object
-        Values of further fields of each.
+    one is itself intact. The name of a motif adds all of its rows. ``more`` has fields of each.
     """
     known: dict[str, Row] = dict(circuit)
     new: dict[str, tuple[str, dict[str, Any]]] = {}

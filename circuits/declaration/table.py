@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 
+from circuits.arrays import Array
 from circuits.checks import check_channel, check_finite, check_positive, check_range, place_of
 from circuits.declaration.courses import DOPAMINE, Course, extremes
-from circuits.declaration.network import DopamineTable, check_rows
-from circuits.declaration.rows import WHOLE
+from circuits.declaration.network import Network, check_rows
+from circuits.declaration.rows import RECEPTORS, WHOLE, Population, Projection
 from circuits.errors import InputError, require
 
 NOT_WRITTEN = ("unedited", "dopamine_edit")
@@ -26,8 +27,12 @@ UNITS = (NATS, "salience")
 """Units of a circuit's drive and OUT."""
 
 
+# A level of dopamine, or one per tick.
+Level = TypeVar("Level", float, Array)
+
+
 @dataclass(frozen=True, repr=False)
-class CircuitTable(DopamineTable):
+class CircuitTable(Network):
     """A network with an input, a read-out, and courses; the input of engines and theory.
 
     The evidence enters ``input`` as a drive in nats, one number per channel, that is zero at rest:
@@ -35,6 +40,8 @@ class CircuitTable(DopamineTable):
     the circuit has another ``unit``, it applies to drive, OUT and all fields that end in ``_nats``.
     """
 
+    input: str = "ctx"
+    """Population that receives the evidence."""
     readout: str = "SNr"
     """Population from which OUT is read."""
     reference_nats: float = 3.0
@@ -185,6 +192,38 @@ class CircuitTable(DopamineTable):
                 level = f"with this row it is {1 + moved:.3g} at {time_ms:.4g} ms"
                 reason = f"{last}: the level of dopamine must be within 0..2, {level}"
                 raise InputError(reason, "courses")
+
+    def receptors(self) -> tuple[tuple[Projection, Population | Projection], ...]:
+        """Return the pathways scaled by dopamine, each with the row that has the receptor.
+
+        These are pathways with receptors at their terminals, and pathways from the input onto cells
+        with receptors; if both have receptors, only those of the pathway count.
+        """
+        pairs: list[tuple[Projection, Population | Projection]] = []
+        for p in self.projections:
+            cells = self.population(p.target)
+            if p.receptor:
+                pairs.append((p, p))
+            elif cells.receptor and p.source == self.input:
+                pairs.append((p, cells))
+        return tuple(pairs)
+
+    def dopamine_changes(self, level: Level) -> list[tuple[Projection, Level, Level]]:
+        """Return the effects of a dopamine level relative to this circuit's; 1 has no effect.
+
+        The weight of a pathway with D1 receptors is multiplied by ``level``, with D2 receptors by
+        ``2 - level``; see ``receptors``. Its input at ``operating_point_nats`` does not change.
+        Each effect is a pathway, the change of its weight's factor (relative to 1), and the nats
+        added to its target's bias; the level may be an array, one per tick.
+        """
+        changes = []
+        for p, row in self.receptors():
+            if p.factors and row.operating_point_nats:
+                bias = "dopamine about a pivot would need a bias for each"
+                raise InputError(f"{p.name} differs from channel to channel: {bias}", "dopamine")
+            change = RECEPTORS[row.receptor] * (level - 1)
+            changes.append((p, change, -(change * p.weight * row.operating_point_nats)))
+        return changes
 
     def check_steady(self, what: str) -> None:
         """Raise ValueError if the circuit has courses, for methods without time."""

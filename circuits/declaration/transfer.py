@@ -52,25 +52,9 @@ def _cut_off(high: float, about: str) -> Transfer:
     )
 
 
-def _log(a: Array) -> Array:
-    some = a > 0
-    return np.where(some, np.log(np.where(some, a, 1.0)), np.nan)
-
-
-def _s_minus_log_s(s: Array) -> Array:
-    some = s > 0
-    safe = np.where(some, s, 1.0)
-    return np.where(some, safe - np.log(safe), 0.0)
-
-
-def _s_minus_log_s_slope(s: Array) -> Array:
-    some = s > 0
-    return np.where(some, 1 - 1 / np.where(some, s, 1.0), 0.0)
-
-
-def _s_minus_log_s_curvature(s: Array) -> Array:
-    some = s > 0
-    return np.where(some, 1 / np.where(some, s, 1.0) ** 2, 0.0)
+def _above_0(law: Callable[[Array], Array], otherwise: float) -> Callable[[Array], Array]:
+    """Return a law that has another value where it is not defined, from 0 down."""
+    return lambda x: np.where(x > 0, law(np.where(x > 0, x, 1.0)), otherwise)
 
 
 # Each compiled engine has its own version of these functions; tests check that they agree. A shared
@@ -91,7 +75,7 @@ TRANSFERS: dict[str, Transfer] = {
         _capped,
         f"exp(clip({{x}}, -inf, {EXP_MOST:g}))",
         "exponential f-I of STN; Bogacz & Gurney 2007 after Hallworth 2003, Wilson 2004",
-        _log,
+        _above_0(np.log, np.nan),
     ),
     "log": Transfer(
         lambda x: np.log(np.maximum(x, 1.0)),
@@ -102,9 +86,9 @@ TRANSFERS: dict[str, Transfer] = {
         lambda a: np.where(a >= 0, _capped(a), np.nan),
     ),
     "s_minus_log_s": Transfer(
-        _s_minus_log_s,
-        _s_minus_log_s_slope,
-        _s_minus_log_s_curvature,
+        _above_0(lambda s: s - np.log(s), 0.0),
+        _above_0(lambda s: 1 - 1 / s, 0.0),
+        _above_0(lambda s: 1 / s**2, 0.0),
         "int({x} > 0) * ({x} - log(clip({x}, 1e-300, inf)))",
         "S - ln S of what STN delivers to GPe; Bogacz & Gurney 2007. No input drives nothing",
     ),

@@ -163,18 +163,10 @@ def off_nats(circuit: CircuitTable, competitors: int | None = None) -> tuple[flo
     drive = np.full((OUT_VALUES, circuit.channels), -BEHIND_NATS)
     drive[:, 0] = 0.0
     drive[:, 1 : count + 1] = (np.log(np.expm1(want)) - np.log(count))[:, None]
-    off = _out(circuit, _entering(circuit, drive))[:, 0] - want
-    return float(off.min()), float(off.max())
-
-
-def _entering(circuit: CircuitTable, drive: Array) -> Array:
-    """Return a drive as it enters: limited to the circuit's reach, and centred if required."""
-    if not circuit.centred:
-        return drive
-    cut = np.maximum(drive, drive.max(axis=1, keepdims=True) - circuit.max_deficit_nats)
-    return np.asarray(cut - cut.mean(axis=1, keepdims=True))
-
-
-def _out(circuit: CircuitTable, drive: Array) -> npt.NDArray[np.float64]:
+    if circuit.centred:
+        drive = np.maximum(drive, drive.max(axis=1, keepdims=True) - circuit.max_deficit_nats)
+        drive = drive - drive.mean(axis=1, keepdims=True)
     wiring, name = wired(circuit), circuit.readout
-    return wiring.activity(wiring.rates(solve(wiring, drive))[:, wiring.blocks_of(name)], name)
+    rates = wiring.rates(solve(wiring, drive))[:, wiring.blocks_of(name)]
+    off = wiring.activity(rates, name)[:, 0] - want
+    return float(off.min()), float(off.max())

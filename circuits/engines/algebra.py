@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from circuits.activity import Activity, checked_drive, warn_beyond_range
+from circuits.activity import Activity, warn_beyond_range
 from circuits.arrays import Array
 from circuits.checks import check_positive
 from circuits.declaration.table import CircuitTable
@@ -23,22 +22,11 @@ TRIALS_AT_ONCE = 512
 
 
 def run(
-    circuit: CircuitTable,
-    drive: npt.ArrayLike,
-    engine: Algebra,
-    *,
-    step_ms: float,
-    seed: int | None = None,
-    first_trial: int = 0,
+    circuit: CircuitTable, drive: Array, engine: Algebra, step_ms: float, seed: object, first: int
 ) -> Activity:
-    """Return the fixed point of the circuit for every reading, without dynamics and noise.
-
-    The arguments are those of ``Engine.run``; ``step_ms`` only sets the times. Courses have no
-    fixed point.
-    """
+    """Return the fixed point for every reading; seed and first have no effect."""
     check_positive(step_ms=step_ms)
     circuit.check_steady("the algebra engine")
-    drive = checked_drive(circuit, drive)
     warn_beyond_range(circuit, drive)
     wiring = wired(circuit)
     flat = drive.reshape(-1, drive.shape[-1])

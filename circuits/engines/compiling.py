@@ -37,10 +37,7 @@ def part(function: Callable[..., Any]) -> Any:
 
 
 def record(**kinds: str) -> np.dtype:
-    """Return a record type with the fields named under each NumPy type.
-
-    A record keeps a row of the table together, and compiled code reads its fields directly.
-    """
+    """Return a record type with the fields named under each NumPy type."""
     pairs = [(name, kind) for kind, names in kinds.items() for name in names.split()]
     return np.dtype(pairs, align=True)
 

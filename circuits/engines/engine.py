@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, overload
 import numpy as np
 import numpy.typing as npt
 
+from circuits.activity import Activity, checked_drive
 from circuits.cells import CELLS
 from circuits.checks import (
     check_free,
@@ -26,7 +27,6 @@ from circuits.engines.memory import blocks, cells, connection_bytes, on_cache_li
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
-    from circuits.activity import Activity
     from circuits.arrays import Array
     from circuits.declaration.table import CircuitTable
     from circuits.dynamics.wiring import Wiring
@@ -124,7 +124,7 @@ class Engine:
         if self.noisy and seed is None:
             raise InputError(f"the {self.id} engine needs a seed", "seed", seed)
         run: Callable[..., Activity] = importlib.import_module(self.module).run
-        return run(circuit, drive, self, step_ms=step_ms, seed=seed, first_trial=first_trial)
+        return run(circuit, checked_drive(circuit, drive), self, step_ms, seed, first_trial)
 
     def stream(
         self,
@@ -279,6 +279,10 @@ class SpikingEngine(TimedEngine):
         """Include connections, and the cells of all trials or threads that run at the same time."""
         of_cells = self.cell_bytes * cells(circuit) * self.copies(trials)
         return super().memory_bytes(circuit, trials, samples) + connection_bytes(circuit) + of_cells
+
+    def at_rest(self) -> Engine:
+        """Return the compiled engine, which produces the same spikes, recording only OUT."""
+        return engine_of("ensemble", dt_ms=self.dt_ms, settle_ms=self.settle_ms, rates=False)
 
     def copies(self, trials: int) -> int:
         """Return the number of trials whose cells are in memory at the same time."""

@@ -10,9 +10,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
-from circuits.activity import Activity, checked_drive, spike_tables, warn_beyond_range
+from circuits.activity import Activity, spike_tables, warn_beyond_range
 from circuits.arrays import Array, Index, Truths
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
@@ -29,17 +28,10 @@ Fired = dict[int, Truths]
 
 
 def run(
-    circuit: CircuitTable,
-    drive: npt.ArrayLike,
-    engine: Plain,
-    *,
-    step_ms: float,
-    seed: int,
-    first_trial: int = 0,
+    circuit: CircuitTable, drive: Array, engine: Plain, step_ms: float, seed: int, first: int
 ) -> Activity:
     """Run a circuit of spiking cells in NumPy; the arguments are those of ``Engine.run``."""
-    drive = checked_drive(circuit, drive)
-    noise.stream_key(seed, first_trial, "")  # says at once if they are out of range
+    noise.stream_key(seed, first, "")  # says at once if they are out of range
     names = circuit.spiking(engine.spikes)
     warn_beyond_range(circuit, drive)
     wiring = wired(circuit)
@@ -50,7 +42,7 @@ def run(
     late, every = clock.settle_ticks, clock.sample_ticks
     rates, outputs, spikes = [], [], []
     for t, readings in enumerate(drive):
-        trial = _Trial(scheme, clock, courses, seed, first_trial + t)
+        trial = _Trial(scheme, clock, courses, seed, first + t)
         ticks = (trial.tick(k, readings) for k in range(clock.ticks))
         fired = [[now[b] for b in kept] for now in ticks]
         sampled = trial.rates[late:].reshape(clock.samples, every, -1)
@@ -64,7 +56,7 @@ def run(
         engine=engine.id,
         output_hz=np.array(outputs),
         spikes=spike_tables(scheme.wiring, names, spikes, clock.dt_ms),
-        about=clock.about(seed, first_trial),
+        about=clock.about(seed, first),
     )
 
 

@@ -166,10 +166,6 @@ class Brian2(SpikingEngine):
         """Return the number of trials: one network simulates all of them."""
         return trials
 
-    def at_rest(self) -> Ensemble:
-        """Return the compiled engine, which produces the same spikes."""
-        return compiled(self)
-
 
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -179,12 +175,3 @@ class Plain(SpikingEngine):
     id: ClassVar[str] = "plain"
     module: ClassVar[str] = "circuits.engines.plain"
     description: ClassVar[str] = "spikes in plain NumPy, the readable reference"
-
-    def at_rest(self) -> Ensemble:
-        """Return the compiled engine, which produces the same spikes."""
-        return compiled(self)
-
-
-def compiled(engine: SpikingEngine) -> Ensemble:
-    """Return the compiled engine with the times of another engine, recording only OUT."""
-    return Ensemble(dt_ms=engine.dt_ms, settle_ms=engine.settle_ms, rates=False)

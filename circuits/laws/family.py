@@ -81,11 +81,6 @@ class Reduced:
     terms: Array  # (2, channels, 3), coefficients of Sigma, ln Sigma and 1
 
     @property
-    def across(self) -> Array:
-        """The mean effect of another channel's evidence, (2,)."""
-        return _across(self.evidence)
-
-    @property
     def direct(self) -> Array:
         """The effect of a channel's evidence beyond that of the other channels', (2,)."""
         return _beyond(self.evidence)
@@ -94,7 +89,7 @@ class Reduced:
     def unlike(self) -> float:
         """The largest difference between channels, per nat or nats."""
         within = self.direct[:, None, None] * np.eye(self.evidence.shape[1])
-        apart = np.abs(self.evidence - within - self.across[:, None, None]).max()
+        apart = np.abs(self.evidence - within - _across(self.evidence)[:, None, None]).max()
         return float(max(apart, np.ptp(self.terms, axis=1).max()))
 
 
@@ -178,7 +173,7 @@ def constraints(circuit: CircuitTable) -> tuple[Constraint, ...]:
         ("direct", f"evidence must reach {out} with a weight of -1 in all", d * parts.gain + 1),
         ("sum", f"the sum over {stn} must cancel in {stn} and {out}", sigma),
         ("log", f"its logarithm must reach {stn} and {out} with weights that add to 1", log - 1),
-        ("common", common, parts.across.sum()),
+        ("common", common, _across(parts.evidence).sum()),
         ("alike", "all channels must have the same weights", parts.unlike),
         (OFFSET, f"{out} must rest at -ln P, nats", offset),
     )

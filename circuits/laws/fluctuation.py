@@ -7,10 +7,6 @@ they receive shifts their means. All to first order in 1/n (Brunel & Hakim 1999 
 Doiron & Longtin 2005 for spectra; van Kampen 2007, chapter X, for the expansion; cells by
 ``circuits.cells.response``). Neglected: a Lif cell's own spikes that return to it before its next
 spike, and noise that crosses a nearby kink; right at a kink there is no slope, and an error.
-
-Linear noise of finitely many cells about the fixed point, at rest or at a constant drive, including
-nonlinear pathways (``circuits.laws.fluctuation``). They predict ``Activity.spectrum`` and the
-variability of OUT across trials.
 """
 
 from __future__ import annotations

@@ -7,9 +7,6 @@ serves the whole block (a shared input) in place of N^2 synapses; if connections
 ``explicit``, every cell has a separate unit (an own input) that receives spikes through Brian2's
 synapses and delays.
 
-``text`` has the code that runs every tick, ``layout`` the array layout and initial values,
-``network`` builds the network, and ``noise`` draws the noise.
-
 The spikes are those of the ensemble engine: cells are single precision in both, and sums over
 populations are taken in the same order. Only the exponentials of two libraries may round
 differently; the resulting rates are rounded to single precision, nearly always to the same number.
@@ -24,6 +21,7 @@ from types import ModuleType
 import numpy.typing as npt
 
 from circuits.activity import Activity, checked_drive, warn_beyond_range
+from circuits.arrays import Array
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
@@ -35,21 +33,15 @@ from circuits.engines.shipped import Brian2
 
 
 def run(
-    circuit: CircuitTable,
-    drive: npt.ArrayLike,
-    engine: Brian2,
-    *,
-    step_ms: float,
-    seed: int,
-    first_trial: int = 0,
+    circuit: CircuitTable, drive: Array, engine: Brian2, step_ms: float, seed: int, first: int
 ) -> Activity:
     """Run a circuit in Brian2; the arguments are those of ``Engine.run``."""
-    network = network_of(circuit, drive, step_ms, seed, first_trial, engine)
+    network = network_of(circuit, drive, step_ms, seed, first, engine)
     with in_numpy() as brian:
         objects = assembled(brian, network.parts)
         # One tick more than the clock's, because blocks count their spikes a tick later.
         objects.run((network.clock.ticks + 1) * network.clock.dt_ms * brian.ms, namespace={})
-        return network.activity(objects, seed, first_trial)
+        return network.activity(objects, seed, first)
 
 
 def network_of(

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from tqdm import tqdm
 
-from circuits.activity import Activity, checked_drive, spike_tables, warn_beyond_range
+from circuits.activity import Activity, spike_tables, warn_beyond_range
 from circuits.arrays import Array
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
@@ -35,23 +35,16 @@ FIRST_CAPACITY = 4096
 
 
 def run(
-    circuit: CircuitTable,
-    drive: npt.ArrayLike,
-    engine: Ensemble,
-    *,
-    step_ms: float,
-    seed: int,
-    first_trial: int = 0,
+    circuit: CircuitTable, drive: Array, engine: Ensemble, step_ms: float, seed: int, first: int
 ) -> Activity:
     """Run a circuit of spiking cells on many trials; the arguments are those of ``Engine.run``."""
-    drive = checked_drive(circuit, drive)
     warn_beyond_range(circuit, drive)
     trials, steps, _ = drive.shape
     wiring = wired(circuit)
     clock = engine.clock(wiring, steps, step_ms)
     names = circuit.spiking(engine.spikes)
     written = np.array([row.name in names for row in wiring.rows])
-    streams = noise.stream_keys(seed, first_trial + np.arange(trials), wiring.names)
+    streams = noise.stream_keys(seed, first + np.arange(trials), wiring.names)
     out, kept = engine.outputs(trials, clock.samples, wiring)
     p = plan(wiring, clock, kept=written)
     spikes = _trials(p, (drive, streams, out, kept), engine)
@@ -62,7 +55,7 @@ def run(
         engine=engine.id,
         output_nats=out,
         spikes=spike_tables(wiring, names, spikes, clock.dt_ms),
-        about=clock.about(seed, first_trial),
+        about=clock.about(seed, first),
     )
 
 

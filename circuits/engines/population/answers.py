@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from dataclasses import fields as dataclass_fields
 from functools import lru_cache
 
 import numpy as np
@@ -41,21 +40,6 @@ BENT = 2e-3
 
 
 @dataclass(frozen=True)
-class Straight:
-    """The line of a population (rate by input), as defined by fields of its row."""
-
-    transfer: str
-    baseline_hz: float
-    gain_hz_per_nat: float
-
-    def at(self, x: Array, lowest_hz: float) -> Line:
-        """Return the line at inputs x (S,)."""
-        law, gain = transfer.named(self.transfer), self.gain_hz_per_nat
-        hz = np.maximum(self.baseline_hz + gain * law(x), lowest_hz)
-        return Line(hz, gain * law.slope(x), gain * law.curvature(x))
-
-
-@dataclass(frozen=True)
 class Answers:
     """Responses of a population's cells between two inputs, nats."""
 
@@ -76,12 +60,16 @@ class Mixture:
     """Cells of a population, which may be heterogeneous (``laws.mean_field``), and its line."""
 
     cell: Cell
-    line: Straight
+    transfer: str
+    baseline_hz: float
+    gain_hz_per_nat: float
     heterogeneity: float = 0.0
 
     def at(self, x: Array) -> Line:
         """Return the line at inputs x (S,)."""
-        return self.line.at(x, self.cell.lowest_hz)
+        law, gain = transfer.named(self.transfer), self.gain_hz_per_nat
+        hz = np.maximum(self.baseline_hz + gain * law(x), self.cell.lowest_hz)
+        return Line(hz, gain * law.slope(x), gain * law.curvature(x))
 
     def rate_hz(self, x: Array) -> Array:
         """Return the mean rate at inputs x (S,), Hz."""
@@ -124,12 +112,10 @@ def _fitted(mixture: Mixture) -> Arrays:
     import scipy
 
     included = type(mixture.cell).__module__.startswith("circuits.")
-    if not (included and mixture.line.transfer in TRANSFERS):
+    if not (included and mixture.transfer in TRANSFERS):
         return _fit(mixture)  # the source of another type or transfer may have changed
-    fields = [(f.name, getattr(mixture.cell, f.name)) for f in dataclass_fields(mixture.cell)]
-    key = f"{type(mixture.cell).__qualname__} {fields} {mixture.line} {mixture.heterogeneity}"
-    key += f" numpy {np.__version__} scipy {scipy.__version__}"
-    return cached("tables", SOURCES, f"population {key}").once(lambda: _fit(mixture))
+    key = f"population {mixture} numpy {np.__version__} scipy {scipy.__version__}"
+    return cached("tables", SOURCES, key).once(lambda: _fit(mixture))
 
 
 def _fit(mixture: Mixture) -> Arrays:

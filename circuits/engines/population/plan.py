@@ -16,14 +16,7 @@ from circuits.dynamics.wiring import Wiring
 from circuits.engines.compiling import edges
 from circuits.engines.compiling import records as filled
 from circuits.engines.population import kernel, records
-from circuits.engines.population.answers import (
-    POINTS,
-    STEPS,
-    Mixture,
-    Straight,
-    answers,
-    looked_up,
-)
+from circuits.engines.population.answers import POINTS, STEPS, Mixture, answers, looked_up
 from circuits.errors import InputError, NoiseWarning
 
 if TYPE_CHECKING:
@@ -108,8 +101,8 @@ class _Tables:
         own_law = self.engine.by_cells and row.cell.hears == "nats"
         if not (row.spiking and (own_law or self.engine.noise)):
             return fields
-        line = Straight(row.transfer, row.baseline_hz, row.gain_hz_per_nat)
-        key = Mixture(row.cell, line, row.heterogeneity)
+        line = row.transfer, row.baseline_hz, row.gain_hz_per_nat
+        key = Mixture(row.cell, *line, row.heterogeneity)
         responses = answers(key, self.dt_ms)
         ends, full = (responses.lowest, responses.highest), (responses.lowest, responses.top)
         if responses.rough and self.engine.noise:

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from circuits.activity import Activity, checked_drive, warn_beyond_range
+from circuits.activity import Activity, warn_beyond_range
 from circuits.arrays import Array, Index
 from circuits.checks import check_positive, is_whole
 from circuits.declaration.table import CircuitTable
@@ -52,12 +52,11 @@ _ringing = lru_cache(maxsize=64)(ringing)
 
 def run(
     circuit: CircuitTable,
-    drive: npt.ArrayLike,
+    drive: Array,
     engine: PopulationsEngine,
-    *,
     step_ms: float,
-    seed: int | None = None,
-    first_trial: int = 0,
+    seed: int | None,
+    first_trial: int,
 ) -> Activity:
     """Run a circuit's populations on many trials; the arguments are those of ``Engine.run``.
 
@@ -65,7 +64,6 @@ def run(
     warning is issued near an oscillation, for fewer than 30 cells, and if a filter deviates from
     theory; rates that diverge raise ValueError.
     """
-    drive = checked_drive(circuit, drive)
     _check_trials(len(drive), first_trial=first_trial)
     check_positive(step_ms=step_ms)
     prepared = _Prepared(circuit, engine, drive.shape[1], step_ms)

@@ -7,16 +7,16 @@ from circuits import anatomy
 from circuits.cells import Phase
 from circuits.declaration import transfer
 from circuits.engines.population import answers as module
-from circuits.engines.population.answers import Mixture, Straight, answers, looked_up
+from circuits.engines.population.answers import Mixture, answers, looked_up
 from circuits.store import Entry
 
 GPE = anatomy.spiking_msprt().population("GPe")
-LIF = Mixture(GPE.cell, Straight("linear", GPE.baseline_hz, GPE.gain_hz_per_nat))
+LIF = Mixture(GPE.cell, "linear", GPE.baseline_hz, GPE.gain_hz_per_nat)
 
 
 @pytest.mark.parametrize(
     ("mixture", "top_hz"),
-    [(Mixture(Phase(0.3), Straight("linear", 40.0, 10.0)), 1000.0), (LIF, 0.95 * 500)],
+    [(Mixture(Phase(0.3), "linear", 40.0, 10.0), 1000.0), (LIF, 0.95 * 500)],
 )
 def test_filters_follow_rates_of_1_mhz_to_400_hz_and_the_law_up_to_its_limit(mixture, top_hz):
     """A cell with a refractory period of 2 ms stays below 500 Hz; its law is tabulated to 95 %."""
@@ -28,7 +28,7 @@ def test_filters_follow_rates_of_1_mhz_to_400_hz_and_the_law_up_to_its_limit(mix
 
 def test_a_law_that_ends_is_followed_to_a_thousandth_of_its_ends():
     """A ramp of 34 Hz between 0 and 1 nat."""
-    table = answers(Mixture(Phase(0.3), Straight("ramp", 0.0, 34.0)), 0.1)
+    table = answers(Mixture(Phase(0.3), "ramp", 0.0, 34.0), 0.1)
     np.testing.assert_allclose(table.lowest * 34, 1e-3, rtol=0.05)
     np.testing.assert_allclose([table.highest, table.top], [0.999, 0.95], rtol=1e-5)
 
@@ -58,5 +58,5 @@ def test_fits_are_kept_only_if_all_code_is_included(monkeypatch):
     monkeypatch.setattr(module, "_fit", lambda _: None)
     monkeypatch.setitem(transfer.TRANSFERS, "mine", transfer.TRANSFERS["linear"])
     for name, count in (("linear", 1), ("mine", 1), ("exp", 2)):
-        module._fitted(Mixture(Phase(0.3), Straight(name, 10.0, 5.0)))
+        module._fitted(Mixture(Phase(0.3), name, 10.0, 5.0))
         assert len(kept) == count

@@ -17,7 +17,7 @@ from circuits.declaration.rows import Population, Projection
 from circuits.dynamics.ticks import cell_factors
 from circuits.engines import run
 from circuits.engines.population import run as engine
-from circuits.engines.population.answers import Mixture, Straight
+from circuits.engines.population.answers import Mixture
 from circuits.errors import NoiseWarning
 from circuits.laws.fluctuation import out_variance, rate_spectrum
 from tests.circuits.helpers import run_algebra
@@ -123,7 +123,7 @@ def test_cells_that_differ_answer_as_their_mean_does():
     """Siegert's rate averaged over all cells of a channel, and the power of all of them."""
     heterogeneity, x = 0.15, np.linspace(-0.5, 1.5, 9)
     row = FULL.with_heterogeneity(heterogeneity).population("GPe")
-    alike = Mixture(row.cell, Straight("linear", 45.0, 80.0))
+    alike = Mixture(row.cell, "linear", 45.0, 80.0)
     differ = replace(alike, heterogeneity=heterogeneity)
     factors = np.concatenate(
         [cell_factors(FULL.with_heterogeneity(heterogeneity), "GPe", c) for c in (0, 1)], 1
