@@ -97,10 +97,7 @@ def shown(argument: object) -> str:
 
 
 def user_level() -> int:
-    """Return the ``stacklevel`` at which a warning points to the line that called the package.
-
-    Frames of this package, and of standard-library modules between them, are skipped.
-    """
+    """Return the ``stacklevel`` at which a warning points to the line that called the package."""
     level, frame = 1, sys._getframe(1)
     while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] in INSIDE:
         level, frame = level + 1, frame.f_back

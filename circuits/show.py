@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from html import escape
 from typing import Any
 
@@ -22,10 +23,7 @@ ASSUMED = "assumed"
 
 
 def nuclei(circuit: CircuitTable, resting: Mapping[str, float]) -> pd.DataFrame:
-    """Return the populations as a table: one row per nucleus, units in the column names.
-
-    The column ``rest_hz`` has the resting rates.
-    """
+    """Return the populations as a table: one row per nucleus, units in the column names."""
     unit = circuit.unit.removesuffix("s")
     rows = [
         {
@@ -80,12 +78,8 @@ def courses(circuit: CircuitTable) -> pd.DataFrame:
             "course": row.what,
             "amount": row.amount,
             "of": "level" if row.what == DOPAMINE else circuit.unit,
-            "from_ms": row.from_ms,
-            "to_ms": row.to_ms,
-            "rise_ms": row.rise_ms,
-            "decay_ms": row.decay_ms,
-            "rate_hz": row.rate_hz,
-            "pulse_ms": row.pulse_ms,
+            **{name: getattr(row, name) for name in ("from_ms", "to_ms", "rise_ms", "decay_ms")},
+            **{name: getattr(row, name) for name in ("rate_hz", "pulse_ms")},
             "source": row.cite or ASSUMED,
         }
         for row in circuit.courses
@@ -108,7 +102,9 @@ def html(circuit: CircuitTable) -> str:
 
 
 def _page(circuit: CircuitTable) -> tuple[str, list[pd.DataFrame], str]:
-    resting = _resting(circuit)
+    resting: dict[str, float] = {}  # without a resting state
+    with suppress(ValueError):
+        resting = resting_hz(circuit)
     tables = [nuclei(circuit, resting), pathways(circuit)]
     if circuit.courses:
         tables.append(courses(circuit))
@@ -135,14 +131,6 @@ def _head(circuit: CircuitTable, resting: Mapping[str, float]) -> str:
         f"{circuit.drive_gain:g}, read-out filter {circuit.readout_tau_ms:g} ms; {default}"
         f"{_off(circuit)}{_family(circuit)}{_outside(circuit, resting)}"
     )
-
-
-def _resting(circuit: CircuitTable) -> dict[str, float]:
-    """Return resting rates, Hz, by the table's lines; empty if there is no resting state."""
-    try:
-        return resting_hz(circuit)
-    except ValueError:
-        return {}
 
 
 def _off(circuit: CircuitTable) -> str:

@@ -251,10 +251,7 @@ def _bare_numbers(function: Callable[..., Any]) -> list[float]:
 
 
 def tick_constants(cell: Cell, factors: Array, dt_ms: float) -> Constants:
-    """Return a cell's constants in the order in which ``begin`` and ``tick`` take them.
-
-    Raises InputError for names that do not match, or values not finite or not in single precision.
-    """
+    """Return a cell's constants in the order in which ``begin`` and ``tick`` take them."""
     name, constants = type(cell).__name__, cell.constants(factors, dt_ms)
     names = constant_names(type(cell))
     if set(constants) != set(names):

@@ -7,12 +7,13 @@ equation as in Richardson 2007, Phys Rev E 76, 021919).
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array, Complex
+from circuits.cells.cell import Response
 from circuits.cells.membrane import Membrane
 
 NODES = 100
@@ -23,18 +24,8 @@ DEEPEST = 9.0
 """Lowest mean considered, in SD below threshold; below it a cell is silent."""
 
 
-class LifResponse(NamedTuple):
-    """Response of a cell to a small fluctuation of its mean potential, (..., frequencies)."""
-
-    gain: Complex  # Hz/mV: modulation of the rate per mV of modulation
-    bend: Array  # Hz/mV^2: change of the mean rate per unit of input variance
-    spectrum: Array  # Hz: two-sided power of the spikes without fluctuations
-
-
-def lif_response(
-    cell: Membrane, mean_mv: npt.ArrayLike, frequency_hz: npt.ArrayLike
-) -> LifResponse:
-    """Return the response of a leaky integrate-and-fire cell about its mean potentials (S,), mV.
+def lif_response(cell: Membrane, mean_mv: npt.ArrayLike, frequency_hz: npt.ArrayLike) -> Response:
+    """Return the response (S, F), per mV, of a leaky integrate-and-fire cell about means (S,), mV.
 
     The density is discretised on nodes (Scharfetter & Gummel 1969); the flux through the threshold
     re-enters at the reset one refractory period later. A modulated mean acts on the stationary
@@ -57,7 +48,7 @@ def lif_response(
     push, _ = density.pushed(2 * first.real)
     (second,) = density.solve(np.zeros(1), push)
     bend = -rate * density.area(second) / 2
-    return LifResponse(gain, bend, renewal_spectrum(rate, interval))
+    return Response(gain, bend, renewal_spectrum(rate, interval))
 
 
 class _Density:
@@ -120,8 +111,5 @@ class _Density:
 
 
 def renewal_spectrum(rate: Array, interval: Complex) -> Array:
-    """Return the power spectrum of a renewal process from its interval transform (Cox 1962).
-
-    The intervals of a renewal process are independent of each other.
-    """
+    """Return the power spectrum of a renewal process from its interval transform (Cox 1962)."""
     return np.asarray(rate * (1 - np.abs(interval) ** 2) / np.abs(1 - interval) ** 2)

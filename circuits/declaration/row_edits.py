@@ -130,17 +130,12 @@ def _read(
         raise InputError(f"{name} can't be like {like.name}: one of them is a pathway", "add")
     identity = {"source": source, "target": target} if arrow else {"name": name}
     if like is not None:
-        values.setdefault("cite", _as(like, values))
+        assumed = f"; assumed: {', '.join(values)}" if values else ""
+        values.setdefault("cite", f"as {like.name}{assumed}")
         like = replace(like, cite_more="")
     if isinstance(like, Population):
         like = replace(like, **WHOLE, published_hz=())
     return _row(kind, like, values, identity)
-
-
-def _as(like: Row, names: Iterable[str]) -> str:
-    """Return the citation of a row like another: that row, and the fields that are assumed."""
-    edited = ", ".join(names)
-    return f"as {like.name}" + (f"; assumed: {edited}" if edited else "")
 
 
 def _course(what: str, texts: Mapping[str, Any]) -> Course:
@@ -180,7 +175,9 @@ def _row(
     cell = type(old.cell) if isinstance(old, Population) else None
     made = declared.get("cell")
     if kind is Population and "cell" in declared:
-        cell = type(made) if isinstance(made, Cell) else _cell_type(declared["cell"], owner)
+        known = isinstance(made, Cell) or made in CELLS
+        require(known, "cell", f"must be one of {', '.join(CELLS)}", made, owner=owner)
+        cell = type(made) if isinstance(made, Cell) else CELLS[str(made)]
     _check_names(declared, _names(kind, cell), owner)
     constants = {k.removeprefix(OF_CELL): v for k, v in declared.items() if k.startswith(OF_CELL)}
     texts = {k: v for k, v in declared.items() if k != "cell" and not k.startswith(OF_CELL)}
@@ -203,11 +200,6 @@ def _made(kind: type, old: Any, values: Mapping[str, Any], owner: str) -> Any:
         hint = ", or like=ROW" if kind in get_args(Row) else ""
         raise InputError(f"{owner} needs {' and '.join(needed)}{hint}", "add")
     return kind(**values)
-
-
-def _cell_type(kind: str, owner: str) -> type[Cell]:
-    require(kind in CELLS, "cell", f"must be one of {', '.join(CELLS)}", kind, owner=owner)
-    return CELLS[kind]
 
 
 def _typed(kind: type, texts: Mapping[str, Any]) -> dict[str, Any]:

@@ -99,7 +99,6 @@ class CircuitTable(Network):
             most = f"{self.name} takes at most {self.most_channels} alternatives"
             raise InputError(f"{most}, got {self.channels}", "channels", self.channels)
         self._check_numbers()
-        self._check_unit()
         self._reaches()
         self._check_more_inputs()
         self._check_courses()
@@ -112,8 +111,6 @@ class CircuitTable(Network):
             low, high = getattr(self, name)
             require(low <= high, name, "must be two numbers that rise", (low, high))
         check_finite(reference_nats=self.reference_nats, drive_gain=self.drive_gain)
-
-    def _check_unit(self) -> None:
         require(self.unit in UNITS, "unit", f"must be one of {', '.join(UNITS)}", self.unit)
         if self.exact:
             self.check_nats("exact, OUT = -ln P,")

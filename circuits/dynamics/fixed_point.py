@@ -123,7 +123,7 @@ def _newton(wiring: Wiring, drive: Array, outside: Array, x: Array, blocks: Inde
     """
     within = (wiring.weight[blocks] != 0).any(axis=0) & (wiring.deliver[:, blocks] != 0).any(axis=1)
     weight, deliver = wiring.weight[blocks][:, within], wiring.deliver[within][:, blocks]
-    slow = np.array([wiring.row(b).transfer == "exp" for b in blocks])
+    slow = np.array([wiring.rows[b].transfer == "exp" for b in blocks])
     eye = np.eye(len(blocks))
     for step in range(MOST_STEPS):
         here = x[:, blocks]

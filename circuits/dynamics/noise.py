@@ -95,12 +95,8 @@ def bits8(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.floa
 
     One word serves four ticks, one byte per tick.
     """
-    return np.asarray((ones8(stream, tick, neurons).astype(np.float64) - 4) / np.sqrt(2))
-
-
-def ones8(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.float32]:
-    """Return the number of ones among the 8 bits of each neuron at a tick: mean 4, variance 2."""
-    return counts_at(byte_counts(words(stream, tick // TICKS_A_WORD, neurons)), tick)
+    ones = counts_at(byte_counts(words(stream, tick // TICKS_A_WORD, neurons)), tick)
+    return np.asarray((ones.astype(np.float64) - 4) / np.sqrt(2))
 
 
 def counts_at(counts: npt.NDArray[np.uint32], tick: int) -> npt.NDArray[np.float32]:

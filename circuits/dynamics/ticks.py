@@ -25,7 +25,7 @@ one's if lesions are chronic; the evidence begins after a settling time.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -101,11 +101,6 @@ class Clock:
         """Time of each sample, ms from the first reading: the end of its averaging window."""
         return np.arange(1, self.samples + 1, dtype=np.float64) * self.sample_ms
 
-    @property
-    def from_onset(self) -> Clock:
-        """The same clock without the time at rest."""
-        return replace(self, settle_ms=0.0)
-
     def about(self, seed: int, first_trial: int) -> dict[str, float]:
         """Return the entries of ``Activity.about`` for a run with noise."""
         run = {"seed": int(seed), "first_trial": first_trial}
@@ -166,7 +161,7 @@ class Scheme:
 
     def constants(self, block: int) -> Constants:
         """Return the constants of a block's cells: scalars, or (neurons,) if heterogeneous."""
-        row, circuit = self.wiring.row(block), self.wiring.circuit
+        row, circuit = self.wiring.rows[block], self.wiring.circuit
         factors = ALL_ALIKE
         if row.heterogeneity:
             factors = cell_factors(circuit, row.name, int(self.wiring.channel[block]))

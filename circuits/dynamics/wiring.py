@@ -66,14 +66,6 @@ class Wiring:
         """The projection of each unit."""
         return [self.circuit.projections[int(i)] for i in self.path]
 
-    def row(self, block: int) -> Population:
-        """Return the population of a block."""
-        return self.rows[block]
-
-    def projection(self, unit: int) -> Projection:
-        """Return the projection of a unit."""
-        return self.projections[unit]
-
     def blocks_of(self, name: str) -> Index:
         """Return the blocks of a population, in the order of its channels."""
         self.circuit.population(name)
@@ -173,7 +165,7 @@ class Wiring:
 
     def block_rates(self, block: int, x: Array) -> Array:
         """Return the rates of one block, Hz, at inputs of any shape, nats."""
-        activity = transfer.named(self.row(block).transfer)(x)
+        activity = transfer.named(self.rows[block].transfer)(x)
         rates = self.baseline_hz[block] + self.gain_hz_per_nat[block] * activity
         return np.asarray(np.maximum(rates, self.floor_hz[block]), dtype=np.float64)
 

@@ -92,7 +92,7 @@ class _Trial:
         self.cells = {
             b: _Cells(scheme, b, noise.stream_key(seed, trial, w.names[b]))
             for b in range(w.blocks)
-            if w.row(b).spiking
+            if w.rows[b].spiking
         }
         self.own, weight = _own_inputs(scheme)
         self.common = replace(w, weight=weight)
@@ -141,7 +141,7 @@ class _Cells:
 
     def __init__(self, scheme: Scheme, block: int, stream: int) -> None:
         w = scheme.wiring
-        self.row, self.stream, self.dt_s = w.row(block), stream, scheme.dt_ms / 1000
+        self.row, self.stream, self.dt_s = w.rows[block], stream, scheme.dt_ms / 1000
         self.wiring, self.block, self.neurons = w, block, self.row.neurons
         self.spike_hz = spike_hz(self.neurons, scheme.dt_ms)
         self.decay = scheme.block_decay[block]

@@ -62,7 +62,10 @@ def linear(
     Frequencies (F,) are at least 1e-3 Hz; ``extra_hz`` is added to the rates of the states. There
     is no theory for sparse connections, nor for cell types without a ``response``.
     """
-    _check(wiring)
+    for p in wiring.circuit.projections:
+        if wiring.circuit.is_sparse(p):
+            problem = "the finite-size theory needs all-to-all connections"
+            raise ValueError(f"{problem}: {p.name} connects {p.probability:.0%}")
     frequency = np.asarray(frequency_hz, dtype=np.float64)
     gain, bend, noise = _cells(wiring, x, frequency)
     turn = 2j * np.pi * frequency[:, None] / 1000
@@ -162,9 +165,9 @@ def _check_kinks(
     by_line = [row.cell.hears == "hz" for row in wiring.rows]
     at = _jumps(lambda x: wiring.rates_slope(x) / wiring.gain_hz_per_nat, x) & by_line
     at &= blocks > KINK_NATS
-    names = [wiring.row(b).name for b in np.flatnonzero(at.any(axis=0))]
+    names = [wiring.rows[b].name for b in np.flatnonzero(at.any(axis=0))]
     at = _jumps(wiring.units_slope, activity)[:, bent] & (units > KINK_NATS)
-    names += [wiring.projection(u).name for u in np.flatnonzero(bent)[at.any(axis=0)]]
+    names += [wiring.projections[u].name for u in np.flatnonzero(bent)[at.any(axis=0)]]
     if names:
         problem = f"{names[0]} of {wiring.circuit.name} is right at a kink"
         jumps = "where its slope jumps: the finite-size theory does not apply there"
@@ -175,13 +178,6 @@ def _jumps(slope: Callable[[Array], Array], at: Array) -> npt.NDArray[np.bool_]:
     """Return where a slope, nats/nat, differs between just below and just above."""
     low, high = slope(at - KINK_NATS), slope(at + KINK_NATS)
     return np.asarray(np.abs(high - low) > KINK * np.maximum(1, np.abs(low + high) / 2))
-
-
-def _check(wiring: Wiring) -> None:
-    for p in wiring.circuit.projections:
-        if wiring.circuit.is_sparse(p):
-            problem = "the finite-size theory needs all-to-all connections"
-            raise ValueError(f"{problem}: {p.name} connects {p.probability:.0%}")
 
 
 def rate_spectrum(

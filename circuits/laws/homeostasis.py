@@ -125,6 +125,8 @@ def recovery(
     that have not settled by ``until``, because a population cannot fire at its rate or the biases
     oscillate, raise ValueError.
     """
+    import pandas as pd  # here, because every circuit imports this module
+
     if not 0 < step <= until < np.inf:
         raise InputError(f"step must be > 0 and at most until, got {step} and {until}", "step")
     goal = _goal(circuit, reference, rebound_nats)
@@ -143,26 +145,15 @@ def recovery(
         course.append((k * step, hz, bias + moved))
         pace = factors * (mean @ goal.rates_hz - hz) / gains
         if np.abs(pace).max() < SETTLED_NATS:
-            return _table([row.name for row in rows], course)
+            times, names = zip(*course, strict=True), [row.name for row in rows]
+            time, hz, bias = (np.array(values) for values in times)
+            table = {"time": np.repeat(time, len(rows)), "population": names * len(time)}
+            return pd.DataFrame(table | {"rate_hz": hz.ravel(), "bias_nats": bias.ravel()})
         moved = moved + step * pace
     raise ValueError(
         f"{circuit.name} does not recover: after {until:g} time constants "
         f"{rows[int(np.abs(pace).argmax())].name} is not at its resting rate; either it cannot "
         "fire at that rate, or the biases oscillate at these speeds"
-    )
-
-
-def _table(names: list[str], course: list[tuple[float, Array, Array]]) -> pd.DataFrame:
-    import pandas as pd  # here, because every circuit imports this module
-
-    time, hz, bias = (np.array(values) for values in zip(*course, strict=True))
-    return pd.DataFrame(
-        {
-            "time": np.repeat(time, len(names)),
-            "population": names * len(time),
-            "rate_hz": hz.ravel(),
-            "bias_nats": bias.ravel(),
-        }
     )
 
 
@@ -186,13 +177,13 @@ class _Goal:
         wiring, inputs = self.wiring, now.copy()
         off = np.abs(wiring.rates(now) - self.rates_hz) / wiring.gain_hz_per_nat
         for b in np.flatnonzero(off > SAME_NATS):
-            row = wiring.row(b)
+            row = wiring.rows[b]
             activity = (self.rates_hz[b] - row.baseline_hz) / row.gain_hz_per_nat
             inverse = transfer.named(row.transfer).inverse
             inputs[b] = self.before_nats[b] if inverse is None else inverse(np.array([activity]))[0]
         off = np.abs(wiring.rates(inputs) - self.rates_hz) / wiring.gain_hz_per_nat
         if (wrong := np.flatnonzero(~(off < ALIKE_NATS))).size:
-            row = wiring.row(wrong[0])
+            row = wiring.rows[wrong[0]]
             problem = f"{row.name} cannot rest at {self.rates_hz[wrong[0]]:.3g} Hz"
             known = f"no input to its transfer {row.transfer!r} is known to give this rate"
             raise ValueError(f"{problem}: {known}")

@@ -57,7 +57,7 @@ def own_rates(wiring: Wiring, x: Array) -> Array:
     """Return the rates (trials, blocks), Hz, at steady inputs, nats, from the cells' f-I curves."""
     hz = wiring.rates(x)
     for b in range(wiring.blocks):
-        row = wiring.row(b)
+        row = wiring.rows[b]
         hz[:, b] = mean_rate_hz(row.cell, row.heterogeneity, x[:, b], hz[:, b])
     return hz
 

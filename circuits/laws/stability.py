@@ -133,7 +133,7 @@ def _roots(wiring: Wiring, x: Array, blocks: Index) -> Complex:
     flow, lag = _linear(wiring, x, blocks)
     slow = lag > 0
     if not slow.any():
-        names = ", ".join(dict.fromkeys(wiring.row(b).name for b in blocks))
+        names = ", ".join(dict.fromkeys(wiring.rows[b].name for b in blocks))
         raise ValueError(f"the loop of {names} has neither delay nor time constant: no dynamics")
     at_once = np.linalg.solve(flow[~slow][:, ~slow], flow[~slow][:, slow])
     matrix = flow[slow][:, slow] - flow[slow][:, ~slow] @ at_once

@@ -71,7 +71,7 @@ class Layout:
         begin, inputs = 0, []
         for u in sorted(set(range(self.wiring.units)) - set(self.shared_inputs)):
             for b in self.targets[u]:
-                neurons = self.wiring.row(b).neurons
+                neurons = self.wiring.rows[b].neurons
                 inputs.append((u, b, begin + np.arange(neurons)))
                 begin += neurons
         return inputs
@@ -115,7 +115,7 @@ class Layout:
 
     def cells(self, block: int) -> Index:
         """Return the indices (trials, neurons) of a block's cells in their group."""
-        row = self.wiring.row(block)
+        row = self.wiring.rows[block]
         return self.index(
             row.name, self.wiring.channel[block] * row.neurons + np.arange(row.neurons)
         )
@@ -153,7 +153,7 @@ class Layout:
         w, parts = self.wiring, []
         for u, target, places in self.own_inputs:
             for b in set(w.blocks_of(name)) & set(np.flatnonzero(w.deliver[u])):
-                fan = fan_in(w.circuit, w.projection(u), int(w.channel[target]), int(w.channel[b]))
+                fan = fan_in(w.circuit, w.projections[u], int(w.channel[target]), int(w.channel[b]))
                 jump = w.deliver[u, b] * 1000 / (self.scheme.dt_ms * fan.shape[1])
                 own_inputs = self.index("own_inputs", places)[:, :, None]
                 parts.append((self.cells(b)[:, fan], own_inputs, jump, self.scheme.unit_delay[u]))
@@ -161,7 +161,7 @@ class Layout:
 
     def own_to_cells(self, name: str) -> Columns:
         """Return own inputs and their cells."""
-        here = [part for part in self.own_inputs if self.wiring.row(part[1]).name == name]
+        here = [part for part in self.own_inputs if self.wiring.rows[part[1]].name == name]
         return joined([(self.index("own_inputs", at), self.cells(b)) for _, b, at in here])
 
     # ---- values of the variables
@@ -172,7 +172,7 @@ class Layout:
         for name in self.populations:
             for b in self.wiring.blocks_of(name):
                 here = {n: v for n, v in self.constants(b).items() if np.ndim(v)}
-                here["cell"] = np.arange(self.wiring.row(b).neurons)
+                here["cell"] = np.arange(self.wiring.rows[b].neurons)
                 here["block"] = self.index("blocks", b)
                 for variable, value in here.items():
                     array = values.setdefault(
@@ -218,12 +218,7 @@ class Layout:
 
     def unit_laws(self, group: str) -> list[str]:
         """Return the name of the transfer of each unit of a trial."""
-        return [self.wiring.projection(u).transfer for u in self.units[group]]
-
-    @cached_property
-    def block_laws(self) -> list[str]:
-        """Name of each block's transfer."""
-        return [row.transfer for row in self.wiring.rows]
+        return [self.wiring.projections[u].transfer for u in self.units[group]]
 
     def _units(self) -> Values:
         scheme, w = self.scheme, self.wiring
@@ -233,7 +228,7 @@ class Layout:
                 "u": scheme.start[0][of],
                 "decay": scheme.unit_decay[of],
                 "constant_nats": w.constant[of],
-                "weight": np.array([w.projection(u).weight for u in of]),
+                "weight": np.array([w.projections[u].weight for u in of]),
                 **brian_text.law_marks(self.unit_laws(group)),
             }
             if group == "own_inputs":
@@ -256,7 +251,7 @@ class Layout:
             "gain_hz_per_nat": w.gain_hz_per_nat,
             "lowest_hz": np.maximum(w.floor_hz, -1e300),
             "spiking": np.array([row.spiking for row in w.rows]) * 1.0,
-            **brian_text.law_marks(self.block_laws),
+            **brian_text.law_marks([row.transfer for row in w.rows]),
         }
         if self.courses:
             one["course"] = self.courses.of_block

@@ -119,13 +119,14 @@ class Network:
         state, tick = self._texts(brian_text.UNIT_STATE, ticks, self.layout.unit_laws(name))
         if name == "own_inputs":
             state, tick = state + brian_text.OWN_INPUT_STATE, brian_text.OWN_INPUT_HEAR + tick
-        paths = (self.layout.wiring.projection(u).name for u in self.layout.units[name])
+        paths = (self.layout.wiring.projections[u].name for u in self.layout.units[name])
         about = f"in this order: {', '.join(dict.fromkeys(paths))}"
         self._group(name, state, about)["code"] = [(ORDER[name], 1, tick)]
 
     def _blocks(self) -> None:
         ticks = brian_text.BLOCK_TICK, brian_text.TIMED_BLOCK_TICK
-        state, tick = self._texts(brian_text.BLOCK_STATE, ticks, self.layout.block_laws)
+        laws = [row.transfer for row in self.layout.wiring.rows]
+        state, tick = self._texts(brian_text.BLOCK_STATE, ticks, laws)
         self._group("blocks", state)["code"] = [(ORDER["blocks"], 1, tick)]
         if self.layout.shared_inputs:
             self._connect(
@@ -147,7 +148,8 @@ class Network:
 
     def _cells(self, name: str) -> None:
         layout, row = self.layout, self.layout.wiring.circuit.population(name)
-        text, block = brian_text.cell_text(row), layout.wiring.blocks_of(name)[0]
+        text = row.cell.brian or row.cell.lacks("brian", "the brian2 engine")
+        block = layout.wiring.blocks_of(name)[0]
         constants = layout.constants(block)
         names = {n: v for n, v in constants.items() if not np.ndim(v)}
         hears = row.cell.hears

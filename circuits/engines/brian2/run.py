@@ -52,10 +52,7 @@ def network_of(
     first_trial: int,
     engine: Brian2 | None,
 ) -> Network:
-    """Return the network of a run.
-
-    Without an engine, its defaults apply, and the spikes of all cells are recorded.
-    """
+    """Return the network of a run; without an engine, the spikes of all cells are recorded."""
     if engine is None:
         cells = tuple(row.name for row in circuit.populations if row.spiking)
         engine = Brian2(spikes=cells)

@@ -10,9 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from circuits.arrays import Array
-from circuits.cells.cell import BrianText
 from circuits.declaration import transfer
-from circuits.declaration.rows import Population
 
 # ---- delay line of the blocks' rates, oldest first: each element copies the next one's value
 
@@ -117,11 +115,6 @@ x = block_x + own_x
 hz = clip(baseline_hz + gain_hz_per_nat*({law}), 0, inf)
 """,
 }
-
-
-def cell_text(row: Population) -> BrianText:
-    """Return the Brian2 code of a population's cells; ValueError if their type has none."""
-    return row.cell.brian or row.cell.lacks("brian", "the brian2 engine")
 
 
 # ---- transfers: one expression in x that covers all the transfers of a group

@@ -250,7 +250,7 @@ def _own_inputs(places: _Places) -> tuple[Any, Any, Any, npt.NDArray[np.bool_]]:
     size = cells = 0
     needs = np.zeros(wiring.blocks, dtype=bool)
     for q in np.flatnonzero(places.sparse):
-        p = wiring.projection(q)
+        p = wiring.projections[q]
         sources = np.flatnonzero(wiring.deliver[q])
         gains = wiring.deliver[q, sources]
         if len(sources) and not np.allclose(gains, gains[0]):

@@ -154,10 +154,7 @@ def _fit(mixture: Mixture) -> Arrays:
 
 @lru_cache(maxsize=64)
 def looked_up(name: str) -> tuple[float, float, Array]:
-    """Return the lowest and highest input of a transfer's table, and its values (POINTS,).
-
-    The transfer must not be too curved for linear interpolation.
-    """
+    """Return the lowest and highest input of a transfer's table, and its values (POINTS,)."""
     law, ends = transfer.named(name), (-FAR_NATS / 4, FAR_NATS / 4)
     grid = np.linspace(*ends, POINTS)
     values, middles = law(grid), law((grid[1:] + grid[:-1]) / 2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import gcd, lcm
 from typing import TYPE_CHECKING, Any
 
@@ -43,7 +44,8 @@ def plan(scheme: Scheme, clock: Clock, engine: PopulationsEngine) -> records.Pla
     wiring = scheme.wiring
     if engine.noise or engine.by_cells:
         _check(wiring)
-    tables, courses = _Tables(wiring, engine, clock.dt_ms), timed(wiring, clock.from_onset)
+    tables = _Tables(wiring, engine, clock.dt_ms)
+    courses = timed(wiring, replace(clock, settle_ms=0.0))
     source_from, sources = edges(records.EDGE, wiring.deliver)
     input_from, inputs = edges(records.EDGE, wiring.weight)
     blocks = _blocks(scheme, tables, courses, input_from)

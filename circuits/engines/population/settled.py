@@ -109,7 +109,9 @@ def settled(
     with _LOCK:
         bank = _bank(at_rest, scheme.wiring.names, initial, seed)
         bank.grow(int(entries.max(initial=0)) + 1)
-        _forget()
+        # The states used least recently are dropped.
+        while len(_BANKS) > 1 and sum(each.nbytes for each in _BANKS.values()) > MOST_BYTES:
+            _BANKS.popitem(last=False)
         missing = np.unique(entries[~bank.made[entries]])
         if len(missing):
             before = bank.made[:FEWEST].sum()
@@ -142,12 +144,6 @@ def _bank(p: records.Plan, names: list[str], initial: records.State, seed: int) 
     bank = _BANKS.pop(key, None) or Bank(initial, key)
     _BANKS[key] = bank
     return bank
-
-
-def _forget() -> None:
-    """Drop the states used least recently, until the others fit in ``MOST_BYTES``."""
-    while len(_BANKS) > 1 and sum(each.nbytes for each in _BANKS.values()) > MOST_BYTES:
-        _BANKS.popitem(last=False)
 
 
 def _settle(

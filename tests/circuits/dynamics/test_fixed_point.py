@@ -24,7 +24,7 @@ def test_the_fixed_point_stays_where_it_is(name):
 def test_parts_come_upstream_first_and_say_which_loop():
     wiring = fixed_point.wired(anatomy.appendix_b(3))
     parts = [
-        ({wiring.row(b).name for b in blocks}, loop) for blocks, loop in fixed_point.parts(wiring)
+        ({wiring.rows[b].name for b in blocks}, loop) for blocks, loop in fixed_point.parts(wiring)
     ]
     order = {name: i for i, (names, _) in enumerate(parts) for name in names}
     assert ({"STN", "GPe"}, True) in parts

@@ -82,7 +82,7 @@ def test_wires_constants_and_starts_are_drawn_from_words_of_their_own(monkeypatc
     """No word serves two purposes, nor noise too, even where the seed is the wiring's."""
     circuit = anatomy.spiking_msprt().with_neurons(20).with_connections(0.25)
     wiring = wire(circuit)
-    spiking = [b for b in range(wiring.blocks) if wiring.row(b).spiking]
+    spiking = [b for b in range(wiring.blocks) if wiring.rows[b].spiking]
 
     def wires():
         for p in (p for p in circuit.projections if p.probability < 1):
@@ -91,11 +91,11 @@ def test_wires_constants_and_starts_are_drawn_from_words_of_their_own(monkeypatc
 
     def constants():
         for b in spiking:
-            cell_factors(circuit, wiring.row(b).name, int(wiring.channel[b]))
+            cell_factors(circuit, wiring.rows[b].name, int(wiring.channel[b]))
 
     def starts():
         for b in spiking:
-            row = wiring.row(b)
+            row = wiring.rows[b]
             stream = noise.stream_key(circuit.wiring_seed, 0, wiring.names[b])
             alike = row.cell.constants(np.ones((3, row.neurons)), 0.1)
             starting_state(row.cell, alike, stream, row.neurons)

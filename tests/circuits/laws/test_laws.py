@@ -67,7 +67,7 @@ def straightened(table, drive):
     """Return the circuit with the tangent of what bends on the way to GPe."""
     wiring, _, activity = at_point(table, drive)
     path = table.projection("STN->GPe")
-    unit = next(u for u in range(wiring.units) if wiring.projection(u) == path)
+    unit = next(u for u in range(wiring.units) if wiring.projections[u] == path)
     s = activity[0, unit]
     slope = float(LAW.slope(s))
     bias = table.population("GPe").bias_nats + float(LAW(s)) - slope * s

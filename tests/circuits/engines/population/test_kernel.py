@@ -43,7 +43,7 @@ def by_the_scheme(circuit, drive, clock):
     units, x, start = scheme.start
     arrived_before, input_before = units, x
     readout = wiring.blocks_of(circuit.readout)
-    paths = [wiring.projection(q) for q in range(wiring.units)]
+    paths = [wiring.projections[q] for q in range(wiring.units)]
     of_units = low_pass([p.tau_ms for p in paths], clock.dt_ms)
     of_blocks = low_pass(wiring.tau_ms, clock.dt_ms)
     of_readout = low_pass(circuit.readout_tau_ms, clock.dt_ms)

@@ -45,7 +45,7 @@ def test_noise_falls_with_the_number_of_cells_and_the_length_of_a_tick():
         noise: plan(scheme, Clock(1, 50, 0.5), Population(laws="lines", noise=noise)).blocks
         for noise in (True, False)
     }
-    spiking = [wire(table).row(b).spiking for b in range(len(made[True]))]
+    spiking = [wire(table).rows[b].spiking for b in range(len(made[True]))]
     count = 70 * 0.5e-3
     expected = np.where(spiking, count / count**2, 0)
     np.testing.assert_allclose(made[True]["noise"] ** 2, expected, rtol=1e-6)
