@@ -102,9 +102,8 @@ class Activity:
     def _repr_html_(self) -> str:
         import pandas as pd
 
-        means = {
-            name: pd.Series(np.nanmean(rates, axis=(0, 1))) for name, rates in self.rates_hz.items()
-        }
+        pairs = self.rates_hz.items()
+        means = {name: pd.Series(np.nanmean(rates, axis=(0, 1))) for name, rates in pairs}
         table = pd.DataFrame(means).rename_axis("channel").T.rename_axis("mean rate, Hz")
         page = table.to_html(border=0, float_format="{:.4g}".format, na_rep="")
         return f"<p>{escape(repr(self))}</p>\n{page if means else ''}"
@@ -309,11 +308,8 @@ def warn_beyond_range(circuit: CircuitTable, drive: Array) -> None:
 def beyond_range(circuit: CircuitTable, drive: Array) -> str:
     """Return a warning for a drive that leaves the circuit's range, or "" if it stays inside."""
     in_nats = circuit.unit == NATS
-    nats = (
-        total_nats(circuit, drive)
-        if in_nats
-        else circuit.rest_drive + drive[..., : circuit.channels]
-    )
+    own = drive[..., : circuit.channels]
+    nats = total_nats(circuit, drive) if in_nats else circuit.rest_drive + own
     low, high = circuit.range_nats
     if nats.min() >= low and nats.max() <= high:
         return ""

@@ -256,7 +256,8 @@ class Circuit(EditableTable):
         for edit in edits:
             with naming(edit.text):
                 made_by = getattr(circuit, VERBS[edit.verb].method or edit.verb)
-                circuit = made_by(*edit.arguments, **edit.named)
+                channel = {} if edit.channel is None else {"channel": edit.channel}
+                circuit = made_by(*([edit.row] if edit.row else ()), edit.value, **channel)
         return circuit
 
 

@@ -54,6 +54,8 @@ CLEAR = 0.15
 """Least distance between pathways, in the unit of ``PLACES``."""
 NEAREST = 500
 """Number of pairs of points, the nearest ones, between which a pathway is tried."""
+STAR: Any = {"marker": "*", "ms": 7, "mfc": "w", "mec": "k", "mew": 0.7}
+"""The mark of an edited row."""
 Curve = Array
 """Four control points (4, 2) of a cubic Bezier curve, or many of them (n, 4, 2)."""
 
@@ -97,9 +99,8 @@ def boxes(circuit: CircuitTable) -> dict[str, Box]:
     """Return the box of each nucleus, by name."""
     names = {p.name for p in circuit.populations}
     shown = [p.name for p in circuit.populations if nucleus(p.name, names) == p.name]
-    placed = {
-        name: Box(*PLACES[name], wide=WIDE.get(name, HALF[0])) for name in shown if name in PLACES
-    }
+    known = [name for name in shown if name in PLACES]
+    placed = {name: Box(*PLACES[name], wide=WIDE.get(name, HALF[0])) for name in known}
     free = list(FREE)
     for name in shown:
         if name in placed:
@@ -160,10 +161,8 @@ def routes(circuit: CircuitTable, placed: dict[str, Box]) -> dict[tuple[str, str
     nucleus and keeps its distance from the others, or the one with the fewest crossings.
     """
     names = {p.name for p in circuit.populations}
-    ends = dict.fromkeys(
-        (nucleus(p.source, names), nucleus(p.target, names)) for p in _shown(circuit)
-    )
-    return _routed(tuple(ends), tuple(placed.items()))
+    pairs = [(nucleus(p.source, names), nucleus(p.target, names)) for p in _shown(circuit)]
+    return _routed(tuple(dict.fromkeys(pairs)), tuple(placed.items()))
 
 
 @lru_cache(maxsize=16)
@@ -292,7 +291,7 @@ def _pathway(
 
 
 def _star(ax: Axes, x: float, y: float) -> None:
-    ax.plot(x, y, marker="*", ms=7, mfc="w", mec="k", mew=0.7, zorder=5)
+    ax.plot(x, y, zorder=5, **STAR)
 
 
 def _nucleus(ax: Axes, circuit: CircuitTable, row: Population, box: Box, differs: bool) -> None:
@@ -369,11 +368,7 @@ def _legend(ax: Axes, circuit: CircuitTable, reference: CircuitTable | None) -> 
     if any(0 < part < 1 for p in circuit.populations for part in circuit.intact_of(p.name)):
         handles.append(Patch(fc="w", ec=GREY, ls="--", label="Partial lesion"))
     if reference is not None and reference != circuit:
-        handles.append(
-            Line2D(
-                [], [], ls="", marker="*", ms=7, mfc="w", mec="k", mew=0.7, label="Edited or new"
-            )
-        )
+        handles.append(Line2D([], [], ls="", label="Edited or new", **STAR))
     ax.legend(
         handles=handles,
         loc="upper center",

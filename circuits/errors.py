@@ -81,6 +81,15 @@ def within(owner: str, error: Exception, field: str) -> InputError:
     return InputError(message, getattr(error, "field", field), getattr(error, "given", None))
 
 
+@contextmanager
+def owned(owner: str, field: str, *kinds: type[Exception]) -> Iterator[None]:
+    """Name the owner of errors of some kinds first, as ``within``."""
+    try:
+        yield
+    except kinds as error:
+        raise within(owner, error, field) from None
+
+
 def shown(argument: object) -> str:
     """Return a value as shown in messages: on one line, numbers short, text in quotes."""
     value = argument.item() if isinstance(argument, np.generic) else argument

@@ -206,9 +206,8 @@ def smoothed(values: npt.NDArray[np.floating], apart_ms: float, sd_ms: float) ->
     known = np.isfinite(values)
     weights = known.astype(np.float64)
     parts = (np.where(known, values, 0.0).astype(np.float64), weights)
-    total, weight = (
-        gaussian_filter1d(part, sd_ms / apart_ms, axis=0, mode="constant") for part in parts
-    )
+    kernel = {"sigma": sd_ms / apart_ms, "axis": 0, "mode": "constant"}
+    total, weight = (gaussian_filter1d(part, **kernel) for part in parts)
     return np.where(known, total / np.where(weight > 0, weight, 1.0), np.nan)
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from circuits.declaration.courses import Course
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import NOT_WRITTEN
 from circuits.declaration.table_writer import FORMAT, SPARE, TABLES, TYPE
-from circuits.errors import InputError, within
+from circuits.errors import InputError, owned, within
 
 OWN_KEYS = (f.name for f in fields(Circuit) if f.init and f.name not in NOT_WRITTEN)
 KEYS = ("format", *OWN_KEYS, "cells")
@@ -101,7 +101,7 @@ class _Reader:
             self._known(where, what, key, [f.name for f in fields(CELLS[kind]) if f.init])
         if missing := _needed(CELLS[kind], *values):
             raise InputError(f"{where}: a {kind} cell needs {missing}", "cell")
-        with _placed(where):
+        with owned(where, "row", ValueError, TypeError):
             return CELLS[kind](**values)
 
     def _rows(self, table: str, contents: Any, cells: Mapping[str, Any]) -> tuple[Any, ...]:
@@ -118,9 +118,8 @@ class _Reader:
         if (table, len(rows)) in self.lines or (rows and (table, len(rows) - 1) not in self.lines):
             # Here rows are not on separate lines, so they are counted instead.
             self.lines = {key: n for key, n in self.lines.items() if isinstance(key[1], str)}
-        return tuple(
-            self._row(kind, columns, row, self._at(table, k), cells) for k, row in enumerate(rows)
-        )
+        places = [self._at(table, k) for k in range(len(rows))]
+        return tuple(map(partial(self._row, kind, columns, cells), rows, places))
 
     def _check_columns(self, table: str, kind: type, columns: list[Any]) -> None:
         where = self._at(table, "columns")
@@ -133,7 +132,7 @@ class _Reader:
             raise InputError(f"{where}: {table} needs the columns {missing}", table)
 
     def _row(
-        self, kind: type, columns: list[str], row: Any, where: str, cells: Mapping[str, Any]
+        self, kind: type, columns: list[str], cells: Mapping[str, Any], row: Any, where: str
     ) -> Any:
         if not isinstance(row, list) or len(row) != len(columns):
             count = len(row) if isinstance(row, list) else "no list of"
@@ -141,13 +140,11 @@ class _Reader:
         values = {name: _hashable(value) for name, value in zip(columns, row, strict=True)}
         if kind is Population:
             values["cell"] = self._cell_of(values["cell"], cells, where)
-        with _placed(where):
+        with owned(where, "row", ValueError, TypeError):
             made = kind(**values)
         if made.name in self.places and kind is not Course:
-            reason = (
-                f"{where}: there is already a row {made.name!r}: it needs another name or synapse"
-            )
-            raise InputError(reason, "synapse" if kind is Projection else "row")
+            reason = f"there is already a row {made.name!r}: it needs another name or synapse"
+            raise InputError(f"{where}: {reason}", "synapse" if kind is Projection else "row")
         self.places[made.name] = where
         return made
 
@@ -187,14 +184,6 @@ def _needed(kind: type, *names: str) -> str:
     """Return the fields of a dataclass without a default that are not given, for a message."""
     bare = [f for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]
     return ", ".join(f.name for f in bare if f.init and f.name not in names)
-
-
-@contextmanager
-def _placed(where: str) -> Iterator[None]:
-    try:
-        yield
-    except (ValueError, TypeError) as error:
-        raise within(where, error, "row") from None
 
 
 def _hashable(value: Any) -> Any:

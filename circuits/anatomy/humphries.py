@@ -130,12 +130,9 @@ def humphries(channels: int = 2, *, dopamine: float = 0.3) -> Circuit:
     snr = Target(SNR, 43.68, 2 * mutual, 2 * mutual)
     gpe_stn, d2_gpe = stn.inhibited(0.3), gpe.inhibited(0.33)
     d1, d2, stn_ = 1 + dopamine, 1 - dopamine, 1 - 0.25 * dopamine
-    fast_msn, fast_stn, fast_gpe, fast_snr = (
-        to.excited(PSP_MV, AMPA_MS) for to in (msn, stn, gpe, snr)
-    )
-    slow_msn, slow_stn, slow_gpe, slow_snr = (
-        to.excited(NMDA_PSP_MV, NMDA_MS) for to in (msn, stn, gpe, snr)
-    )
+    nuclei = msn, stn, gpe, snr
+    fast_msn, fast_stn, fast_gpe, fast_snr = (to.excited(PSP_MV, AMPA_MS) for to in nuclei)
+    slow_msn, slow_stn, slow_gpe, slow_snr = (to.excited(NMDA_PSP_MV, NMDA_MS) for to in nuclei)
     n, within, all_n = channels, 0.25, 0.25 / channels
     tonic, of_ctx = TONIC_HZ / SALIENCE_HZ, SALIENCE_HZ / HZ
     # fmt: off

@@ -109,9 +109,8 @@ class Course:
         low, high = np.clip(begins, first, last), np.clip(ends, first, last)
         mean = self.amount * (high - low)
         if self.rate_hz:
-            return self.amount * (
-                self._pulsed(high - first, dt_ms) - self._pulsed(low - first, dt_ms)
-            )
+            since, until = (self._pulsed(end - first, dt_ms) for end in (low, high))
+            return self.amount * (until - since)
         if self.rise_ms:
             tau = self.rise_ms / dt_ms
             mean -= self.amount * _area(low - first, high - first, tau)

@@ -16,7 +16,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from circuits.checks import place_of
 from circuits.errors import InputError, shown
@@ -123,16 +123,6 @@ class Edit:
     channel: int | None = None  # None: all
     # the number in the line; or, as text, the new value of a field, or a new row
     value: float | str = ""
-
-    @property
-    def arguments(self) -> list[Any]:
-        """The positional arguments of the verb's method."""
-        return [*([self.row] if self.row else ()), self.value]
-
-    @property
-    def named(self) -> dict[str, Any]:
-        """The named arguments of the verb's method: the channel."""
-        return {} if self.channel is None else {"channel": self.channel}
 
     @property
     def is_course(self) -> bool:

@@ -87,9 +87,8 @@ class Network(Mapping[str, "Population | Projection"]):
 
     def row(self, name: str) -> Population | Projection:
         """Return a row by its name: ``"STN"``, ``"STN->GPe"`` or ``"STN->GPe NMDA"``."""
-        if not isinstance(name, str) or "->" not in name:
-            return self.population(name)
-        return self.projection(name)
+        path = isinstance(name, str) and "->" in name
+        return self.projection(name) if path else self.population(name)
 
     def __getitem__(self, name: str) -> Population | Projection:
         try:

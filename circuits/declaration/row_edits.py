@@ -28,8 +28,8 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, suppress
 from dataclasses import MISSING, fields, replace
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
@@ -39,7 +39,7 @@ from circuits.declaration.edits import Edit, row_of
 from circuits.declaration.motifs import MOTIFS
 from circuits.declaration.rows import WHOLE, Population, Projection
 from circuits.declaration.table import CircuitTable
-from circuits.errors import InputError, require, within
+from circuits.errors import InputError, owned, require
 
 Row = Population | Projection
 Edited = TypeVar("Edited", Population, Projection, Cell)
@@ -145,13 +145,9 @@ def _course(what: str, texts: Mapping[str, Any]) -> Course:
     return course
 
 
-@contextmanager
-def naming(*edits: str) -> Iterator[None]:
+def naming(*edits: str) -> AbstractContextManager[None]:
     """Prefix a ValueError with the edits that it is about."""
-    try:
-        yield
-    except ValueError as error:
-        raise within(", ".join(map(repr, edits)), error, "edits") from None
+    return owned(", ".join(map(repr, edits)), "edits", ValueError)
 
 
 def _new(text: str) -> tuple[str, dict[str, Any]]:

@@ -186,9 +186,8 @@ class Wiring:
     def synapse(self, frequency_hz: Array) -> Complex:
         """Return the frequency response (F, units) of each unit's delay and filter."""
         turn = 2j * np.pi * np.asarray(frequency_hz)[:, None] / 1000
-        delay, tau = (
-            np.array([getattr(p, k) for p in self.projections]) for k in ("delay_ms", "tau_ms")
-        )
+        delay = np.array([p.delay_ms for p in self.projections])
+        tau = np.array([p.tau_ms for p in self.projections])
         return np.asarray(np.exp(-turn * delay) / (1 + turn * tau), dtype=np.complex128)
 
     def activity(self, rates: Array, name: str) -> Array:

@@ -121,9 +121,8 @@ class _Trial:
         # 3. cells
         fired: Fired = {}
         for b, cells in self.cells.items():
-            sparse_nats = sum(
-                (path.tick(k, self.fired, factors) for path in self.own[b]), np.float64(0.0)
-            )
+            each = (path.tick(k, self.fired, factors) for path in self.own[b])
+            sparse_nats = sum(each, np.float64(0.0))
             fired[b] = cells.tick(k, nats[b] + sparse_nats)
             self.rates[k, b] = fired[b].sum() * cells.spike_hz
         self.fired.append(fired)
@@ -154,7 +153,10 @@ class _Cells:
 
     def tick(self, k: int, nats: Any) -> Truths:
         """Return which cells fire at tick k with an input, nats, of all cells or of each."""
-        heard = nats if self.row.cell.hears == "nats" else self._expected(nats)
+        heard = nats
+        if self.row.cell.hears == "hz":  # expected spikes in a tick, of all cells or of each
+            self.x = self.decay * self.x + (1 - self.decay) * nats
+            heard = self.wiring.block_rates(self.block, self.x) * self.dt_s
         if k % noise.TICKS_A_WORD == 0:
             words = noise.words(self.stream, k // noise.TICKS_A_WORD, self.neurons)
             self.counts = noise.byte_counts(words)
@@ -169,11 +171,6 @@ class _Cells:
         # numpy.broadcast_to takes longer than most uses of the values.
         per_cell = np.shape(value) == (self.neurons,)
         return value if per_cell else np.broadcast_to(value, self.neurons)
-
-    def _expected(self, nats: Any) -> Array:
-        """Filter the input; return the expected spikes in a tick, of all cells or of each."""
-        self.x = self.decay * self.x + (1 - self.decay) * nats
-        return self.wiring.block_rates(self.block, self.x) * self.dt_s
 
 
 class _OwnInputs:

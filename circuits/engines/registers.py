@@ -233,9 +233,8 @@ def byte_counts(builder, index, key):
     high, low = high_half(builder, key), _spread(builder, builder.trunc(key, _I32), WIDTH)
     first = builder.mul(builder.trunc(index, _I32), ir.Constant(_I32, noise.GOLDEN_32))
     steps = [k * noise.GOLDEN_32 % 2**32 for k in range(WIDTH)]
-    begin = builder.add(
-        _spread(builder, builder.add(first, high), WIDTH), ir.Constant(low.type, steps)
-    )
+    begin = _spread(builder, builder.add(first, high), WIDTH)
+    begin = builder.add(begin, ir.Constant(low.type, steps))
     return _octets_counted(builder, lowbias32(builder, begin, low, _each(WIDTH)))
 
 

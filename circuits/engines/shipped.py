@@ -47,9 +47,8 @@ class Algebra(Engine):
     def ignores(self, field: str) -> bool:
         """Return whether a field concerns cells or time, which the table's lines do not use."""
         # The fixed point with the cells' own f-I curves does use their constants.
-        return self.laws == "table" and (
-            of_cells_alone(field) or field.removeprefix("cell.") in OF_TIME
-        )
+        unused = of_cells_alone(field) or field.removeprefix("cell.") in OF_TIME
+        return self.laws == "table" and unused
 
     def samples(self, steps: int, step_ms: float) -> int:
         """Return the number of readings: one sample each."""

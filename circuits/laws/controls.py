@@ -85,9 +85,8 @@ def linear_stn(circuit: Table) -> Table:
     rest = float(wiring.activity(rates, "STN").mean())
     bias = rest * (circuit.population("STN").bias_nats + 1 - float(np.log(rest)))
     spare = circuit.population("SNr").bias_nats + SPARE_NATS
-    edited = circuit.with_population(
-        "STN", cell=Rate(signed=True), transfer="linear", bias_nats=bias
-    )
+    line = {"cell": Rate(signed=True), "transfer": "linear", "bias_nats": bias}
+    edited = circuit.with_population("STN", **line)
     for source in {p.source: None for p in circuit.projections if p.target == "STN"}:
         edited = edited.scale(f"{source}->STN", rest)
     return edited.with_population("SNr", bias_nats=spare)
@@ -96,7 +95,6 @@ def linear_stn(circuit: Table) -> Table:
 def shuffled_stn(circuit: Table) -> Table:
     """Return the circuit in which SNr receives N times the next channel's STN, not STN's sum."""
     for p in circuit.pathways("STN->SNr"):
-        circuit = circuit.with_projection(
-            p.name, pattern="neighbour", weight=circuit.channels * p.weight
-        )
+        weight = circuit.channels * p.weight
+        circuit = circuit.with_projection(p.name, pattern="neighbour", weight=weight)
     return circuit

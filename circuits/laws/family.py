@@ -95,10 +95,8 @@ class Reduced:
 
 def _across(effects: Array) -> Array:
     """Return the mean over pairs of different channels of effects (..., channels, channels)."""
-    count = effects.shape[-1]
-    return np.asarray(
-        (effects.sum(axis=(-2, -1)) - np.trace(effects, axis1=-2, axis2=-1)) / (count * (count - 1))
-    )
+    count, own = effects.shape[-1], np.trace(effects, axis1=-2, axis2=-1)
+    return np.asarray((effects.sum(axis=(-2, -1)) - own) / (count * (count - 1)))
 
 
 def _beyond(effects: Array) -> Array:
@@ -132,10 +130,8 @@ def reduced(circuit: CircuitTable) -> Reduced:
     shared[:, 2] += wiring.bias
     effects = np.linalg.solve(each - wiring.weight @ lines, np.hstack([activity, shared]))
     ends = np.stack([effects[stn], effects[wiring.blocks_of(circuit.readout)]])
-    count = circuit.channels
-    return Reduced(
-        curved[0], float(_beyond(np.asarray(driven[cortex]))), ends[..., :count], ends[..., count:]
-    )
+    count, gain = circuit.channels, float(_beyond(np.asarray(driven[cortex])))
+    return Reduced(curved[0], gain, ends[..., :count], ends[..., count:])
 
 
 def _terms(p: Projection, delivered: Array, tone: float, stn: str) -> tuple[float, float, float]:

@@ -97,10 +97,8 @@ def swept(wiring: Wiring, x: Array, extra_hz: Array | float = 0.0) -> tuple[Arra
         frequency = np.append(frequency, between)
         order = np.argsort(frequency)
         frequency = frequency[order]
-        both = (
-            np.concatenate(pair, axis=1)[:, order] for pair in zip(transfers, more, strict=True)
-        )
-        transfers = Linear(*both)
+        pairs = zip(transfers, more, strict=True)
+        transfers = Linear(*(np.concatenate(pair, axis=1)[:, order] for pair in pairs))
     _check_stable(wiring, transfers.det)
     return frequency, transfers
 

@@ -76,9 +76,8 @@ def loop(circuit: CircuitTable) -> dict[str, float]:
     parts = reduced(circuit)
     sigma0 = directions(circuit)[0].value
     slope, share, _ = parts.terms[0].mean(axis=0)
-    straight = sum(
-        p.weight for p in circuit.projections if p.pair == f"{circuit.input}->{parts.stn}"
-    )
+    pair = f"{circuit.input}->{parts.stn}"
+    straight = sum(p.weight for p in circuit.projections if p.pair == pair)
     indirect = parts.direct[0] - straight
     return {
         SIGMA0: sigma0,
@@ -99,10 +98,9 @@ def dependent(circuit: CircuitTable) -> dict[str, tuple[str, str]]:
         if source == cortex and (name, out) in pairs and name not in (stn, *bent)
     ]
     if not bent or not direct:
-        problem = (
-            f"{circuit.name}: a member needs a pathway from {stn} of transfer {BENT}, and a nucleus"
-        )
-        raise InputError(f"{problem} that {cortex} excites and that inhibits {out}", "pathway")
+        needs = f"a member needs a pathway from {stn} of transfer {BENT}, and a nucleus that"
+        reason = f"{circuit.name}: {needs} {cortex} excites and that inhibits {out}"
+        raise InputError(reason, "pathway")
     log = (bent[0], out) if (bent[0], out) in pairs else (stn, bent[0])
     return {"log": log, "exponent": (cortex, stn), "direct": (cortex, direct[0]), "sum": (stn, out)}
 
@@ -117,15 +115,13 @@ def moved(circuit: Table, to: Mapping[str, float]) -> Table:
     constraint.
     """
     if fails := failures(circuit):
-        raise InputError(
-            f"{circuit.name} is not in the family of OUT = -ln P: {fails[0]}", "circuit"
-        )
+        problem = f"{circuit.name} is not in the family of OUT = -ln P: {fails[0]}"
+        raise InputError(problem, "circuit")
     known = {one.name: one.value for one in directions(circuit)}
     for name, value in to.items():
-        near = (
-            ", ".join(one for one in known if one.split(".")[0] == name.split(".")[0]) or "Sigma0"
-        )
-        require(name in known, "to", f"must name free directions, such as {near}", name)
+        near = [one for one in known if one.split(".")[0] == name.split(".")[0]]
+        must = f"must name free directions, such as {', '.join(near) or SIGMA0}"
+        require(name in known, "to", must, name)
         check_finite(owner=name, to=value)
     member = circuit
     for name in to.keys() - {SIGMA0}:

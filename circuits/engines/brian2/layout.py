@@ -80,10 +80,8 @@ class Layout:
     def units(self) -> dict[str, Index]:
         """The unit of the wiring of each shared and each own input of a trial, if there are any."""
         of_cells = [np.full(len(places), u) for u, _, places in self.own_inputs]
-        units = {
-            "shared_inputs": np.array(self.shared_inputs),
-            "own_inputs": np.concatenate([[], *of_cells]),
-        }
+        own = np.concatenate([[], *of_cells])
+        units = {"shared_inputs": np.array(self.shared_inputs), "own_inputs": own}
         return {name: of.astype(np.intp) for name, of in units.items() if len(of)}
 
     @cached_property
@@ -115,10 +113,8 @@ class Layout:
 
     def cells(self, block: int) -> Index:
         """Return the indices (trials, neurons) of a block's cells in their group."""
-        row = self.wiring.rows[block]
-        return self.index(
-            row.name, self.wiring.channel[block] * row.neurons + np.arange(row.neurons)
-        )
+        row, channel = self.wiring.rows[block], self.wiring.channel[block]
+        return self.index(row.name, channel * row.neurons + np.arange(row.neurons))
 
     # ---- connectivity
 
@@ -128,19 +124,15 @@ class Layout:
         for place, u in enumerate(self.shared_inputs):
             for b in np.flatnonzero(w.deliver[u]):
                 at = self.line_end(int(b)) - self.scheme.unit_delay[u]
-                parts.append(
-                    (self.index("line", at), self.index("shared_inputs", place), w.deliver[u, b])
-                )
+                ends = self.index("line", at), self.index("shared_inputs", place)
+                parts.append((*ends, w.deliver[u, b]))
         return joined(parts)
 
     def shared_to_blocks(self) -> Columns:
         """Return shared inputs and blocks."""
-        reached = [
-            (place, b) for place, u in enumerate(self.shared_inputs) for b in self.targets[u]
-        ]
-        return joined(
-            [(self.index("shared_inputs", at), self.index("blocks", b)) for at, b in reached]
-        )
+        places = enumerate(self.shared_inputs)
+        reached = [("shared_inputs", at, "blocks", b) for at, u in places for b in self.targets[u]]
+        return joined([(self.index(*pair[:2]), self.index(*pair[2:])) for pair in reached])
 
     def cells_to_blocks(self, name: str) -> Columns:
         """Return cells, blocks and Hz per spike."""
@@ -175,10 +167,8 @@ class Layout:
                 here["cell"] = np.arange(self.wiring.rows[b].neurons)
                 here["block"] = self.index("blocks", b)
                 for variable, value in here.items():
-                    array = values.setdefault(
-                        (name, variable), np.zeros(self.trials * self.size(name))
-                    )
-                    array[self.cells(b)] = value
+                    empty = np.zeros(self.trials * self.size(name))
+                    values.setdefault((name, variable), empty)[self.cells(b)] = value
         if self.line:
             newest = np.zeros(self.size("line"))
             newest[np.cumsum(list(self.line.values())) - 1] = 1
@@ -206,11 +196,8 @@ class Layout:
     def _cells_start(self, name: str, streams: npt.NDArray[np.uint64]) -> Values:
         row, blocks = self.wiring.circuit.population(name), self.wiring.blocks_of(name)
         constants = {b: self.scheme.constants(b) for b in blocks}
-        begun = [
-            starting_state(row.cell, constants[b], int(one[b]), row.neurons)
-            for one in streams
-            for b in blocks
-        ]
+        pairs = [(constants[b], int(one[b])) for one in streams for b in blocks]
+        begun = [starting_state(row.cell, *pair, row.neurons) for pair in pairs]
         return {
             (name, variable): np.concatenate([state[i] for state in begun]).astype(np.float64)
             for i, variable in enumerate(row.cell.state)

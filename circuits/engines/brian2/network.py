@@ -129,9 +129,8 @@ class Network:
         state, tick = self._texts(brian_text.BLOCK_STATE, ticks, laws)
         self._group("blocks", state)["code"] = [(ORDER["blocks"], 1, tick)]
         if self.layout.shared_inputs:
-            self._connect(
-                "shared_inputs", "blocks", self.layout.shared_to_blocks(), "nats_post = sent_pre"
-            )
+            columns = self.layout.shared_to_blocks()
+            self._connect("shared_inputs", "blocks", columns, "nats_post = sent_pre")
 
     def _line(self) -> None:
         layout, line = self.layout, self._group("line", brian_text.LINE_STATE)
@@ -171,9 +170,8 @@ class Network:
         # The gather is separate: within the tick it would prevent vectorisation.
         draw = (0, noise.TICKS_A_WORD, "word = byte_counts(cell, key)")
         cells["code"] = [draw, (1, 1, hear), (2, 1, text.tick)]
-        self._connect(
-            name, "blocks", layout.cells_to_blocks(name), "rate_hz_post += a_spike", "a_spike"
-        )
+        add = "rate_hz_post += a_spike"
+        self._connect(name, "blocks", layout.cells_to_blocks(name), add, "a_spike")
         if own_inputs:
             self._connect("own_inputs", name, own_inputs, "own_post = sent_pre")
         if layout.own_inputs:

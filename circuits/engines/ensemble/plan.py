@@ -232,9 +232,8 @@ def _tick_constants(places: _Places) -> npt.NDArray[np.float32]:
     """Return the constants (most constants, cells) of types without dedicated loops."""
     general = [b for b, made in enumerate(places.entries) if made is GENERAL]
     by_block = {b: list(places.scheme.constants(b).values()) for b in general}
-    constants = np.zeros(
-        (max(map(len, by_block.values()), default=1), int(places.filled.sum())), np.float32
-    )
+    most = max(map(len, by_block.values()), default=1)
+    constants = np.zeros((most, int(places.filled.sum())), np.float32)
     for b, values in by_block.items():
         for k, value in enumerate(values):
             constants[k, places.start[b] : places.start[b] + places.cells[b]] = value

@@ -80,9 +80,8 @@ def stream(
 
     def begin(drive: Array, out: Array) -> Onward:
         kernel.begin(p, work, keys)
-        return lambda first, last: kernel.go_on(
-            p, work, drive, keys, -np.inf, out, rates, none, first, last
-        )
+        arguments = (p, work, drive, keys, -np.inf, out, rates, none)
+        return lambda first, last: kernel.go_on(*arguments, first, last)
 
     return Stream(circuit, clock, begin)
 

@@ -161,9 +161,8 @@ def _blocks(scheme: Scheme, tables: _Tables, courses: Timed, input_from: Any) ->
     of_rows = [tables.block(row) for row in wiring.rows]
     columns = {name: [one[name] for one in of_rows] for name in of_rows[0]}
     by_cells = tables.engine.by_cells
-    tau_ms = np.array(
-        [row.tau_ms + (0 if by_cells else row.cell.membrane_ms()) for row in wiring.rows]
-    )
+    rows = wiring.rows
+    tau_ms = np.array([row.tau_ms + (0 if by_cells else row.cell.membrane_ms()) for row in rows])
     return filled(
         records.BLOCK,
         wiring.blocks,
