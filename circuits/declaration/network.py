@@ -18,14 +18,10 @@ from circuits.errors import InputError, require, shown
 class Network(Mapping[str, "Population | Projection"]):
     """Populations, each with a number of channels, and the projections between them, by name."""
 
-    name: str
-    """Name of the circuit."""
-    populations: tuple[Population, ...]
-    """The table of populations."""
-    projections: tuple[Projection, ...]
-    """The table of projections."""
-    channels: int = 2
-    """Number of alternatives."""
+    name: str  #: Name of the circuit.
+    populations: tuple[Population, ...]  #: The table of populations.
+    projections: tuple[Projection, ...]  #: The table of projections.
+    channels: int = 2  #: Number of alternatives.
     _known: dict[str, Population] = field(init=False, repr=False, compare=False, hash=False)
 
     def __post_init__(self) -> None:

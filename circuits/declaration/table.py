@@ -40,14 +40,11 @@ class CircuitTable(Network):
     the circuit has another ``unit``, it applies to drive, OUT and all fields that end in ``_nats``.
     """
 
-    input: str = "ctx"
-    """Population that receives the evidence."""
-    readout: str = "SNr"
-    """Population from which OUT is read."""
+    input: str = "ctx"  #: Population that receives the evidence.
+    readout: str = "SNr"  #: Population from which OUT is read.
     reference_nats: float = 3.0
     """``S = ln sum exp y`` at rest; if the unit is not nats, each channel's resting input."""
-    drive_gain: float = 1.0
-    """Factor on the drive that keeps OUT in nats."""
+    drive_gain: float = 1.0  #: Factor on the drive that keeps OUT in nats.
     readout_tau_ms: float = 0.0
     """Time constant of the read-out's low-pass filter, ms; at 0 OUT is the rate of one tick."""
     exact: bool = False
@@ -69,8 +66,7 @@ class CircuitTable(Network):
     never. Infinite where it was not measured."""
     most_channels: int = 1000
     """Largest number of alternatives for which the circuit has a resting state."""
-    wiring_seed: int = 0
-    """Seed of connections and heterogeneity, which differ between cells."""
+    wiring_seed: int = 0  #: Seed of connections and heterogeneity, which differ between cells.
     more_inputs: tuple[str, ...] = ()
     """Other nuclei, such as "STN", or channels of them, "GPe[0]", that receive an input in each
     trial, such as a stop signal: the last columns of the drive, nats."""

@@ -43,10 +43,8 @@ class Engine:
     decorator ``register`` adds it to the registry.
     """
 
-    id: ClassVar[str]
-    """Name under which it is registered: ``engine="rate"``, ``--engine rate``."""
-    description: ClassVar[str]
-    """One-line description."""
+    id: ClassVar[str]  #: Name under which it is registered: ``engine="rate"``, ``--engine rate``.
+    description: ClassVar[str]  #: One-line description.
     module: ClassVar[str]
     """Module with the implementation, ``run``, imported only when the engine runs. Not needed by
     an engine that overrides ``run``."""
@@ -214,10 +212,8 @@ class TimedEngine(Engine):
     dt_ms: float | None = None
     """One tick, ms; by default the longest of 0.5, 0.25, 0.2 and 0.1 that divides all times. Where
     cells spike it is 0.25 if all cell types of the circuit allow it, as Phase does, or else 0.1."""
-    sample_ms: float = 1.0
-    """Time from one recorded sample to the next, ms."""
-    settle_ms: float = 300.0
-    """Time at rest before the first reading, ms; it is not recorded."""
+    sample_ms: float = 1.0  #: Time from one recorded sample to the next, ms.
+    settle_ms: float = 300.0  #: Time at rest before the first reading, ms; it is not recorded.
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -249,8 +245,7 @@ class SpikingEngine(TimedEngine):
     cell_bytes: ClassVar[float] = 100.0
     """Measured memory per cell, bytes, for each trial or thread that runs at the same time."""
 
-    spikes: tuple[str, ...] = ()
-    """Populations whose spikes are recorded."""
+    spikes: tuple[str, ...] = ()  #: Populations whose spikes are recorded.
 
     def __post_init__(self) -> None:
         """Accept any collection of names of populations, or one name."""
@@ -300,8 +295,7 @@ class CompiledEngine(TimedEngine):
     """Whether to record rates: 4 bytes per trial, sample and channel of each population."""
     drop_below: float | None = None
     """A trial ends when OUT falls below this, nats; later samples are NaN."""
-    workers: int = 1
-    """Number of threads; results do not depend on it."""
+    workers: int = 1  #: Number of threads; results do not depend on it.
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -116,8 +116,7 @@ class Population(PopulationsEngine):
     laws: str = "cells"
     """How rates depend on the input: "cells", by the cells' f-I curves and lags, or "lines", by the
     lines of the table after membrane filtering."""
-    noise: bool = True
-    """Whether rates have the noise of a finite number of cells."""
+    noise: bool = True  #: Whether rates have the noise of a finite number of cells.
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -140,8 +139,7 @@ class Ensemble(CompiledEngine, SpikingEngine):
     description: ClassVar[str] = "spikes, compiled, for thousands of trials"
     cell_bytes: ClassVar[float] = 40.0
 
-    progress: bool = False
-    """Whether to show the progress of a run."""
+    progress: bool = False  #: Whether to show the progress of a run.
 
     def copies(self, trials: int) -> int:
         """Return the number of threads: each simulates one trial."""
