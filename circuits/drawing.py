@@ -233,7 +233,11 @@ def draw(
     for name, box in placed.items():
         row = circuit.population(name)
         _nucleus(ax, circuit, row, box, _differs(row, reference))
-    _frame(ax, placed)
+    sides = [(b.x - b.wide, b.x + b.wide, b.y - b.high, b.y + b.high) for b in placed.values()]
+    low_x, high_x, low_y, high_y = zip(*sides, strict=True)
+    ax.set_xlim(min(low_x) - 0.35, max(high_x) + 0.35)  # room for pathways outside of the boxes
+    ax.set_ylim(min(low_y) - 0.3, max(high_y) + 0.3)
+    ax.set_axis_off()
     _legend(ax, circuit, reference)
     return figure
 
@@ -339,14 +343,6 @@ def _nucleus(ax: Axes, circuit: CircuitTable, row: Population, box: Box, differs
     )
     if differs:
         _star(ax, box.x + box.wide - 0.02, box.y + box.high - 0.02)
-
-
-def _frame(ax: Axes, placed: dict[str, Box]) -> None:
-    around = [(b.x - b.wide, b.x + b.wide, b.y - b.high, b.y + b.high) for b in placed.values()]
-    low_x, high_x, low_y, high_y = zip(*around, strict=True)
-    ax.set_xlim(min(low_x) - 0.35, max(high_x) + 0.35)
-    ax.set_ylim(min(low_y) - 0.3, max(high_y) + 0.3)
-    ax.set_axis_off()
 
 
 def _legend(ax: Axes, circuit: CircuitTable, reference: CircuitTable | None) -> None:

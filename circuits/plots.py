@@ -255,7 +255,10 @@ def activity(
         axes[0, 0].set_title(f"Spikes of up to {ROWS} cells, channel 0 on top")
     kernel = f", smoothed (Gaussian kernel, s.d. {smooth_ms:g} ms)" if smooth else ""
     axes[0, -1].set_title(f"Rate (Hz){kernel}")
-    handles = _key(output.shape[1], rates_hz)
+    channels = output.shape[1]
+    handles = [_line(f"Channel {k}", **look(k)) for k in range(channels)]
+    if channels > 1 and any(values.shape[1] == 1 for values in rates_hz.values()):
+        handles.append(_line("Pooled nucleus", color=GREY))
     handles += _marks([ax for ax in axes.flat if ax.axison], time_ms, output, threshold, below)
     figure.legend(handles=handles, loc="outside lower center", ncols=2 + columns)
     return figure
@@ -306,10 +309,3 @@ def _lines(ax: Axes, time_ms: Array, values: npt.NDArray[np.floating]) -> None:
     for channel in range(values.shape[1]):
         style: Look = look(channel) if values.shape[1] > 1 else {"color": GREY}
         ax.plot(time_ms, values[:, channel], **style)
-
-
-def _key(channels: int, rates_hz: Mapping[str, npt.NDArray[np.floating]]) -> list[Any]:
-    handles = [_line(f"Channel {k}", **look(k)) for k in range(channels)]
-    if channels > 1 and any(values.shape[1] == 1 for values in rates_hz.values()):
-        handles.append(_line("Pooled nucleus", color=GREY))
-    return handles

@@ -109,8 +109,12 @@ class EditableTable(CircuitTable):
             reason = f"{name} is already {there}: it can't be both lesioned and clamped"
             raise InputError(reason, "nucleus")
         check_range(0, 1, fraction=fraction)
+        if channel is not None and row.pooled:
+            none = f"it has no channel {shown(channel)} to lesion, give none"
+            reason = f"{name} is pooled, one for all alternatives: {none}"
+            raise InputError(reason, "channel")
         if channel is not None:
-            self._check_own_channel(row, channel)
+            check_channel(name, channel, self.channels)
         if fraction == 0:
             return self
         if channel is None:
@@ -118,13 +122,6 @@ class EditableTable(CircuitTable):
         left = list(row.intact_by_channel or (1.0,) * self.channels)
         left[int(channel)] *= 1 - fraction
         return self.with_population(name, intact_by_channel=tuple(left), clamped=clamped)
-
-    def _check_own_channel(self, row: Population, channel: int) -> None:
-        if row.pooled:
-            none = f"it has no channel {shown(channel)} to lesion, give none"
-            reason = f"{row.name} is pooled, one for all alternatives: {none}"
-            raise InputError(reason, "channel")
-        check_channel(row.name, channel, self.channels)
 
     def scale(self, pathway: str, factor: float, channel: int | None = None) -> Self:
         """Return the circuit with the weight of one pathway multiplied by a factor.

@@ -130,8 +130,10 @@ def recovery(
     if not 0 < step <= until < np.inf:
         raise InputError(f"step must be > 0 and at most until, got {step} and {until}", "step")
     goal = _goal(circuit, reference, rebound_nats)
-    factors, mean = goal.factors(speed or {}), goal.mean_over_channels
-    rows, wiring = circuit.populations, goal.wiring
+    factors, rows, wiring = goal.factors(speed or {}), circuit.populations, goal.wiring
+    # (populations, blocks): averages over the channels of each population
+    mean = (wiring.owner == np.arange(len(rows))[:, None]).astype(np.float64)
+    mean /= mean.sum(axis=1, keepdims=True)
     gains = np.array([row.gain_hz_per_nat for row in rows])
     bias = np.array([row.bias_nats for row in rows])
     moved = np.zeros(len(rows))
@@ -199,13 +201,6 @@ class _Goal:
             bias=np.where(held, needed, wiring.bias),
         )
         return np.where(held, self.rates_hz, rest_rates(pinned))
-
-    @property
-    def mean_over_channels(self) -> Array:
-        """The matrix (populations, blocks) that averages over the channels of each population."""
-        rows = np.arange(len(self.wiring.circuit.populations))
-        members = (self.wiring.owner == rows[:, None]).astype(np.float64)
-        return np.asarray(members / members.sum(axis=1, keepdims=True))
 
     def factors(self, speed: Mapping[str, float]) -> Array:
         """Return W of each population: total afferent weight in the reference, at least 1."""
