@@ -2,47 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
-from bgmodel.commands.fitted import TABLES, Kept
-from bgmodel.commands.group_fits import fit_hierarchically
-from bgmodel.commands.options import MANY, Workers, record_of, values
-from bgmodel.commands.output import UNRECORDED, Output, check_whole, recorded, say
-from bgmodel.fits import Question, question
+from bgmodel.commands.options import MANY, Workers, like, record_of, values
+from bgmodel.commands.output import (
+    UNRECORDED,
+    Output,
+    check_whole,
+    recorded,
+    save_figure,
+    say,
+    stages,
+)
+from bgmodel.fits import SIMULATED, fit_all, question
 from bgmodel.fitting.settings import FitSettings, need_fit
+from bgmodel.fitting.several import Fits, GroupFits, stem
 from bgmodel.support import files
 from bgmodel.trials.reading import OURS
 from bgmodel.version import __version__
-from circuits.errors import InputError, require
+from circuits.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 OF_EVIDENCE = ("step_ms", "forced", "runs")
 """Settings of known evidence, given by --evidence."""
 OF_SIMULATION = ("trials", "seed", "engine", "noise_nats")
 """Settings of simulated trials, given by --simulation."""
+EACH = ("parameters", "cells")
+GROUP = ("group", "people", "people_cells", "group_effects", "group_correlations")
+"""Tables of fits to each participant, and of hierarchical fits."""
+EACH_DRAWN = "a figure for each participant"
+GROUP_DRAWN = (
+    "figures of each model's parameters, and of data and model; the draws (.nc, for ArviZ)"
+)
 ESTIMATES = "estimates.csv"
 """Table of estimates without a model, such as SSRT by integration, for trials that have any."""
-PEOPLE = Literal["each", "pooled", "hierarchical", "correlated"]
+UNSHARED = ("evidence", "participant", *UNRECORDED)
+"""Settings that fits in one folder need not share, or that are recorded in another way."""
 
 
+@like(FitSettings, "strength", "participant", "people", "vary", "formula", "free", "fix", "prior",
+      "mechanism")  # fmt: skip
 def fit(
     data: str = "",
     folder: Path | None = None,
     /,
     *,
-    models: Annotated[tuple[str, ...] | None, MANY] = None,
-    strength: str | None = None,
-    participant: str | None = None,
-    people: PEOPLE = "each",
+    models: Annotated[tuple[str, ...], MANY] = (),
     columns: Annotated[tuple[str, ...], MANY] = (),
-    vary: Annotated[tuple[str, ...], MANY] = (),
-    formula: Annotated[tuple[str, ...], MANY] = (),
-    free: Annotated[tuple[str, ...], MANY] = (),
-    fix: Annotated[tuple[str, ...], MANY] = (),
-    prior: Annotated[tuple[str, ...], MANY] = (),
-    mechanism: str = FitSettings.mechanism,
     simulation: Annotated[tuple[str, ...], MANY] = (),
     draws: bool = False,
     compare: bool = False,
@@ -50,6 +61,7 @@ def fit(
     workers: Workers = 2,
     json: bool = False,
     force: bool = False,
+    **options: Any,
 ) -> None:
     """Fit the sequential test and a circuit to choice and response-time data.
 
@@ -86,15 +98,6 @@ def fit(
         choices: "no learning", q, "q, two rates", "logit q", confidence, "confidence, two rates",
         opal. Of stop-signal trials: constant_gap or a circuit. With --evidence: msprt, leaky_sum,
         run or a circuit.
-    strength
-        Column of the signed strength of the evidence: positive favours response 1.
-    participant
-        The participant to fit; by default all are.
-    people
-        How participants are fitted: each separately, pooled as if they were one, or all together,
-        each with parameters from a distribution of the group, which is fitted too (partial
-        pooling; hierarchical, or correlated if parameters may be correlated between people); this
-        writes the draws for ArviZ.
     columns
         How the table is read, name=value: rt, response, participant, ssd and trial_type (columns
         of other names), rt_unit (s or ms), upper (the response that counts as 1), alternatives
@@ -102,25 +105,6 @@ def fit(
         trial without a response ended), withheld (the response of a go/no-go task that is given by
         waiting until then), rt_window (earliest and latest response time to fit, s, as
         0,inf for all), restore_delays (of stop signals, those recorded as 0).
-    vary
-        Parameters that differ between levels of a column: "sensitivity=conflict",
-        "threshold=instruction"; "stn_loss=stimulation/off" fixes stn_loss at its start in level
-        off.
-    formula
-        Parameters that are linear in conditions, such as "bound ~ instruction * side" or
-        "t0_s ~ block": a formula as in R, of columns of text (levels) or of numbers (covariates).
-        With --people hierarchical also of what differs between people, "bound ~ group".
-    free
-        Parameters to fit; by default all except start, start_spread, drift_sd, floor, and a
-        threshold that --mechanism replaces. With a plus, in addition to these: "+start".
-    fix
-        Parameters to fix at a value, such as "lapse=0.02".
-    prior
-        Priors of parameters, name=low:high, such as "t0_s=0.2:0.4": the central 95 % of where a
-        person's value, or in a hierarchy the median person's, is believed to be.
-    mechanism
-        What changes the decision criterion of a circuit: threshold, dopamine, stn_loss or gpe_loss;
-        or, with a threshold, a change within a trial: rising_dopamine or onset_stn.
     simulation
         Simulated trials of a circuit, name=value: trials at each of seven drifts, seed, engine,
         noise_nats (noise of the evidence: its standard deviation after one second, nats).
@@ -145,24 +129,139 @@ def fit(
     if not data:
         _list(output)
         return
-    words = list(evidence)
-    file = Path(words.pop(0)) if words else None
-    FitRun(
-        data=data, folder=folder, models=models, strength=strength, participant=participant,
-        pooled=people == "pooled", hierarchical=people in ("hierarchical", "correlated"),
-        correlated=people == "correlated", vary=vary, formula=formula, free=free, fix=fix,
-        prior=prior, mechanism=mechanism, draws=draws, compare=compare, evidence=file,
-        workers=workers, output=output,
-        **_of_columns(columns), **values(simulation, FitRun, OF_SIMULATION),
-        **values(words, FitRun, OF_EVIDENCE),
-    )()  # fmt: skip
+    need_fit()
+    check_whole(workers=workers)
+    window = [word for word in columns if word.partition("=")[0] == "rt_window"]
+    rest = [word for word in columns if word not in window]
+    more: dict[str, Any] = {"columns": record_of(OURS, rest)}
+    for words, known in ((window, ("rt_window",)), (simulation, OF_SIMULATION),
+                         (evidence[1:], OF_EVIDENCE)):  # fmt: skip
+        more |= values(words, FitSettings, known)
+    asked = FitSettings(evidence=Path(evidence[0]) if evidence else None, **more, **options)
+    asked.check()
+    if asked.hierarchical and draws:
+        reason = "--draws has no effect with --people hierarchical, which always draws"
+        raise InputError(reason, "draws")
+    folder = folder or Path("fits") / Path(data).stem
+    try:
+        one = question(asked, data, models, folder / SIMULATED, compare=compare)
+        for lacking in one.lacking:
+            say(lacking)
+        behind, path = _behind(asked, data), folder / ESTIMATES
+        made, estimates = {**behind, "circuits": one.circuits()}, one.estimates()
+        if estimates is not None:
+            files.check_new(path, force=files.is_result(path))
+        _check(folder, GROUP if asked.hierarchical else EACH, made, force)
+        if estimates is not None:
+            files.write_table(estimates, path, seed=asked.seed, **behind)
+        output.note(one.trials.summary())
+        fits = fit_all(one, folder, draws=draws, compare=compare, workers=workers,
+                       note=output.note, stages=stages)  # fmt: skip
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(
+            "Finished fits and simulated trials are kept: the same command resumes there."
+        ) from None
+    _write(fits, folder, asked.seed, made, output)
 
 
-def _of_columns(words: Sequence[str]) -> dict[str, Any]:
-    """Return the settings of --columns: how the table is read, and the window of times."""
-    window = [word for word in words if word.partition("=")[0] == "rt_window"]
-    rest = [word for word in words if word not in window]
-    return {"columns": record_of(OURS, rest), **values(window, FitRun, ("rt_window",))}
+def _write(
+    fits: Fits | GroupFits, folder: Path, seed: int, made: dict[str, Any], output: Output
+) -> None:
+    """Write tables, figures and draws, and print the parameters."""
+    tables = fits.tables()
+    every = {name: _with_others(folder / f"{name}.csv", tables[name], made) for name in tables}
+    for name, (table, behind) in every.items():
+        files.write_table(table, folder / f"{name}.csv", seed=seed, **behind)
+    figures = fits.figures()
+    if fits.comparison is not None:
+        path = folder / "comparison.csv"
+        files.write_table(fits.comparison.to_dataframe(), path, seed=seed, **made)
+        figures["comparison"] = fits.comparison.plot
+        output.note("\n" + fits.comparison.summary())
+    for name, draw in figures.items():
+        try:
+            save_figure(draw(), folder / f"{name}.png")
+        except InputError as error:
+            output.note(f"{name}: no figure, {error}")
+    shown = next(iter(every.values()))[0]
+    text, facts, more = "\n" + shown.round(4).to_string(index=False), {}, EACH_DRAWN
+    if isinstance(fits, GroupFits):
+        for name, fit in fits.fits.items():
+            fit.to_netcdf(folder / f"{stem(name)}.nc")
+        related = {"effects": fits.effects(), "correlations": fits.correlations()}
+        facts = {name: table.to_dict("records") for name, table in related.items()}
+        text, more = "\n\n".join(filter(None, [text, fits.notes()])), GROUP_DRAWN
+    output.show(text, shown, **facts)
+    output.note(f"-> {folder}: {', '.join(f'{name}.csv' for name in tables)}; {more}")
+
+
+def _behind(asked: FitSettings, data: str) -> dict[str, Any]:
+    """Return the settings that all fits in one folder must share; participants may differ."""
+    shared = {each.name for each in fields(asked)} - {*UNSHARED}
+    options = {name: recorded(getattr(asked, name)) for name in sorted(shared)}
+    if asked.rt_window is not None:
+        # As text, since JSON has no infinity.
+        options["rt_window"] = [f"{time:g}" for time in asked.rt_window]
+    simulated = {"simulated_trials": options.pop("trials"), "simulation_seed": asked.seed}
+    # Of the whole table: participants may be fitted one after the other.
+    trials = files.checksum(data) if Path(data).is_file() else data
+    known = {"evidence": files.checksum(str(asked.evidence))} if asked.evidence else {}
+    version = {"bgmodel": __version__}
+    return {"data": data, "trials": trials, **known, **simulated, **options, **version}
+
+
+def _check(folder: Path, names: Sequence[str], made: Mapping[str, Any], force: bool) -> None:
+    """Raise ValueError if a folder can't be written, or holds other tables, unless by force."""
+    files.check_writable(folder)
+    other = set()
+    for path in (folder / f"{name}.csv" for name in names):
+        if path.exists() and not files.is_result(path):
+            reason = f"{str(path)!r} exists and is not a result of a fit: give another folder"
+            raise InputError(reason, "folder")
+        other |= _differing(path, made)
+    if other and not force:
+        raise InputError(
+            f"{str(folder)!r} holds fits with another {', '.join(sorted(other))}: give another "
+            "folder, or --force to overwrite their tables",
+            "folder",
+        )
+
+
+def _before(path: Path) -> dict[str, Any]:
+    """Return the parameters of an existing table; an empty dict without a table."""
+    return files.read_provenance(path)["parameters"] if files.is_result(path) else {}
+
+
+def _differing(path: Path, made: Mapping[str, Any]) -> set[str]:
+    """Return the names of settings with other values in an existing table."""
+    if not (before := _before(path)):
+        return set()
+    now, circuits = files.provenance(**made)["parameters"], before.pop("circuits", {})
+    changed = any(circuits.get(name, sha) != sha for name, sha in now.pop("circuits").items())
+    names = {name for name in {*before, *now} if before.get(name) != now.get(name)}
+    return names | ({"circuit"} if changed else set())
+
+
+def _with_others(
+    path: Path, table: pd.DataFrame, made: dict[str, Any]
+) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Return a table with the fits of others to the same question in its file, and its origin."""
+    import pandas as pd
+
+    before = _before(path)
+    if not before or _differing(path, made):
+        return table, made
+    # Columns that are text in the new table stay text.
+    texts = [name for name in table if pd.api.types.is_string_dtype(table[name])]
+    none = {str(name): [""] for name in table if name not in texts}
+    there = pd.read_csv(path, dtype=dict.fromkeys(texts, str), keep_default_na=False,
+                        na_values=none)  # fmt: skip
+    # A group is fitted as a whole.
+    who = ["participant", "model"] if path.stem in EACH else ["model"]
+    ours = pd.MultiIndex.from_frame(table[who].astype(str))
+    others = ~pd.MultiIndex.from_frame(there[who].astype(str)).isin(ours)
+    circuits = {**before["circuits"], **made["circuits"]}
+    return pd.concat([there[others], table], ignore_index=True), {**made, "circuits": circuits}
 
 
 def _list(output: Output) -> None:
@@ -176,99 +275,3 @@ def _list(output: Output) -> None:
              "strength": one.strength, "conditions": ", ".join(one.conditions), **one.about}
             for one in sets]  # fmt: skip
     output.show("\n\n".join(one.text() for one in sets), pd.DataFrame(rows))
-
-
-@dataclass(frozen=True, kw_only=True)
-class FitRun(FitSettings):
-    """One run of the command: its settings, see ``fit``, and where its results go."""
-
-    data: str
-    folder: Path | None = None
-    models: tuple[str, ...] | None = None
-    draws: bool = False
-    compare: bool = False
-    correlated: bool = False
-    workers: int = 2
-    output: Output = Output()  # noqa: RUF009
-
-    def __call__(self) -> None:
-        """Run the command."""
-        need_fit()
-        check_whole(trials=self.trials, workers=self.workers)
-        self.check()
-        if self.models == ():
-            raise InputError("models must name at least one", "models")
-        try:
-            self._fit()
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(
-                "Finished fits and simulated trials are kept: the same command resumes there."
-            ) from None
-
-    def _fit(self) -> None:
-        """Fit each model to each participant, or to all of them."""
-        folder = self.folder or Path("fits") / Path(self.data).stem
-        one = question(self, self.data, self.models, folder / "stored")
-        if self.compare and len(one.versions) == 1:
-            (name,) = one.versions
-            one.add_constant(name)
-            must = "needs at least two models, or one with --vary or --formula"
-            require(len(one.versions) > 1, "compare", must, name)
-        for lacking in one.lacking:
-            say(lacking)
-        circuits = _circuits(one)
-        estimates = one.estimates()
-        if estimates is not None:
-            path = folder / ESTIMATES
-            files.check_new(path, force=files.is_result(path))
-            files.write_table(estimates, path, seed=self.seed, **self._asked())
-        if self.hierarchical:
-            options = {**self._asked(), "circuits": circuits}
-            fit_hierarchically(self, folder, options, one)
-            return
-        kept = Kept(
-            folder, self.seed, self._asked(), circuits,
-            self.draws, self.output.note,
-        )  # fmt: skip
-        kept.check(self.output.force)
-        # Build all before any is fitted, so that errors are raised at once.
-        by_model = {name: one.likelihoods(name) for name in one.versions}
-        likelihoods = {
-            who: {name: each[who] for name, each in by_model.items()}
-            for who in next(iter(by_model.values()))
-        }
-        self.output.note(one.trials.summary())
-        fitted = [kept.person(who, one.people[who], each) for who, each in likelihoods.items()]
-        pieces = [each for person in fitted for each in person]
-        parameters = kept.gather(pieces)
-        if self.compare:
-            self.output.note("\n" + kept.compare(fitted, likelihoods))
-        self.output.show("\n" + parameters.round(4).to_string(index=False), parameters)
-        self.output.note(f"-> {folder}: {', '.join(TABLES)}, a figure for each participant")
-
-    def _asked(self) -> dict[str, Any]:
-        """Return the options that all fits in one folder must share; participants may differ."""
-        unshared = ("data", "folder", "models", "participant", "draws",
-                    "hierarchical", "compare", "evidence", *UNRECORDED)  # fmt: skip
-        named = {each.name for each in fields(self)} - set(unshared)
-        options = {name: recorded(getattr(self, name)) for name in sorted(named)}
-        if self.rt_window is not None:
-            # As text, since JSON has no infinity.
-            options["rt_window"] = [f"{time:g}" for time in self.rt_window]
-        simulated = {"simulated_trials": options.pop("trials"), "simulation_seed": self.seed}
-        # Of the whole table: participants may be fitted one after the other.
-        file = Path(self.data)
-        trials = files.checksum(file) if file.is_file() else self.data
-        known = (
-            {} if self.evidence is None else {"evidence": files.checksum(Path(str(self.evidence)))}
-        )
-        version = {"bgmodel": __version__}
-        return {"data": self.data, "trials": trials, **known, **simulated, **options, **version}
-
-
-def _circuits(one: Question) -> dict[str, str]:
-    """Return the hash of the circuit of each model that has one."""
-    from bgmodel.fitting.likelihood import identity_of
-
-    made = {name: identity_of(model).get("circuit") for name, (_, model, _) in one.versions.items()}
-    return {name: each["sha256"] for name, each in made.items() if isinstance(each, dict)}

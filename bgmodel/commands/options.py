@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast, get_args, get_type_hints
 
 from cyclopts import Parameter
-from docstring_parser import parse
+from docstring_parser import parse, parse_from_object
 
 from bgmodel.support import toml_files
 from bgmodel.task import KINDS, Gaussian, Task, kind_of
@@ -178,7 +178,7 @@ def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T
         for name in names:
             kind = usual.get(name, theirs[name])
             text = Parameter(help=about.get(name, ""))
-            many = kind in (Sequence[float], Sequence[str])
+            many = kind in (Sequence[float], Sequence[str], tuple[str, ...])
             annotation: Any = Annotated[(kind, MANY, text) if many else (kind, text)]
             hints[name] = annotation
             how: Any = {"default": defaults[name], "annotation": annotation}
@@ -201,7 +201,12 @@ def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T
 def described(function: Callable[..., Any]) -> dict[str, str]:
     """Return the description of each parameter in the docstring of a function."""
     descriptions: dict[str, str] = {}
-    for one in parse(inspect.getdoc(function) or "").params:
+    docs = (
+        parse_from_object(function)
+        if isinstance(function, type)
+        else parse(inspect.getdoc(function) or "")
+    )
+    for one in docs.params:
         text = " ".join((one.description or "").split()).replace("``", "")
         descriptions |= dict.fromkeys([name.strip() for name in one.arg_name.split(",")], text)
     return descriptions

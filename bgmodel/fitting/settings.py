@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 import pandas as pd
@@ -27,6 +27,8 @@ from bgmodel.trials.record import Trials, is_covariate
 from circuits.circuit import Circuit
 from circuits.errors import InputError, require
 
+People = Literal["each", "pooled", "hierarchical", "correlated"]
+
 
 @dataclass(frozen=True, kw_only=True)
 class FitSettings:
@@ -35,11 +37,11 @@ class FitSettings:
     strength: str | None = None
     """Column of the signed strength of the evidence: positive favours response 1."""
     participant: str | None = None
-    """The participant to fit; by default each is fitted separately."""
-    pooled: bool = False
-    """Fit all participants as if they were one."""
-    hierarchical: bool = False
-    """Fit all participants together, with a distribution of the group."""
+    """The participant to fit; by default all are."""
+    people: People = "each"
+    """How participants are fitted: each separately, pooled as if they were one, or all together,
+    each with parameters from a distribution of the group, which is fitted too (partial pooling;
+    hierarchical, or correlated if parameters may be correlated between people)."""
     columns: Columns = OURS
     """Names, units and codes of the columns of the table."""
     rt_window: tuple[float, float] | None = None
@@ -85,7 +87,8 @@ class FitSettings:
         from circuits.engines import engine_of
 
         engine_of(self.engine)
-        check_flag("pooled", self.pooled)
+        ways = get_args(People)
+        require(self.people in ways, "people", f"must be one of {', '.join(ways)}", self.people)
         require(isinstance(self.columns, Columns), "columns", "must be Columns(...)", self.columns)
         whole("trials", self.trials, 1)
         whole("seed", self.seed, 0)
@@ -94,6 +97,16 @@ class FitSettings:
             allowed = ", ".join(MECHANISMS)
             raise InputError.of("mechanism", f"must be one of {allowed}", self.mechanism)
         _ = self.priors
+
+    @property
+    def pooled(self) -> bool:
+        """Whether all participants are fitted as if they were one."""
+        return self.people == "pooled"
+
+    @property
+    def hierarchical(self) -> bool:
+        """Whether all participants are fitted together, with a distribution of the group."""
+        return self.people in ("hierarchical", "correlated")
 
     def check_unused(self, names: Iterable[str], reason: str) -> None:
         """Raise ValueError for one of some settings that was given though it has no effect."""
@@ -153,8 +166,8 @@ class FitSettings:
             if not self.hierarchical:
                 problem = "must differ between trials of a person: here it differs between people"
                 raise InputError(
-                    f"{column} {problem} alone. Fit them as a group (hierarchical=True, at the "
-                    "terminal --people hierarchical)", column,
+                    f"{column} {problem} alone. Fit them as a group (people hierarchical)",
+                    column,
                 )  # fmt: skip
             if set(each.columns) - apart:
                 problem = f"{column} differs between people, and other columns within them"
@@ -275,11 +288,9 @@ class FitSettings:
                 raise InputError(f"{column} has too many values for vary: {instead}", "vary")
         return trials
 
-    def people(self, choices: Trials) -> list[tuple[str, Trials]]:
+    def by_person(self, choices: Trials) -> dict[str, Trials]:
         """Return the trials of each person to fit, or of all pooled."""
-        if self.pooled:
-            return [(self.participant or "all", choices)]
-        return list(choices.by_participant().items())
+        return {self.participant or "all": choices} if self.pooled else choices.by_participant()
 
     def design(self, choices: Trials) -> Design:
         """Return one person's trials by cell (combination of strength and conditions)."""
