@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.commands.touch import checked_step
 from bgmodel.fitting.checks.misfit import Misfit
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import Fit
@@ -59,6 +60,7 @@ USERS = {
     "filters": (lambda _: cached("tables", "sources", "key"), ARRAYS),
     "states": (lambda _: cached("states", "sources", "key", most=9), ARRAYS),
     "fits": (lambda folder: fit_entry(folder, "a/b", {"k": [0.1]}, LIKELIHOOD), (FIT, ["it is"])),
+    "steps": (lambda folder: checked_step(folder, "a", {"k": 1}), "e3b0c442"),
     "crossings": (lambda folder: replace(MODEL, folder=folder).entry(()), PASSAGES),
     "chains": (lambda folder: chains_entry(folder, "a", {"k": 1}), ARRAYS),
     "shards": (lambda folder: shards.entry(POINT.shards()[0], folder), ARRAYS),

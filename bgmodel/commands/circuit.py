@@ -31,7 +31,6 @@ from bgmodel.tables import named as tables
 from bgmodel.task import Gaussian
 from circuits.activity import Activity
 from circuits.anatomy import load_circuit
-from circuits.circuit import Circuit
 from circuits.declaration.edits import Edits
 from circuits.errors import BgmodelWarning, InputError, require
 
@@ -75,61 +74,37 @@ def show(
     output.check((".toml",), circuit=circuit)
     before = load_circuit(circuit, channels)
     table = before.edited(*edits)
-    scatter = None if noise is None else _scatter(table, noise)
+    if rest or noise is not None:
+        from bgmodel.integrators.criterion import doubts
+        from bgmodel.integrators.steady import noise_of_out, resting_activity
+    sources = None if noise is None else noise_of_out(table, noise)
     print(table)
     if text := edits.text():
         print(f"\nedited, in this order: {text}")
         say_of_edits(edits, circuit=table)
-    if rest:
-        _show_rest(table)
-    if scatter is not None:
-        print(f"\n{scatter}")
-    output.draw(lambda: table.plot(reference=before))
-    if output.save is not None:
-        from circuits.declaration.table_writer import write
-
-        print(f"\n{table.name}, {table.channels} channels -> {write(table, output.save)}")
-
-
-def _show_rest(table: Circuit) -> None:
-    """Print resting rates, and what an input of one unit means."""
-    if not any(row.spiking for row in table.populations):
+    if rest and not any(row.spiking for row in table.populations):
         print("\nthis circuit has no spiking cells")
-    else:
-        from bgmodel.integrators.criterion import doubts
-        from bgmodel.integrators.steady import resting_activity
-
+    elif rest:
         for doubt in doubts(table):
             BgmodelWarning.warn(doubt)
         print("\nwithout evidence, 4 trials of 5 s:")
         activity = resting_activity(table, seed=0)
         print(activity.to_string(index=False, float_format="{:.2f}".format))
-    print(f"\nan input of 1 {table.unit.removesuffix('s')} to one nucleus at rest:")
-    print(table.effect_of_nats().to_string(index=False, float_format="{:.3g}".format))
+    if rest:
+        print(f"\nan input of 1 {table.unit.removesuffix('s')} to one nucleus at rest:")
+        print(table.effect_of_nats().to_string(index=False, float_format="{:.3g}".format))
+    if sources is not None and sources.empty:
+        print("\nOUT has no noise: the circuit has no cells")
+    elif sources is not None:
+        shares = ", ".join(f"{row.population} {row.share:.0%}" for row in sources.itertuples())
+        print(f"\nat a posterior of {noise:g} the noise of OUT is "
+              f"{np.linalg.norm(sources['sd_nats']):.3f} nats (sd, linear theory); shares of its "
+              f"variance: {shares}")  # fmt: skip
+    output.draw(lambda: table.plot(reference=before))
+    if output.save is not None:
+        from circuits.declaration.table_writer import write
 
-
-def _scatter(table: Circuit, posterior: float) -> str:
-    """Return one line on the noise of the favoured channel's OUT."""
-    from bgmodel.integrators.steady import leader_drive
-    from circuits.laws.fluctuation import out_variance
-
-    table.check_nats("a posterior (--noise)")
-    # Within the range of the read-out, and above chance.
-    low = max(float(np.exp(-table.readable_nats[1])), 1 / table.channels)
-    high = float(np.exp(-table.readable_nats[0]))
-    must = f"must be a posterior that {table.name} reads, {low:.2f} to {high:.2f}"
-    require(low < posterior < high, "noise", must, posterior)
-    if not any(row.spiking for row in table.populations):
-        return "OUT has no noise: the circuit has no cells"
-    odds = np.log(posterior * (table.channels - 1) / (1 - posterior))
-    drive = leader_drive(odds, table.channels)[0, 0]
-    variance = {k: v[0] for k, v in out_variance(table, drive).items()}
-    total = sum(variance.values())
-    shares = ", ".join(f"{name} {part / total:.0%}" for name, part in variance.items())
-    return (
-        f"at a posterior of {posterior:g} the noise of OUT is {np.sqrt(total):.3f} nats (sd, "
-        f"linear theory); shares of its variance: {shares}"
-    )
+        print(f"\n{table.name}, {table.channels} channels -> {write(table, output.save)}")
 
 
 def export(

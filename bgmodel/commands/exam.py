@@ -8,10 +8,11 @@ from typing import Annotated, Any
 import pandas as pd
 
 from bgmodel.commands.options import FLAT, MANY, OFF, Edited, Workers, like
-from bgmodel.commands.output import Output, check_whole, options_of, recorded, say
+from bgmodel.commands.output import Output, check_whole, options_of, say
 from bgmodel.exam.exam import Exam
 from bgmodel.exam.tables import OF_RATES, OF_TRIALS, WINDOWS
 from bgmodel.names import EngineName
+from bgmodel.support import files
 from circuits.declaration.edits import Edits
 from circuits.errors import InputError
 
@@ -91,7 +92,7 @@ def exam(
     else:
         settings = {"circuit": circuit, "edits": edits, "engine": engine, "data": data,
                     "rates": rates, "domains": domains, "motifs": motifs,
-                    "numbers": [recorded(path) for path in numbers], **options}  # fmt: skip
+                    "numbers": [files.recorded(path) for path in numbers], **options}  # fmt: skip
         output.write(marked.table, marked.seed, command=options_of(**settings), **marked.parameters)
     output.draw(marked.plot)
 

@@ -15,7 +15,6 @@ from bgmodel.commands.output import (
     bar,
     check_apart,
     check_whole,
-    recorded,
     say_before,
     write_template,
 )
@@ -134,7 +133,7 @@ def _finish(asked: Experiment, done: Outcome, output: Output) -> None:
     if output.save is not None:
         behind = {
             "seed": asked.seed,
-            "experiment": recorded(replace(asked, gain=control.gain)),
+            "experiment": files.recorded(replace(asked, gain=control.gain)),
             "control": identity(control.circuit),
             "manipulation": identity(manipulation.circuit),
         }

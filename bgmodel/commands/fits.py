@@ -12,7 +12,6 @@ from bgmodel.commands.output import (
     UNRECORDED,
     Output,
     check_whole,
-    recorded,
     save_figure,
     say,
     stages,
@@ -198,7 +197,7 @@ def _write(
 def _behind(asked: FitSettings, data: str) -> dict[str, Any]:
     """Return the settings that all fits in one folder must share; participants may differ."""
     shared = {each.name for each in fields(asked)} - {*UNSHARED}
-    options = {name: recorded(getattr(asked, name)) for name in sorted(shared)}
+    options = {name: files.recorded(getattr(asked, name)) for name in sorted(shared)}
     if asked.rt_window is not None:
         # As text, since JSON has no infinity.
         options["rt_window"] = [f"{time:g}" for time in asked.rt_window]

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 from bgmodel.commands.options import FLAT, MANY, Edited, like, record_of, task
-from bgmodel.commands.output import Output, check_idle, options_of, recorded, say, say_of_edits
+from bgmodel.commands.output import Output, check_idle, options_of, say, say_of_edits
 from bgmodel.conditions import Setup
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning import from_reward
@@ -143,7 +143,7 @@ def _model(
 
 def _behind(model: BasalGanglia | None, task: Task, settings: dict[str, Any]) -> dict[str, Any]:
     """Return the options in effect and the circuit, for the provenance of the result."""
-    command = {"task": recorded(task), **options_of(**settings)}
+    command = {"task": files.recorded(task), **options_of(**settings)}
     if model is None:
         return {"command": command}
     about = {"engine": model.engine.id, "gain": model.gain}

@@ -63,13 +63,7 @@ def _is_text(hint: Any) -> bool:
 
 
 def record_of(usual: T, words: Sequence[str]) -> T:
-    """Return a record with the settings of some words, and others as usual.
-
-    Raises
-    ------
-    ValueError
-        For a setting that the record does not have, or a value that it refuses.
-    """
+    """Return a record with the settings of some words, and others as usual."""
     kind = type(usual)
     known = [each.name for each in fields(kind)]  # type: ignore[arg-type]
     return replace(usual, **values(words, kind, known))  # type: ignore[type-var]
@@ -91,18 +85,8 @@ def values(words: Sequence[str], kind: type, known: Sequence[str]) -> dict[str, 
 def task_of(usual: Task, words: Sequence[str]) -> Task:
     """Return a task from its words: its name or the file of a table, and its settings.
 
-    Parameters
-    ----------
-    usual : Task
-        The task without any words; other kinds have its settings, as far as they have them, but
-        for the number of alternatives.
-    words : sequence of str
-        A name and settings, in any order; or settings alone.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name, or a setting that the task does not have.
+    Without a name it is of the usual kind; other kinds have the usual settings, as far as they have
+    them, but for the number of alternatives.
     """
     settings_given = settings(word for word in words if "=" in word)
     names = [word for word in words if "=" not in word] or [usual.name]
@@ -133,15 +117,7 @@ def task(usual: Task) -> Any:
 
 
 def record(usual: Any, about: str) -> Any:
-    """Return the annotation of a record, written as name=value for each of its fields.
-
-    Parameters
-    ----------
-    usual : dataclass
-        The record without any words.
-    about : str
-        What it is; its fields and their values are added.
-    """
+    """Return the annotation of a record, usually ``usual``, written as name=value for fields."""
     shown = " ".join(f"{f.name}={_shown(getattr(usual, f.name))}" for f in fields(usual))
     made = partial(record_of, usual)
     return _of_words(made, help=f"{about} By default {shown}.", show_default=False)
@@ -156,17 +132,8 @@ def _shown(value: Any) -> str:
 def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T], T]:
     """Return a decorator that gives a command parameters of a function.
 
-    Each keeps its type, its default and its description; the command receives them in its
-    ``**options``.
-
-    Parameters
-    ----------
-    function : callable
-        The function that the command calls.
-    *names : str
-        Its parameters.
-    **usual
-        Annotations that replace the types of some of them.
+    Each keeps its type, unless ``usual`` has another, its default and its description; the command
+    receives them in its ``**options``.
     """
 
     def decorated(command: T) -> T:

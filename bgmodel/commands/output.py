@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bgmodel.support import files, processes
+from bgmodel.support.files import circuit_file, recorded
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -56,17 +57,9 @@ class Files:
     ) -> None:
         """Raise ValueError, before anything is run, if a result cannot be written.
 
-        Two options may not name the same file, existing results are overwritten only with
-        ``force``, and folders must be writable.
-
-        Parameters
-        ----------
-        endings : sequence of str
-            Endings that ``save`` may have; none if the command saves nothing.
-        more : iterable of path
-            Further files that it writes, which no option names.
-        **options
-            Other options of the command; those that name files are read, unless in ``OUTPUTS``.
+        ``save`` has one of the endings, or must be absent if there are none; ``more`` are files
+        that no option names; other options name files that are read, unless in ``OUTPUTS``. Two may
+        not name the same file.
         """
         if self.save is not None:
             require(endings, "save", "has no effect here: leave it out", str(self.save))
@@ -164,24 +157,6 @@ def made_with(model: BasalGanglia, **options: Any) -> dict[str, Any]:
     return {"command": options_of(**options), "circuit": identity(model.circuit)}
 
 
-def recorded(value: Any) -> Any:
-    """Return an option as recorded: only what had an effect, and files by name and checksum."""
-    if hasattr(value, "used"):
-        return {name: recorded(inner) for name, inner in value.used().items()}
-    if is_dataclass(value):
-        named = {field.name: recorded(getattr(value, field.name)) for field in fields(value)}
-        return {"kind": type(value).__name__, **named}
-    path = circuit_file(value) if isinstance(value, str) else value
-    if isinstance(path, Path) and path.is_file():
-        return {"file": path.name, "sha256": files.checksum(path)}
-    return {"folder": value.name} if isinstance(value, Path) else value
-
-
-def circuit_file(name: str) -> Path | None:
-    """Return the path of a circuit that is a file; None for the name of a table."""
-    return Path(name) if name.endswith(".toml") else None
-
-
 def check_ending(name: str, path: Path, *allowed: str) -> None:
     """Raise ValueError unless the file of an option ends in one of those allowed."""
     require(path.suffix in allowed, name, f"must end in {' or '.join(allowed)}", str(path))
@@ -213,11 +188,6 @@ def _paths(options: Mapping[str, Any]) -> Iterator[tuple[str, Path]]:
             yield name, value
         elif is_dataclass(value):
             yield from _paths(vars(value))
-
-
-def plain(model: str) -> str:
-    """Return the name of a model, which may be a .toml file, as part of the name of a file."""
-    return Path(model).stem if model.endswith(".toml") else model
 
 
 def say(text: str) -> None:
@@ -264,17 +234,7 @@ def save_figure(figure: Figure, path: Path) -> None:
 
 
 def check_idle(reason: str, usual: Mapping[str, Any], **options: Any) -> None:
-    """Raise ValueError for an option that was given though it has no effect.
-
-    Parameters
-    ----------
-    reason : str
-        What makes them idle.
-    usual : dict
-        Their values where they are not given.
-    **options
-        Their values.
-    """
+    """Raise ValueError for an option that has no effect but not its usual value, with a reason."""
     for name, value in options.items():
         if value != usual.get(name):
             flag = name.replace("_", "-")
@@ -292,24 +252,7 @@ def say_of_edits(*edits: Edits, circuit: Circuit | None = None) -> None:
 
 
 def say_before(what: str, model: BasalGanglia, evidence: Evidence, *, runs: int = 1) -> None:
-    """Announce a run of a circuit.
-
-    Parameters
-    ----------
-    what : str
-        The action, such as "comparing".
-    model : BasalGanglia
-        The circuit.
-    evidence : Evidence
-        Readings of all trials.
-    runs : int
-        Number of circuits run on it.
-
-    Raises
-    ------
-    NoMemoryError
-        If there is not enough memory.
-    """
+    """Announce a run of some circuits, such as "comparing"; NoMemoryError if there is too little."""
     from bgmodel.support.compiling import on_compiling
 
     if model.raw and evidence.baseline:

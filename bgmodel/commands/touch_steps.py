@@ -29,18 +29,14 @@ from bgmodel.tactile.task import SameDifferent
 from bgmodel.task import Task
 from circuits.errors import InputError, require
 
-TipOption = Annotated[Tip, record(Tip(), "The sensor's tip.")]
-SkinOption = Annotated[Skin, record(Skin(), "Its skin and gel.")]
-NuisanceOption = Annotated[Nuisance, record(Nuisance(), "What varies between taps.")]
-
 
 @like(sensor.simulate_taps, "taps", "periods_mm", "yaw_deg", "seed")
 def simulate(
     *,
     task: Annotated[Task | None, task(SameDifferent())] = None,
-    tip: TipOption = Tip(),  # noqa: B008
-    skin: SkinOption = Skin(),  # noqa: B008
-    nuisance: NuisanceOption = Nuisance(),  # noqa: B008
+    tip: Annotated[Tip, record(Tip(), "The sensor's tip.")] = Tip(),  # noqa: B008
+    skin: Annotated[Skin, record(Skin(), "Its skin and gel.")] = Skin(),  # noqa: B008
+    nuisance: Annotated[Nuisance, record(Nuisance(), "What varies between taps.")] = Nuisance(),  # noqa: B008
     workers: Workers = 1,
     output: Annotated[Files, FLAT] = Files(),  # noqa: B008
     **options: Any,

@@ -9,7 +9,7 @@ import platform
 import tempfile
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict, fields, is_dataclass
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -193,6 +193,24 @@ def from_json(text: str | bytes) -> Any:
         return json.loads(text)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
+
+
+def recorded(value: Any) -> Any:
+    """Return an option as recorded: only what had an effect, and files by name and checksum."""
+    if hasattr(value, "used"):
+        return {name: recorded(inner) for name, inner in value.used().items()}
+    if is_dataclass(value):
+        named = {field.name: recorded(getattr(value, field.name)) for field in fields(value)}
+        return {"kind": type(value).__name__, **named}
+    path = circuit_file(value) if isinstance(value, str) else value
+    if isinstance(path, Path) and path.is_file():
+        return {"file": path.name, "sha256": checksum(path)}
+    return {"folder": value.name} if isinstance(value, Path) else value
+
+
+def circuit_file(name: str) -> Path | None:
+    """Return the path of a circuit that is a file; None for the name of a table."""
+    return Path(name) if name.endswith(".toml") else None
 
 
 def check_writable(folder: str | Path) -> Path:
