@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -27,7 +26,7 @@ from bgmodel.fitting.settings import (
     shared_ranges,
 )
 from bgmodel.fitting.several import Fits, GroupFits, fit_entry, report, stem
-from bgmodel.support.checks import check_flag, path_of, whole
+from bgmodel.support.checks import path_of, whole
 from bgmodel.support.seeds import stream
 from bgmodel.trials.reading import OURS, Columns
 from bgmodel.trials.readings import Source
@@ -119,13 +118,11 @@ def question(
     folder: Path | None = None,
     *,
     alone: bool = False,
-    compare: bool = False,
 ) -> Question:
     """Read trials, and find the models that are asked for, by default those of the kind of trials.
 
     ``data`` and ``models`` are as for ``fit``; ``folder`` keeps simulated trials for other fits,
-    ``alone`` says that a single model is fitted, to one person or to a group, and ``compare`` that
-    models are compared, a single one with itself without each effect of conditions. ValueError for
+    and ``alone`` says that a single model is fitted, to one person or to a group. ValueError for
     trials that can't be read, unknown models and parameters, and settings without effect on these
     trials.
     """
@@ -166,7 +163,7 @@ def question(
             "they were one)",
             "participant",
         )
-    if compare and len(one.versions) == 1:
+    if asked.compare and len(one.versions) == 1:
         one.add_constant()
     return one
 
@@ -176,6 +173,8 @@ def _check_settings(asked: FitSettings, kind: Kind, trials: Trials) -> None:
     asked.check_unused(kind.unused, f"on {trials.kind}")
     if not trials.timed:
         asked.check_unused(["rt_window"], "on choices without times")
+    if asked.hierarchical:
+        asked.check_unused(["draws"], "in a hierarchy, which always draws")
     pooled = asked.pooled and "pooled" in kind.unused
     require(not pooled, "people", f"must be another on {trials.kind}", asked.people)
 
@@ -325,8 +324,6 @@ KINDS = {
     "rewarded choices": REWARDED,
 }
 """How each kind of trials (``trials.record.KINDS``) is fitted."""
-CHAINS = ("most_draws", "chains_seed")
-"""Options that need a hierarchy."""
 
 
 @overload
@@ -482,8 +479,6 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         As for ``fit_likelihood`` and ``fit_group``, and for tables that may mislead.
     """
     need_fit()
-    for name, flag in (("draws", draws), ("compare", compare)):
-        check_flag(name, flag)
     for name, value in (("most_draws", most_draws), ("workers", workers)):
         whole(name, value, 1)
     whole("chains_seed", chains_seed, 0)
@@ -491,19 +486,18 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         strength=strength, participant=participant, people="each" if people is None else people,
         columns=columns, rt_window=rt_window, mechanism=mechanism, engine=engine, free=free,
         fix=fix, vary=vary, formula=formula, prior=prior, noise_nats=noise_nats, trials=trials,
-        seed=seed, evidence=evidence, step_ms=step_ms, forced=forced, runs=runs,
+        seed=seed, evidence=evidence, step_ms=step_ms, forced=forced, runs=runs, draws=draws,
+        compare=compare,
     )  # fmt: skip
-    _check_unused(locals(), ("draws",) if asked.hierarchical else CHAINS, asked.hierarchical)
+    if not asked.hierarchical and (most_draws, chains_seed) != (MOST, HIERARCHY_SEED):
+        reason = "has no effect without a hierarchy: leave it out"
+        name = "most_draws" if most_draws != MOST else "chains_seed"
+        raise InputError(f"{name} {reason}", name)
     kept = None if folder is None else path_of(folder, "folder")
     several = isinstance(model, (list, tuple))
     models: Any = list(model) if isinstance(model, (list, tuple)) else model and [model]
-    one = question(
-        asked, data, models, kept and kept / SIMULATED, compare=compare, alone=not several
-    )
-    every = fit_all(
-        one, kept, draws=draws, compare=compare, workers=workers, most_draws=most_draws,
-        chains_seed=chains_seed,
-    )  # fmt: skip
+    one = question(asked, data, models, kept and kept / SIMULATED, alone=not several)
+    every = fit_all(one, kept, workers=workers, most_draws=most_draws, chains_seed=chains_seed)
     if several or compare or people == "each":
         return every
     (only,) = every.fits.values()
@@ -523,8 +517,6 @@ def fit_all(
     one: Question,
     folder: Path | None = None,
     *,
-    draws: bool = False,
-    compare: bool = False,
     workers: int = 1,
     most_draws: int = MOST,
     chains_seed: int = HIERARCHY_SEED,
@@ -559,16 +551,19 @@ def fit_all(
                 )  # fmt: skip
             for caution in cautions:
                 FitWarning.warn(f"{name}: {caution}")
-        return GroupFits(groups, compare_fits(groups) if compare else None)
+        return GroupFits(groups, compare_fits(groups) if one.asked.compare else None)
     fits: dict[str, dict[str, Fit]] = {name: {} for name in by_model}
     for who in next(iter(by_model.values())):
         for name, people in by_model.items():
-            title, key = f"{who}, {name}", {**_key(one, who, people[who]), "posterior": draws}
+            title, key = (
+                f"{who}, {name}",
+                {**_key(one, who, people[who]), "posterior": one.asked.draws},
+            )
             entry = fit_entry(store, f"{who} {stem(name)}", key, people[who])
             kept = entry.get()
             if kept is None:
                 with stages(title) as tell, collected() as cautions:
-                    kept = fit_likelihood(people[who], draws=draws, tell=tell), cautions
+                    kept = fit_likelihood(people[who], draws=one.asked.draws, tell=tell), cautions
                 entry.put(kept)
                 note(report(kept[0], title))
             else:
@@ -576,7 +571,7 @@ def fit_all(
             fits[name][who] = kept[0]
             for caution in kept[1]:
                 FitWarning.warn(f"{title}: {caution}")
-    if not compare:
+    if not one.asked.compare:
         return Fits(fits)
     with stages("cross-validation") as tell:
         return Fits(fits, compare_fits(fits))
@@ -651,12 +646,3 @@ def simulate(
         complete = likelihood.complete(vector)
         parts.append(complete.simulated(vector, stream(seed, "simulate", who)))
     return joined(parts)
-
-
-def _check_unused(options: Mapping[str, object], names: Sequence[str], hierarchical: bool) -> None:
-    """Raise ValueError for an option that was given though it has no effect."""
-    usual = {each.name: each.default for each in signature(fit).parameters.values()}
-    for name in names:
-        if options[name] != usual[name]:
-            where = "in a hierarchy" if hierarchical else "without a hierarchy"
-            raise InputError(f"{name} has no effect {where}: leave it out", name)

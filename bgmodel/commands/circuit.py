@@ -12,27 +12,26 @@ import numpy as np
 
 from bgmodel.commands.options import FLAT, MANY, Edited, Workers, record
 from bgmodel.commands.output import (
+    TABLES,
     Files,
     Output,
     bar,
     check_ending,
-    check_whole,
     made_with,
     say_before,
     say_of_edits,
 )
 from bgmodel.conditions import ENGINE, STREAM, Condition
-from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.names import MACAQUE, CircuitName, EngineName
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import files
+from bgmodel.support.checks import whole
 from bgmodel.tables import named as tables
 from bgmodel.task import Gaussian
-from circuits.activity import Activity
+from circuits.activity import RateMeans
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
-from circuits.errors import BgmodelWarning, InputError, require
+from circuits.errors import BgmodelWarning, require
 
 BRIAN2 = EngineName("brian2")
 SIGNALS = StopTask(share=0.5)
@@ -130,21 +129,13 @@ def export(
     output.check((".py",), condition=condition)
     for name, usual in (("engine", ENGINE), ("posterior", None), ("threshold", None)):
         value = getattr(condition, name)
-        brian2 = value == BRIAN2
-        require(value == usual or brian2, name, "has no effect on a script: leave it out", value)
-    condition = replace(condition, engine=BRIAN2)
-    trials = range(condition.trials)
-    require(trial in trials, "trial", f"must be within 0..{len(trials) - 1}", trial)
-    evidence = condition.drawn(STREAM).evidence
-    model = condition.model(evidence.hypotheses).adapted_to(evidence)
-    model.check_strength(evidence)
-    drive, step_ms = model.driven(evidence[trial : trial + 1])
-    model.check_memory(1, drive.shape[1], step_ms)
-    text = model.circuit.to_brian2_script(drive, step_ms=step_ms, seed=condition.seed, trial=trial)
+        known = value in (usual, BRIAN2)
+        require(known, name, "has no effect on a script: leave it out", value)
+    text = replace(condition, engine=BRIAN2).to_brian2_script(trial)
     assert output.save is not None
     with files.replacing(output.save) as partial:
         partial.write_text(text, encoding="utf-8")
-    print(f"trial {trial} of {model.circuit.name} -> {output.save}")
+    print(f"trial {trial} -> {output.save}")
 
 
 def run(
@@ -189,7 +180,6 @@ def run(
     more: dict[str, Any]
     more = {"save_rates": save_rates, "save_spikes": save_spikes, "save_nwb": save_nwb}
     output.check(condition=condition, **more)
-    check_whole(workers=workers, spike_trials=spike_trials)
     if stop is not None:
         if condition.task == Gaussian():
             condition = replace(condition, task=STOPPED)
@@ -197,8 +187,9 @@ def run(
             require(path is None, name, "has no effect with stop signals: leave it out", str(path))
         _run_with_signals(condition, stop, workers, output)
         return
+    whole("spike_trials", spike_trials, 1)
     output.unused("plot")
-    _check_files(condition, save_rates, save_spikes, save_nwb, nwb_trials)
+    _check_files(condition, nwb_trials, *more.values())
     trials = condition.drawn(STREAM)
     evidence = trials.evidence
     model = condition.model(evidence.hypotheses, workers=workers).adapted_to(evidence)
@@ -207,11 +198,7 @@ def run(
     threshold = model.threshold(condition.threshold, posterior)
     started = time.perf_counter()
     say_before("running", model, evidence)
-    means = None
-    if save_rates is not None:
-        from circuits.activity import RateMeans
-
-        means = RateMeans()
+    means = None if save_rates is None else RateMeans()
     with bar(evidence.trials):
         decision = model.decide(evidence, threshold, rates=means)
     # A table of evidence on an engine without noise: there is no noise.
@@ -223,8 +210,9 @@ def run(
     behind: dict[str, Any] = {"seed": seed, **made_with(model, condition=settled)}
     if condition.task.file is not None:
         output.note(trials.summary())
-    accuracy = f"{result['correct'].mean():.3f}" if evidence.truth is not None else None
-    scored = "no truth given" if accuracy is None else f"accuracy {accuracy}"
+    scored = "no truth given"
+    if evidence.truth is not None:
+        scored = f"accuracy {result['correct'].mean():.3f}"
     text = (
         f"{len(result)} trials, {scored}, mean time {np.nanmean(decision.time_ms):.0f} ms, "
         f"forced {result['forced'].sum()}, gain {decision.gain:g}, in "
@@ -235,32 +223,26 @@ def run(
     if save_rates is not None and means is not None:
         files.write_table(means.table(), save_rates, **behind)
         output.note(f"-> {save_rates}")
+    recorded = model.with_spikes()
     if save_spikes is not None:
-        spikes = _whole(model, evidence, 0, spike_trials).spike_table()
-        made = behind["command"] | {"spike_trials": spike_trials}
-        files.write_table(spikes, save_spikes, **(behind | {"command": made}))
+        spikes = recorded.activity(evidence[:spike_trials], checked=False).spike_table()
+        behind["command"] |= {"spike_trials": spike_trials}
+        files.write_table(spikes, save_spikes, **behind)
         output.note(f"-> {save_spikes}")
     if save_nwb is not None:
         from circuits.nwb import write_nwb
 
-        activities = [_whole(model, evidence, k, k + 1) for k in nwb_trials]
-        write_nwb(activities, save_nwb, table=result.iloc[[*nwb_trials]])
+        every = [recorded.activity(evidence[k : k + 1], k, checked=False) for k in nwb_trials]
+        write_nwb(every, save_nwb, table=result.iloc[[*nwb_trials]])
         output.note(f"-> {save_nwb}")
-
-
-def _whole(model: BasalGanglia, evidence: Evidence, first: int, last: int) -> Activity:
-    """Return trials of a range, run to their ends, with spikes if the engine has any."""
-    names = tuple(row.name for row in model.circuit.populations if row.spiking)
-    model = replace(model, engine=model.engine.recording(names))
-    return model.activity(evidence[first:last], first, checked=False)
 
 
 def _check_files(
     condition: Condition,
+    nwb_trials: tuple[int, ...],
     rates: Path | None,
     spikes: Path | None,
     nwb: Path | None,
-    nwb_trials: tuple[int, ...],
 ) -> None:
     """Raise ValueError for files that contradict other options, before long work starts."""
     from circuits.engines import engine_of
@@ -268,23 +250,21 @@ def _check_files(
     trials = condition.trials
     known = len(nwb_trials) > 0 and all(k in range(trials) for k in nwb_trials)
     require(known, "nwb_trials", f"must be within 0..{trials - 1}", nwb_trials)
-    if spikes is not None and not engine_of(condition.engine).spiking:
-        raise InputError(
-            f"the {condition.engine} engine has no spikes: leave --save-spikes out", "save_spikes"
-        )
-    for name, path in (("save_rates", rates), ("save_spikes", spikes)):
+    engine = engine_of(condition.engine)
+    must = f"must be left out: the {engine.id} engine has no spikes"
+    require(spikes is None or engine.spiking, "save_spikes", must, str(spikes))
+    for name, path, *endings in (("save_rates", rates, *TABLES), ("save_spikes", spikes, *TABLES),
+                                 ("save_nwb", nwb, ".nwb")):  # fmt: skip
         if path is not None:
-            check_ending(name, path, ".parquet", ".csv")
-    if nwb is not None:
-        check_ending("save_nwb", nwb, ".nwb")
-        if importlib.util.find_spec("pynwb") is None:
-            raise ImportError('NWB needs pynwb: pip install ".[nwb]"')
+            check_ending(name, path, *endings)
+    if nwb is not None and importlib.util.find_spec("pynwb") is None:
+        raise ImportError('NWB needs pynwb: pip install ".[nwb]"')
 
 
 def _run_with_signals(condition: Condition, stop: StopTask, workers: int, output: Output) -> None:
     """Let the circuit decide with stop signals in a share of the trials."""
     from bgmodel.stopping.drawing import draw
-    from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, ssrt_by_delay, told
+    from bgmodel.stopping.estimates import reported
 
     task = condition.task
     if task.file is None:
@@ -298,12 +278,7 @@ def _run_with_signals(condition: Condition, stop: StopTask, workers: int, output
     say_before("running", model, evidence)
     with bar(runs * evidence.trials):
         trials = stop.decide(model, evidence, threshold=level, seed=condition.seed)
-    estimate, table = estimate_ssrt(trials, checked=False), inhibition_function(trials)
-    ssrt_ms = ssrt_by_delay(table)
-    text = f"{table.round(3).to_string(index=False)}\n{told(estimate, ssrt_ms, stop)}"
-    facts = {**vars(estimate), "ssrt_by_delay_ms": ssrt_ms, "trials": len(trials.rt_ms)}
-    if np.isnan(ssrt_ms):
-        facts |= {"ssrt_ms": None, "ssrt_mean_ms": None}
+    text, table, facts = reported(trials, stop)
     output.show(text, table, **facts)
     settled = replace(condition, gain=model.gain, posterior=condition.stopping_posterior)
     behind = made_with(model, condition=settled, stop=stop)

@@ -8,15 +8,7 @@ from typing import Annotated, Any
 
 from bgmodel.bootstrap import check_trials
 from bgmodel.commands.options import FLAT, Workers, like, task
-from bgmodel.commands.output import (
-    Output,
-    bar,
-    check_whole,
-    made_with,
-    say,
-    say_before,
-    say_of_edits,
-)
+from bgmodel.commands.output import Output, bar, made_with, say, say_before, say_of_edits
 from bgmodel.comparison import compare as comparing
 from bgmodel.comparison.matched import checked_accuracies
 from bgmodel.comparison.page import page, verdicts
@@ -54,7 +46,6 @@ def compare(
     bgmodel compare --task channels=4 --edits "clamp GPe"
     """
     output.check(setup=setup, task=task)
-    check_whole(workers=workers)
     trials = trials_of(task, setup.seed, "compare")
     evidence = trials.evidence
     if task.file is not None:

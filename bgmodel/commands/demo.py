@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bgmodel.commands.output import Files, save_figure, say
+from bgmodel.commands.output import Files, say
+from bgmodel.support import files
 
 
 def demo(*, seed: int = 1, plot: Path = Path("demo.png"), force: bool = False) -> None:
@@ -27,6 +28,6 @@ def demo(*, seed: int = 1, plot: Path = Path("demo.png"), force: bool = False) -
     from bgmodel.demo import draw
 
     chain = shown(seed)
-    save_figure(draw(chain), plot)
+    files.save_figure(draw(chain), plot)
     print(chain.summary())
     print(f"-> {plot}")

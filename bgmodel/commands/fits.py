@@ -8,14 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from bgmodel.commands.options import MANY, Workers, like, record_of, values
-from bgmodel.commands.output import (
-    UNRECORDED,
-    Output,
-    check_whole,
-    save_figure,
-    say,
-    stages,
-)
+from bgmodel.commands.output import UNRECORDED, Output, check_whole, say, stages
 from bgmodel.fits import SIMULATED, fit_all, question
 from bgmodel.fitting.settings import FitSettings, need_fit
 from bgmodel.fitting.several import Fits, GroupFits, stem
@@ -40,12 +33,12 @@ GROUP_DRAWN = (
 )
 ESTIMATES = "estimates.csv"
 """Table of estimates without a model, such as SSRT by integration, for trials that have any."""
-UNSHARED = ("evidence", "participant", *UNRECORDED)
+UNSHARED = ("evidence", "participant", "draws", "compare", *UNRECORDED)
 """Settings that fits in one folder need not share, or that are recorded in another way."""
 
 
 @like(FitSettings, "strength", "participant", "people", "vary", "formula", "free", "fix", "prior",
-      "mechanism")  # fmt: skip
+      "mechanism", "draws", "compare")  # fmt: skip
 def fit(
     data: str = "",
     folder: Path | None = None,
@@ -54,8 +47,6 @@ def fit(
     models: Annotated[tuple[str, ...], MANY] = (),
     columns: Annotated[tuple[str, ...], MANY] = (),
     simulation: Annotated[tuple[str, ...], MANY] = (),
-    draws: bool = False,
-    compare: bool = False,
     evidence: Annotated[tuple[str, ...], MANY] = (),
     workers: Workers = 2,
     json: bool = False,
@@ -76,12 +67,8 @@ def fit(
 
     Examples: bgmodel fit roitman_shadlen_2002 --strength coherence --participant b;
     bgmodel fit mine.csv --strength contrast --vary threshold=instruction;
-    bgmodel fit mine.csv --strength contrast --formula "bound ~ instruction * side";
-    bgmodel fit mine.csv --strength contrast --columns rt=RT_ms rt_unit=ms;
-    bgmodel fit cavanagh_2011 --people hierarchical --models constant_gap
-    --vary sensitivity=conflict;
-    bgmodel fit stop_signal_cnp --people hierarchical --models constant_gap
-    --columns restore_delays=true;
+    bgmodel fit mine.csv --formula "bound ~ instruction * side" --columns rt=RT_ms rt_unit=ms;
+    bgmodel fit cavanagh_2011 --people hierarchical --models constant_gap;
     bgmodel fit trials.csv --evidence evidence.csv --models msprt leaky_sum run macaque
 
     Parameters
@@ -107,12 +94,6 @@ def fit(
     simulation
         Simulated trials of a circuit, name=value: trials at each of seven drifts, seed, engine,
         noise_nats (noise of the evidence: its standard deviation after one second, nats).
-    draws
-        Sample from the posterior too: adds 90 % credible intervals.
-    compare
-        Compare the models by how well they predict trials that they were not fitted to: writes
-        comparison.csv and comparison.png. A single model is compared with versions in which one
-        parameter of --vary or --formula has one value, which is fitted, for all conditions.
     evidence
         File with the readings of each trial, for models that answer for each trial:
         columns trial, step and `ll_<alternative>`; trial, time (s) and `ll_<alternative>`; or one
@@ -138,12 +119,9 @@ def fit(
         more |= values(words, FitSettings, known)
     asked = FitSettings(evidence=Path(evidence[0]) if evidence else None, **more, **options)
     asked.check()
-    if asked.hierarchical and draws:
-        reason = "--draws has no effect with --people hierarchical, which always draws"
-        raise InputError(reason, "draws")
     folder = folder or Path("fits") / Path(data).stem
     try:
-        one = question(asked, data, models, folder / SIMULATED, compare=compare)
+        one = question(asked, data, models, folder / SIMULATED)
         for lacking in one.lacking:
             say(lacking)
         behind, path = _behind(asked, data), folder / ESTIMATES
@@ -154,8 +132,7 @@ def fit(
         if estimates is not None:
             files.write_table(estimates, path, seed=asked.seed, **behind)
         output.note(one.trials.summary())
-        fits = fit_all(one, folder, draws=draws, compare=compare, workers=workers,
-                       note=output.note, stages=stages)  # fmt: skip
+        fits = fit_all(one, folder, workers=workers, note=output.note, stages=stages)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(
             "Finished fits and simulated trials are kept: the same command resumes there."
@@ -179,7 +156,7 @@ def _write(
         output.note("\n" + fits.comparison.summary())
     for name, draw in figures.items():
         try:
-            save_figure(draw(), folder / f"{name}.png")
+            files.save_figure(draw(), folder / f"{name}.png")
         except InputError as error:
             output.note(f"{name}: no figure, {error}")
     shown = next(iter(every.values()))[0]

@@ -83,28 +83,21 @@ def learn(
     output.check(task=task, circuit=circuit)
     if not by_circuit:
         idle: dict[str, Any] = {"edits": Edits(), "engine": ENGINE, "gain": None}
-        reason = "the test (no --circuit)"
-        check_idle(reason, idle, edits=edits, engine=engine, gain=gain)
-    more: dict[str, Any]
+        check_idle("the test (no --circuit)", idle, edits=edits, engine=engine, gain=gain)
+    usual: Any = WeightLearner() if what == WEIGHTS else Learner()
+    more: dict[str, Any] = {"learner": record_of(usual, learner)}
     if what == WEIGHTS:
-        check_idle(
-            "--what weights",
-            {"xi": from_reward.XI, "levels": None},
-            xi=options["xi"],
-            levels=levels,
-        )
-        more = {"learner": record_of(WeightLearner(), learner),
-                "feedback": record_of(Feedback(), feedback)}  # fmt: skip
-        more["rule"] = "confidence" if rule is None else rule
-    else:
-        reason = f"--what {what}"
-        check_idle(reason, {"rule": None, "feedback": ()}, rule=rule, feedback=feedback)
-        more = {"learner": record_of(Learner(), learner)}
-    if what == DOPAMINE or levels is not None:
-        more["levels"] = LEVELS if levels is None else levels
+        check_idle("--what weights", {"xi": from_reward.XI}, xi=options["xi"])
+        more |= {"feedback": Feedback(), "rule": "confidence"}
+    given = {"feedback": record_of(Feedback(), feedback) if feedback else None, "rule": rule,
+             "levels": LEVELS if what == DOPAMINE and levels is None else levels}  # fmt: skip
+    more |= {name: value for name, value in given.items() if value is not None}
     model = None
     if by_circuit:
-        model = _model(circuit or MACAQUE, edits, engine, gain, options["seed"], task)
+        say_of_edits(edits)
+        setup = Setup(circuit or MACAQUE, edits, engine, gain, options["seed"])
+        model = setup.model(task.channels)
+        model = replace(model, engine=model.engine.coarse())  # in coarse steps
     learns = planned(task, model, what=what, trials=task.trials, **options, **more)
     who = "the test" if model is None else f"{model.circuit.name} on {model.engine}"
     say(f"{who} learns {what}, {task.text}, in {options['runs']} runs")
@@ -130,15 +123,6 @@ def learn(
     output.show(text, learned.table, **summary)
     output.write(learned.table, seed, summary=summary, **_behind(used, task, settings))
     output.draw(learned.plot)
-
-
-def _model(
-    circuit: str, edits: Edits, engine: str, gain: float | None, seed: int, task: Task
-) -> BasalGanglia:
-    """Return the edited circuit on its engine, in coarse steps."""
-    say_of_edits(edits)
-    model = Setup(circuit, edits, engine, gain, seed).model(task.channels)
-    return replace(model, engine=model.engine.coarse())
 
 
 def _behind(model: BasalGanglia | None, task: Task, settings: dict[str, Any]) -> dict[str, Any]:

@@ -140,6 +140,7 @@ def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T
         target: Any = command
         signature, about = inspect.signature(target), described(function)
         defaults = {name: inspect.signature(function).parameters[name].default for name in names}
+        usual_values = {k: v for k, v in defaults.items() if v is not inspect.Parameter.empty}
         hints, theirs = get_type_hints(target, include_extras=True), get_type_hints(function)
         kept = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
         for name in names:
@@ -154,7 +155,7 @@ def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T
 
         @wraps(target)
         def filled(*args: Any, **options: Any) -> Any:
-            return target(*args, **(defaults | options))
+            return target(*args, **(usual_values | options))
 
         order = sorted(kept, key=lambda one: one.kind)
         filled.__signature__ = signature.replace(parameters=order)  # type: ignore[attr-defined]
@@ -168,11 +169,8 @@ def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T
 def described(function: Callable[..., Any]) -> dict[str, str]:
     """Return the description of each parameter in the docstring of a function."""
     descriptions: dict[str, str] = {}
-    docs = (
-        parse_from_object(function)
-        if isinstance(function, type)
-        else parse(inspect.getdoc(function) or "")
-    )
+    of_fields = isinstance(function, type)  # documented one by one
+    docs = parse_from_object(function) if of_fields else parse(inspect.getdoc(function) or "")
     for one in docs.params:
         text = " ".join((one.description or "").split()).replace("``", "")
         descriptions |= dict.fromkeys([name.strip() for name in one.arg_name.split(",")], text)

@@ -6,14 +6,14 @@ import json
 import math
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bgmodel.support import files, processes
-from bgmodel.support.files import circuit_file, recorded
+from bgmodel.support.files import circuit_file, recorded, save_figure
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -53,13 +53,13 @@ class Files:
     """Overwrite existing results."""
 
     def check(
-        self, endings: Sequence[str] = TABLES, *, more: Iterable[Path] = (), **options: Any
+        self, endings: Sequence[str] = TABLES, *, more: Mapping[str, Path] = {}, **options: Any
     ) -> None:
         """Raise ValueError, before anything is run, if a result cannot be written.
 
         ``save`` has one of the endings, or must be absent if there are none; ``more`` are files
-        that no option names; other options name files that are read, unless in ``OUTPUTS``. Two may
-        not name the same file.
+        that no option names; other options name files that are read, unless in ``OUTPUTS``. No
+        result may be the file of another one or of an input.
         """
         if self.save is not None:
             require(endings, "save", "has no effect here: leave it out", str(self.save))
@@ -70,8 +70,13 @@ class Files:
         outputs = paths | {name: options[name] for name in OUTPUTS if name in options}
         named = [path for path in outputs.values() if isinstance(path, Path)]
         read = list(_paths({k: v for k, v in options.items() if k not in OUTPUTS}))
-        check_apart(_paths(outputs), read)
-        for path in [*named, *more]:
+        seen = {path.resolve(): name for name, path in read}
+        for name, path in _paths({**outputs, **more}):
+            other = seen.setdefault(path.resolve(), name)
+            if other != name:
+                reason = f"{other} and {name} are the same file, {str(path)!r}"
+                raise InputError(reason, "path")
+        for path in [*named, *more.values()]:
             # Files that no option names are overwritten only if they are results.
             files.check_new(path, force=self.force and (path in named or files.is_result(path)))
             files.check_writable(path.parent)
@@ -171,15 +176,6 @@ def write_template(template: str, path: str | Path) -> None:
     print(f"-> {path}")
 
 
-def check_apart(written: Iterable[tuple[str, Path]], read: Iterable[tuple[str, Path]]) -> None:
-    """Raise ValueError if a result, by its option, is the file of another result or of an input."""
-    seen = {path.resolve(): name for name, path in read}
-    for name, path in written:
-        other = seen.setdefault(path.resolve(), name)
-        if other != name:
-            raise InputError(f"{other} and {name} are the same file, {str(path)!r}", "path")
-
-
 def _paths(options: Mapping[str, Any]) -> Iterator[tuple[str, Path]]:
     """Yield the files that options name, also those in records of options."""
     for name, option in options.items():
@@ -223,16 +219,6 @@ def stages(what: str) -> Iterator[Callable[[str], None]]:
     yield tell
 
 
-def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure to a .pdf, .svg or .png file, whole or not at all."""
-    from circuits.plots import saved
-
-    # Matplotlib adds its version to a .png.
-    more: dict[str, Any] = {"metadata": {"Software": None}} if path.suffix == ".png" else {}
-    with files.replacing(path) as partial:
-        saved(figure, partial, format=path.suffix[1:], **more)
-
-
 def check_idle(reason: str, usual: Mapping[str, Any], **options: Any) -> None:
     """Raise ValueError for an option that has no effect but not its usual value, with a reason."""
     for name, value in options.items():
@@ -252,7 +238,7 @@ def say_of_edits(*edits: Edits, circuit: Circuit | None = None) -> None:
 
 
 def say_before(what: str, model: BasalGanglia, evidence: Evidence, *, runs: int = 1) -> None:
-    """Announce a run of some circuits, such as "comparing"; NoMemoryError if there is too little."""
+    """Announce a run of some circuits; NoMemoryError if there is too little memory."""
     from bgmodel.support.compiling import on_compiling
 
     if model.raw and evidence.baseline:

@@ -65,6 +65,13 @@ class FitSettings:
     prior: tuple[str, ...] = ()
     """Priors of parameters, such as "t0_s=0.2:0.4": the central 95 % of where a person's value, or
     in a hierarchy the median person's, is believed to be."""
+    draws: bool = False
+    """Sample from the posterior too, for 90 % credible intervals; a hierarchical fit always
+    does."""
+    compare: bool = False
+    """Compare the models by how well they predict trials that they were not fitted to. A single
+    model is compared with versions in which one parameter of --vary or --formula has one value,
+    which is fitted, for all conditions."""
     engine: str = "population"
     """Engine of the circuit: algebra, population, ensemble, ..."""
     noise_nats: float = 2.0
@@ -87,6 +94,8 @@ class FitSettings:
         from circuits.engines import engine_of
 
         engine_of(self.engine)
+        for name in ("draws", "compare"):
+            check_flag(name, getattr(self, name))
         ways = get_args(People)
         require(self.people in ways, "people", f"must be one of {', '.join(ways)}", self.people)
         require(isinstance(self.columns, Columns), "columns", "must be Columns(...)", self.columns)

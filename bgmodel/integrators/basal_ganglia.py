@@ -395,6 +395,11 @@ class BasalGanglia(Facts):
         model = self._checked(evidence) if checked else self
         return model.run_drive(*model.driven(evidence), first_trial)
 
+    def with_spikes(self) -> BasalGanglia:
+        """Return the model whose activity has the spikes of all cells, if its engine has any."""
+        names = tuple(row.name for row in self.circuit.populations if row.spiking)
+        return replace(self, engine=self.engine.recording(names))
+
     def _checked(self, evidence: Evidence) -> BasalGanglia:
         """Return the model adapted to evidence, after the checks that concern all of it."""
         model = self.adapted_to(evidence)

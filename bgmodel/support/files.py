@@ -28,6 +28,7 @@ from circuits.store import replacing as replacing
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 PACKAGES = ("numpy", "scipy", "numba", "pandas", "pyarrow", "torch")
 KEY, CHECK = b"bgmodel", b"bgmodel checksum"
@@ -88,6 +89,15 @@ def json_text(path: str | Path | None = None, **parts: Any) -> str:
         with replacing(path) as partial:
             partial.write_text(text + "\n", encoding="utf-8")
     return text
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure to a .pdf, .svg or .png file, atomically, without times or versions."""
+    from circuits.plots import saved
+
+    left_out = {".png": {"Software": None}, ".pdf": {"CreationDate": None}}.get(path.suffix)
+    with replacing(path) as partial:
+        saved(figure, partial, format=path.suffix[1:], metadata=left_out)
 
 
 def provenance_path(path: str | Path) -> Path:

@@ -20,7 +20,7 @@ from bgmodel.support.files import (
     provenance_path,
     read_provenance,
     recorded,
-    replacing,
+    save_figure,
     write_table,
 )
 from bgmodel.support.processes import end_if_imported, processes
@@ -31,7 +31,6 @@ from bgmodel.sweeps.outcome import draw, gathered, measured
 from bgmodel.sweeps.plan import Plan, Point, Shard, read_plan
 from circuits.declaration.table_writer import identity
 from circuits.errors import BgmodelWarning, InputError, shown
-from circuits.plots import saved
 
 if TYPE_CHECKING:
     import xarray
@@ -39,8 +38,8 @@ if TYPE_CHECKING:
 
 
 OUTCOME = "outcome.csv"
-FIGURES: dict[str, Any] = {".pdf": {"CreationDate": None}, ".png": {"Software": None}}
-"""Endings of figure files, with the metadata that must be left out."""
+FIGURES = (".pdf", ".png")
+"""Endings of figure files."""
 NAMED = 3
 """Largest number of points named in a caution."""
 
@@ -145,9 +144,8 @@ class Sweep:
         write_table(outcome.table, place / OUTCOME, **self._behind())
         if len(self.plan.axes) <= 2:
             figure = outcome.plot()
-            for ending, metadata in FIGURES.items():
-                with replacing(place / f"outcome{ending}") as partial:
-                    saved(figure, partial, format=ending[1:], metadata=metadata)
+            for ending in FIGURES:
+                save_figure(figure, place / f"outcome{ending}")
         return outcome
 
     def _gathered(self, folder: Path) -> SweepOutcome:

@@ -65,7 +65,7 @@ def brief(request, monkeypatch):
     if "thorough" not in request.fixturenames:
         monkeypatch.setattr(optimum, "TOLERANCE_NATS", 0.5)
         monkeypatch.setattr(optimum, "POPULATION", 8)
-        monkeypatch.setattr(fits, "save_figure", lambda figure, path: path.touch())
+        monkeypatch.setattr("bgmodel.support.files.save_figure", lambda figure, path: path.touch())
         monkeypatch.setattr("bgmodel.fitting.drawing.draw_fits", lambda *_: None)
 
 
