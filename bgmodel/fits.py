@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from bgmodel.fitting.fit import Fit, fit_likelihood
+from bgmodel.fitting.folder import EACH, GROUP, FitFolder, settings_shared
 from bgmodel.fitting.hierarchy.chains import MOST, chains_entry
 from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, GroupFit, fit_group
 from bgmodel.fitting.hierarchy.group import ALIKE, Predictors
@@ -27,6 +28,7 @@ from bgmodel.fitting.settings import (
 )
 from bgmodel.fitting.several import Fits, GroupFits, fit_entry, report, stem
 from bgmodel.support.checks import path_of, whole
+from bgmodel.support.files import checksum
 from bgmodel.support.seeds import stream
 from bgmodel.trials.reading import OURS, Columns
 from bgmodel.trials.readings import Source
@@ -63,6 +65,7 @@ class Question:
 
     asked: FitSettings  # without formulas of what differs between people
     trials: Trials
+    data: tuple[str, str] = ("", "")  # name and hash of the table
     between: list[Formula] = field(default_factory=list)  # of what differs between people
     # Models by name, each with its settings.
     versions: dict[str, tuple[FitSettings, AnyModel, Kind]] = field(default_factory=dict)
@@ -147,7 +150,7 @@ def question(
     if kind is KNOWN and asked.formula:
         must = "must be of what differs between people if evidence is known: within a person"
         raise InputError(f"formula {must} a parameter has one value", "formula")
-    one = Question(asked, trials, between)
+    one = Question(asked, trials, _origin(data, trials), between)
     for name in names:
         if isinstance(name, TrialModel):
             one.versions[getattr(name, "name", type(name).__name__)] = asked, name, CHOICES
@@ -166,6 +169,14 @@ def question(
     if asked.compare and len(one.versions) == 1:
         one.add_constant()
     return one
+
+
+def _origin(data: object, trials: Trials) -> tuple[str, str]:
+    """Return the name of a table, and what its trials are known by: a hash, or a shipped set."""
+    if not isinstance(data, str | Path):
+        return trials.source, trials.checksum
+    # Of the whole table: participants may be fitted one after the other.
+    return str(data), checksum(data) if Path(data).is_file() else str(data)
 
 
 def _check_settings(asked: FitSettings, kind: Kind, trials: Trials) -> None:
@@ -445,7 +456,7 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         Options of the simulated trials of a circuit; as in ``FitSettings``.
     folder : path, optional
         Folder that keeps simulated trials, and finished fits unless a model is your own: the same
-        fits then resume there.
+        fits then resume there. Of several it gets the tables and figures of the command, too.
     evidence : path or DataFrame, optional
         The readings of each trial, as for ``read_trials``: the model then answers for each single
         trial.
@@ -520,14 +531,32 @@ def fit_all(
     workers: int = 1,
     most_draws: int = MOST,
     chains_seed: int = HIERARCHY_SEED,
+    write: bool = False,
+    force: bool = False,
     note: Callable[[str], None] = _silent,
     stages: Stages = lambda _: nullcontext(_silent),
 ) -> Fits | GroupFits:
     """Fit every model to everyone, as ``fit``; finished fits in the folder are not repeated.
 
-    ``note`` is called with the report of each fit, and ``stages`` with its name, for a context that
-    shows its progress.
+    ``write`` adds tables and figures to it, by ``force`` also in place of those of another
+    question. ``note`` is called with the report of each fit, and ``stages`` with its name, for a
+    context that shows its progress.
     """
+    if folder is None or not write:
+        return _fitted(one, folder, workers, most_draws, chains_seed, note, stages)
+    asked = one.asked
+    place = FitFolder(folder, settings_shared(asked, *one.data), one.circuits(), asked.seed)
+    place.check(GROUP if asked.hierarchical else EACH, force, one.estimates())
+    fits = _fitted(one, folder, workers, most_draws, chains_seed, note, stages)
+    place.write(fits, note)
+    return fits
+
+
+def _fitted(
+    one: Question, folder: Path | None, workers: int, most_draws: int, chains_seed: int,
+    note: Callable[[str], None], stages: Stages,
+) -> Fits | GroupFits:  # fmt: skip
+    """Fit every model to everyone."""
     # Build all before any is fitted, so that errors are raised at once.
     by_model = {name: one.likelihoods(name) for name in one.versions}
     # Nothing says whether the code of a model of one's own has changed.
@@ -555,10 +584,8 @@ def fit_all(
     fits: dict[str, dict[str, Fit]] = {name: {} for name in by_model}
     for who in next(iter(by_model.values())):
         for name, people in by_model.items():
-            title, key = (
-                f"{who}, {name}",
-                {**_key(one, who, people[who]), "posterior": one.asked.draws},
-            )
+            title = f"{who}, {name}"
+            key = {**_key(one, who, people[who]), "posterior": one.asked.draws}
             entry = fit_entry(store, f"{who} {stem(name)}", key, people[who])
             kept = entry.get()
             if kept is None:

@@ -124,18 +124,15 @@ def export(
     trial
         Number of the trial, from 0.
     """
-    require(output.save is not None, "save", "must name the file for the script, .py", None)
-    output.unused("plot")
-    output.check((".py",), condition=condition)
+    path = output.needed(".py", condition=condition)
     for name, usual in (("engine", ENGINE), ("posterior", None), ("threshold", None)):
         value = getattr(condition, name)
         known = value in (usual, BRIAN2)
         require(known, name, "has no effect on a script: leave it out", value)
     text = replace(condition, engine=BRIAN2).to_brian2_script(trial)
-    assert output.save is not None
-    with files.replacing(output.save) as partial:
+    with files.replacing(path) as partial:
         partial.write_text(text, encoding="utf-8")
-    print(f"trial {trial} -> {output.save}")
+    print(f"trial {trial} -> {path}")
 
 
 def run(

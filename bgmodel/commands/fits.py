@@ -2,39 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from bgmodel.commands.options import MANY, Workers, like, record_of, values
-from bgmodel.commands.output import UNRECORDED, Output, check_whole, say, stages
+from bgmodel.commands.output import Output, check_whole, say, stages
 from bgmodel.fits import SIMULATED, fit_all, question
 from bgmodel.fitting.settings import FitSettings, need_fit
-from bgmodel.fitting.several import Fits, GroupFits, stem
-from bgmodel.support import files
+from bgmodel.fitting.several import GroupFits
+from bgmodel.tables.shipped import listed
 from bgmodel.trials.reading import OURS
-from bgmodel.version import __version__
-from circuits.errors import InputError
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 OF_EVIDENCE = ("step_ms", "forced", "runs")
 """Settings of known evidence, given by --evidence."""
 OF_SIMULATION = ("trials", "seed", "engine", "noise_nats")
 """Settings of simulated trials, given by --simulation."""
-EACH = ("parameters", "cells")
-GROUP = ("group", "people", "people_cells", "group_effects", "group_correlations")
-"""Tables of fits to each participant, and of hierarchical fits."""
 EACH_DRAWN = "a figure for each participant"
 GROUP_DRAWN = (
     "figures of each model's parameters, and of data and model; the draws (.nc, for ArviZ)"
 )
-ESTIMATES = "estimates.csv"
-"""Table of estimates without a model, such as SSRT by integration, for trials that have any."""
-UNSHARED = ("evidence", "participant", "draws", "compare", *UNRECORDED)
-"""Settings that fits in one folder need not share, or that are recorded in another way."""
 
 
 @like(FitSettings, "strength", "participant", "people", "vary", "formula", "free", "fix", "prior",
@@ -107,7 +93,7 @@ def fit(
     """
     output = Output(json=json, force=force)
     if not data:
-        _list(output)
+        output.show(*listed())
         return
     need_fit()
     check_whole(workers=workers)
@@ -124,130 +110,22 @@ def fit(
         one = question(asked, data, models, folder / SIMULATED)
         for lacking in one.lacking:
             say(lacking)
-        behind, path = _behind(asked, data), folder / ESTIMATES
-        made, estimates = {**behind, "circuits": one.circuits()}, one.estimates()
-        if estimates is not None:
-            files.check_new(path, force=files.is_result(path))
-        _check(folder, GROUP if asked.hierarchical else EACH, made, force)
-        if estimates is not None:
-            files.write_table(estimates, path, seed=asked.seed, **behind)
         output.note(one.trials.summary())
-        fits = fit_all(one, folder, workers=workers, note=output.note, stages=stages)
+        fits = fit_all(one, folder, workers=workers, note=output.note, stages=stages, write=True,
+                       force=force)  # fmt: skip
     except KeyboardInterrupt:
         raise KeyboardInterrupt(
             "Finished fits and simulated trials are kept: the same command resumes there."
         ) from None
-    _write(fits, folder, asked.seed, made, output)
-
-
-def _write(
-    fits: Fits | GroupFits, folder: Path, seed: int, made: dict[str, Any], output: Output
-) -> None:
-    """Write tables, figures and draws, and print the parameters."""
-    tables = fits.tables()
-    every = {name: _with_others(folder / f"{name}.csv", tables[name], made) for name in tables}
-    for name, (table, behind) in every.items():
-        files.write_table(table, folder / f"{name}.csv", seed=seed, **behind)
-    figures = fits.figures()
     if fits.comparison is not None:
-        path = folder / "comparison.csv"
-        files.write_table(fits.comparison.to_dataframe(), path, seed=seed, **made)
-        figures["comparison"] = fits.comparison.plot
         output.note("\n" + fits.comparison.summary())
-    for name, draw in figures.items():
-        try:
-            files.save_figure(draw(), folder / f"{name}.png")
-        except InputError as error:
-            output.note(f"{name}: no figure, {error}")
-    shown = next(iter(every.values()))[0]
-    text, facts, more = "\n" + shown.round(4).to_string(index=False), {}, EACH_DRAWN
+    shown, more = fits.summary(), EACH_DRAWN
+    facts: dict[str, Any] = {}
     if isinstance(fits, GroupFits):
-        for name, fit in fits.fits.items():
-            fit.to_netcdf(folder / f"{stem(name)}.nc")
-        related = {"effects": fits.effects(), "correlations": fits.correlations()}
-        facts = {name: table.to_dict("records") for name, table in related.items()}
-        text, more = "\n\n".join(filter(None, [text, fits.notes()])), GROUP_DRAWN
-    output.show(text, shown, **facts)
-    output.note(f"-> {folder}: {', '.join(f'{name}.csv' for name in tables)}; {more}")
-
-
-def _behind(asked: FitSettings, data: str) -> dict[str, Any]:
-    """Return the settings that all fits in one folder must share; participants may differ."""
-    shared = {each.name for each in fields(asked)} - {*UNSHARED}
-    options = {name: files.recorded(getattr(asked, name)) for name in sorted(shared)}
-    if asked.rt_window is not None:
-        # As text, since JSON has no infinity.
-        options["rt_window"] = [f"{time:g}" for time in asked.rt_window]
-    simulated = {"simulated_trials": options.pop("trials"), "simulation_seed": asked.seed}
-    # Of the whole table: participants may be fitted one after the other.
-    trials = files.checksum(data) if Path(data).is_file() else data
-    known = {"evidence": files.checksum(str(asked.evidence))} if asked.evidence else {}
-    version = {"bgmodel": __version__}
-    return {"data": data, "trials": trials, **known, **simulated, **options, **version}
-
-
-def _check(folder: Path, names: Sequence[str], made: Mapping[str, Any], force: bool) -> None:
-    """Raise ValueError if a folder can't be written, or holds other tables, unless by force."""
-    files.check_writable(folder)
-    other = set()
-    for path in (folder / f"{name}.csv" for name in names):
-        if path.exists() and not files.is_result(path):
-            reason = f"{str(path)!r} exists and is not a result of a fit: give another folder"
-            raise InputError(reason, "folder")
-        other |= _differing(path, made)
-    if other and not force:
-        raise InputError(
-            f"{str(folder)!r} holds fits with another {', '.join(sorted(other))}: give another "
-            "folder, or --force to overwrite their tables",
-            "folder",
-        )
-
-
-def _before(path: Path) -> dict[str, Any]:
-    """Return the parameters of an existing table; an empty dict without a table."""
-    return files.read_provenance(path)["parameters"] if files.is_result(path) else {}
-
-
-def _differing(path: Path, made: Mapping[str, Any]) -> set[str]:
-    """Return the names of settings with other values in an existing table."""
-    if not (before := _before(path)):
-        return set()
-    now, circuits = files.provenance(**made)["parameters"], before.pop("circuits", {})
-    changed = any(circuits.get(name, sha) != sha for name, sha in now.pop("circuits").items())
-    names = {name for name in {*before, *now} if before.get(name) != now.get(name)}
-    return names | ({"circuit"} if changed else set())
-
-
-def _with_others(
-    path: Path, table: pd.DataFrame, made: dict[str, Any]
-) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Return a table with the fits of others to the same question in its file, and its origin."""
-    import pandas as pd
-
-    before = _before(path)
-    if not before or _differing(path, made):
-        return table, made
-    # Columns that are text in the new table stay text.
-    texts = [name for name in table if pd.api.types.is_string_dtype(table[name])]
-    none = {str(name): [""] for name in table if name not in texts}
-    there = pd.read_csv(path, dtype=dict.fromkeys(texts, str), keep_default_na=False,
-                        na_values=none)  # fmt: skip
-    # A group is fitted as a whole.
-    who = ["participant", "model"] if path.stem in EACH else ["model"]
-    ours = pd.MultiIndex.from_frame(table[who].astype(str))
-    others = ~pd.MultiIndex.from_frame(there[who].astype(str)).isin(ours)
-    circuits = {**before["circuits"], **made["circuits"]}
-    return pd.concat([there[others], table], ignore_index=True), {**made, "circuits": circuits}
-
-
-def _list(output: Output) -> None:
-    """List the published data sets that come with the package, with their sources."""
-    import pandas as pd
-
-    from bgmodel.tables.shipped import every_set
-
-    sets = every_set().values()
-    rows = [{"name": one.name, "trials": one.trials, "participants": one.people,
-             "strength": one.strength, "conditions": ", ".join(one.conditions), **one.about}
-            for one in sets]  # fmt: skip
-    output.show("\n\n".join(one.text() for one in sets), pd.DataFrame(rows))
+        more = GROUP_DRAWN
+        facts["effects"] = fits.effects().to_dict("records")
+        facts["correlations"] = fits.correlations().to_dict("records")
+    parts = [shown.to_string(index=False), shown.attrs.get("note")]
+    output.show("\n" + "\n\n".join(filter(None, parts)), fits.to_dataframe(), **facts)
+    names = ", ".join(f"{name}.csv" for name in fits.tables())
+    output.note(f"-> {folder}: {names}; {more}")

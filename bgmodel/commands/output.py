@@ -86,6 +86,15 @@ class Files:
                 reason = f"{str(path)!r} is in a folder that is read as input: move it"
                 raise InputError(reason, "path")
 
+    def needed(self, *endings: str, **options: Any) -> Path:
+        """Return ``save`` after ``check``; ValueError without it, or with ``plot``."""
+        self.unused("plot")
+        must = f"must name the file for the result, {' or '.join(endings)}"
+        require(self.save is not None, "save", must, None)
+        self.check(endings, **options)
+        assert self.save is not None
+        return self.save
+
     def unused(self, *names: str) -> None:
         """Raise ValueError for an option, ``save`` or ``plot``, that has no effect here."""
         for name in names:

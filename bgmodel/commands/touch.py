@@ -20,7 +20,7 @@ from bgmodel.commands.output import (
     options_of,
     say,
 )
-from bgmodel.commands.touch_steps import check_settings, decode, simulate, train
+from bgmodel.commands.touch_steps import Scale, check_settings, decode, simulate, train
 from bgmodel.support import files
 from bgmodel.support.checks import whole
 from bgmodel.tactile.pressing import PERIODS_MM
@@ -41,7 +41,7 @@ def touch(
     *,
     recordings: Path | None = None,
     held_out: Path | None = None,
-    mm_per_px: float | None = None,
+    mm_per_px: Scale = None,
     task: Annotated[tuple[str, ...], MANY, Parameter(help=f"{TASK} By default {USUAL}.")] = (),
     taps: int = 1000,
     held_out_taps: int = 1200,
@@ -66,8 +66,6 @@ def touch(
         Folder of recorded taps of an edge, to train the decoder on.
     held_out
         Folder of other recorded taps, used as evidence.
-    mm_per_px
-        Scale of recordings, mm per pixel.
     taps
         Simulated taps of each grating, to train the decoder on.
     held_out_taps

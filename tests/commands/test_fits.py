@@ -9,13 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.commands import fits
-from bgmodel.commands.fits import ESTIMATES
 from bgmodel.fitting import optimum
 from bgmodel.fitting.exact.algorithms import DRIFT_SD, SPREAD, START, GapModel
+from bgmodel.fitting.folder import EACH, ESTIMATES, FitFolder
 from bgmodel.fitting.parameters import RESPONSE
 from bgmodel.fitting.simulated.circuit import CircuitModel
-from bgmodel.support.files import read_provenance, read_table, write_table
+from bgmodel.support.files import read_provenance, read_table
 from circuits.errors import FitWarning
 from tests.drawn import drawn
 from tests.helpers import refused, run, told, words
@@ -65,7 +64,7 @@ def brief(request, monkeypatch):
     if "thorough" not in request.fixturenames:
         monkeypatch.setattr(optimum, "TOLERANCE_NATS", 0.5)
         monkeypatch.setattr(optimum, "POPULATION", 8)
-        monkeypatch.setattr("bgmodel.support.files.save_figure", lambda figure, path: path.touch())
+        monkeypatch.setattr("bgmodel.fitting.folder.save_figure", lambda figure, path: path.touch())
         monkeypatch.setattr("bgmodel.fitting.drawing.draw_fits", lambda *_: None)
 
 
@@ -244,12 +243,10 @@ def test_a_circuit_that_was_edited_is_another_question(tmp_path):
 
     def fit(who, model, circuit, force=False):
         """Write a table of one fit."""
-        path, made = tmp_path / "parameters.csv", {"data": "x", "circuits": {model: circuit}}
-        fits._check(tmp_path, fits.EACH, made, force)
-        table = pd.DataFrame({"participant": [who], "model": [model]})
-        table, behind = fits._with_others(path, table, made)
-        write_table(table, path, **behind)
-        return table.to_numpy().tolist()
+        place = FitFolder(tmp_path, {"data": "x"}, {model: circuit})
+        place.check(EACH, force)
+        place.add("parameters", pd.DataFrame({"participant": [who], "model": [model]}))
+        return pd.read_csv(tmp_path / "parameters.csv").to_numpy().tolist()
 
     fit("a", "mine", "a")
     fit("a", "other", "b")

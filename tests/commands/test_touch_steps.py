@@ -135,7 +135,7 @@ def taken(monkeypatch):
     def take(taps, *, training, **others):
         raise Taken(training)
 
-    monkeypatch.setattr("bgmodel.tactile.decoder.train", take)
+    monkeypatch.setattr("bgmodel.commands.touch_steps.fitted", take)
     monkeypatch.setattr("bgmodel.commands.touch_steps._taps", lambda *arguments: ([], {}))
 
     def asked(*options):
