@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.commands.touch import checked_step
 from bgmodel.fitting.checks.misfit import Misfit
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import Fit
@@ -20,6 +19,7 @@ from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes
 from bgmodel.fitting.simulated.error import Simulation
 from bgmodel.fitting.trials.design import design_of
+from bgmodel.support.files import checksum_entry
 from bgmodel.sweeps import shards
 from bgmodel.sweeps.plan import Plan
 from bgmodel.tactile import library
@@ -60,7 +60,7 @@ USERS = {
     "filters": (lambda _: cached("tables", "sources", "key"), ARRAYS),
     "states": (lambda _: cached("states", "sources", "key", most=9), ARRAYS),
     "fits": (lambda folder: fit_entry(folder, "a/b", {"k": [0.1]}, LIKELIHOOD), (FIT, ["it is"])),
-    "steps": (lambda folder: checked_step(folder, "a", {"k": 1}), "e3b0c442"),
+    "steps": (lambda folder: checksum_entry(folder / "a", {"k": 1}), "e3b0c442"),
     "crossings": (lambda folder: replace(MODEL, folder=folder).entry(()), PASSAGES),
     "chains": (lambda folder: chains_entry(folder, "a", {"k": 1}), ARRAYS),
     "shards": (lambda folder: shards.entry(POINT.shards()[0], folder), ARRAYS),

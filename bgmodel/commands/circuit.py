@@ -22,6 +22,8 @@ from bgmodel.commands.output import (
     say_of_edits,
 )
 from bgmodel.conditions import ENGINE, STREAM, Condition
+from bgmodel.evidence import Evidence
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.names import MACAQUE, CircuitName, EngineName
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import files
@@ -53,10 +55,8 @@ def show(
 ) -> None:
     """Print a circuit's table, with its edits; draw it, or save it as a file to edit.
 
-    Examples: bgmodel circuit show macaque;
-    bgmodel circuit show appendix_b --edits "lesion STN 50%" --plot circuit.pdf;
-    bgmodel circuit show --edits "set STN->GPe.delay_ms 4" "add D1->GPe weight=-0.1";
-    bgmodel circuit show macaque --channels 4 --save mine.toml; bgmodel circuit show mine.toml
+    Examples: bgmodel circuit show macaque --channels 4 --save mine.toml;
+    bgmodel circuit show --edits "set STN->GPe.delay_ms 4" "add D1->GPe weight=-0.1" --plot a.pdf
 
     Parameters
     ----------
@@ -116,8 +116,7 @@ def export(
 
     The trial is that of `circuit run` with the same options, which runs on to its end.
 
-    Examples: bgmodel circuit export --save trial.py --task t_max=10;
-    bgmodel circuit export --save lesioned.py --trial 3 --edits "lesion STN 10%"
+    Example: bgmodel circuit export --save lesioned.py --trial 3 --edits "lesion STN 10%"
 
     Parameters
     ----------
@@ -156,8 +155,7 @@ def run(
     Without --task it then decides 4 000 trials of d' 0.35 with a reading every 10 ms; any --task
     replaces all of these.
 
-    Examples: bgmodel circuit run --task trials=100 --seed 1 --save decisions.csv;
-    bgmodel circuit run --edits "lesion STN 10%" --engine rate;
+    Examples: bgmodel circuit run --edits "lesion STN 10%" --task trials=100 --save decisions.csv;
     bgmodel circuit run --task trials=4000 d_prime=0.35 step_ms=10 t_max=150 --stop delay_ms=60
 
     Parameters
@@ -177,24 +175,25 @@ def run(
     more: dict[str, Any]
     more = {"save_rates": save_rates, "save_spikes": save_spikes, "save_nwb": save_nwb}
     output.check(condition=condition, **more)
-    if stop is not None:
-        if condition.task == Gaussian():
-            condition = replace(condition, task=STOPPED)
-        for name, path in more.items():
-            require(path is None, name, "has no effect with stop signals: leave it out", str(path))
-        _run_with_signals(condition, stop, workers, output)
-        return
     whole("spike_trials", spike_trials, 1)
-    output.unused("plot")
-    _check_files(condition, nwb_trials, *more.values())
+    if stop is not None and condition.task == Gaussian():
+        condition = replace(condition, task=STOPPED)
+    _check_files(condition, stop, nwb_trials, **more)
+    if stop is None:
+        output.unused("plot")
     trials = condition.drawn(STREAM)
     evidence = trials.evidence
-    model = condition.model(evidence.hypotheses, workers=workers).adapted_to(evidence)
+    rates = None if stop is None else False
+    model = condition.model(evidence.hypotheses, workers=workers, rates=rates).adapted_to(evidence)
     say_of_edits(condition.edits, circuit=model.circuit)
     posterior = condition.stopping_posterior
     threshold = model.threshold(condition.threshold, posterior)
+    settled = replace(condition, gain=model.gain, posterior=posterior)
     started = time.perf_counter()
     say_before("running", model, evidence)
+    if stop is not None:
+        _stop(model, evidence, stop, threshold, settled, output)
+        return
     means = None if save_rates is None else RateMeans()
     with bar(evidence.trials):
         decision = model.decide(evidence, threshold, rates=means)
@@ -203,7 +202,6 @@ def run(
     about = f"{model.circuit.name} {model.engine}"
     result = tables.trial_table(decision, trials, seed=seed, model=about,
                                 condition=condition.edits.text())  # fmt: skip
-    settled = replace(condition, gain=model.gain, posterior=posterior)
     behind: dict[str, Any] = {"seed": seed, **made_with(model, condition=settled)}
     if condition.task.file is not None:
         output.note(trials.summary())
@@ -235,49 +233,38 @@ def run(
 
 
 def _check_files(
-    condition: Condition,
-    nwb_trials: tuple[int, ...],
-    rates: Path | None,
-    spikes: Path | None,
-    nwb: Path | None,
+    condition: Condition, stop: StopTask | None, nwb_trials: tuple[int, ...], **files_by_name: Any
 ) -> None:
     """Raise ValueError for files that contradict other options, before long work starts."""
     from circuits.engines import engine_of
 
-    trials = condition.trials
+    engine, trials, task = engine_of(condition.engine), condition.trials, condition.task
     known = len(nwb_trials) > 0 and all(k in range(trials) for k in nwb_trials)
     require(known, "nwb_trials", f"must be within 0..{trials - 1}", nwb_trials)
-    engine = engine_of(condition.engine)
+    if stop is not None and task.file is None:
+        stop.check_ends(task.step_ms * task.t_max)
+    for name, path in files_by_name.items():
+        if path is not None:
+            require(stop is None, name, "has no effect with stop signals: leave it out", str(path))
+            check_ending(name, path, *(TABLES if name != "save_nwb" else (".nwb",)))
+    spikes, nwb = files_by_name["save_spikes"], files_by_name["save_nwb"]
     must = f"must be left out: the {engine.id} engine has no spikes"
     require(spikes is None or engine.spiking, "save_spikes", must, str(spikes))
-    for name, path, *endings in (("save_rates", rates, *TABLES), ("save_spikes", spikes, *TABLES),
-                                 ("save_nwb", nwb, ".nwb")):  # fmt: skip
-        if path is not None:
-            check_ending(name, path, *endings)
     if nwb is not None and importlib.util.find_spec("pynwb") is None:
         raise ImportError('NWB needs pynwb: pip install ".[nwb]"')
 
 
-def _run_with_signals(condition: Condition, stop: StopTask, workers: int, output: Output) -> None:
+def _stop(
+    model: BasalGanglia, evidence: Evidence, stop: StopTask, level: float, made: Condition,
+    output: Output,
+) -> None:  # fmt: skip
     """Let the circuit decide with stop signals in a share of the trials."""
     from bgmodel.stopping.drawing import draw
     from bgmodel.stopping.estimates import reported
 
-    task = condition.task
-    if task.file is None:
-        stop.check_ends(task.step_ms * task.t_max)
-    evidence = condition.drawn(STREAM).evidence
-    model = condition.model(evidence.hypotheses, workers=workers, rates=False)
-    say_of_edits(condition.edits, circuit=model.circuit)
-    model = model.adapted_to(evidence)
-    level = model.threshold(condition.threshold, condition.stopping_posterior)
-    runs = len(stop.delays_ms) if stop.staircases else 1
-    say_before("running", model, evidence)
-    with bar(runs * evidence.trials):
-        trials = stop.decide(model, evidence, threshold=level, seed=condition.seed)
+    with bar((len(stop.delays_ms) if stop.staircases else 1) * evidence.trials):
+        trials = stop.decide(model, evidence, threshold=level, seed=made.seed)
     text, table, facts = reported(trials, stop)
     output.show(text, table, **facts)
-    settled = replace(condition, gain=model.gain, posterior=condition.stopping_posterior)
-    behind = made_with(model, condition=settled, stop=stop)
-    output.write(trials.to_dataframe(), condition.seed, **behind)
+    output.write(trials.to_dataframe(), made.seed, **made_with(model, condition=made, stop=stop))
     output.draw(lambda: draw(trials))

@@ -40,10 +40,8 @@ def compare(
     and each agreement comes with its chance level, from shuffled trials. For an edited circuit, the
     difference of each measure from the intact circuit is reported too.
 
-    Examples: bgmodel compare --task channels=4 --save agreement.csv;
-    bgmodel compare --engine population --noise-ceiling --plot ceiling.png;
-    bgmodel compare --task same-different period_mm=1.5;
-    bgmodel compare --task channels=4 --edits "clamp GPe"
+    Examples: bgmodel compare --task same-different period_mm=1.5 --noise-ceiling --plot a.png;
+    bgmodel compare --task channels=4 --edits "clamp GPe" --save agreement.csv
     """
     output.check(setup=setup, task=task)
     trials = trials_of(task, setup.seed, "compare")

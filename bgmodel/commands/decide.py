@@ -40,8 +40,7 @@ def decide(
     is forced, or left undecided, at its own last reading. Other columns are kept in the result.
 
     Examples: bgmodel decide --task period_mm=2 --boundary-separation 4 --save decisions.csv;
-    bgmodel decide --task orientation channels=4 taps=decoded.parquet --posterior 0.9;
-    bgmodel decide --task mine.csv --posterior 0.95 --save decisions.parquet
+    bgmodel decide --task mine.csv --posterior 0.95
 
     Parameters
     ----------

@@ -35,9 +35,8 @@ def exam(
     Prints each number with the circuit's answer, and the totals of each domain. There is no total
     over domains. Without a circuit and without tables it lists the numbers with their sources.
 
-    Examples: bgmodel exam; bgmodel exam macaque;
-    bgmodel exam mine.toml --save exam.json --plot exam.pdf;
-    bgmodel exam --data trials.csv --rates rates.csv; bgmodel exam --tasks
+    Examples: bgmodel exam; bgmodel exam mine.toml --save exam.json --plot exam.pdf;
+    bgmodel exam --data trials.csv --rates rates.csv
 
     Parameters
     ----------
@@ -68,8 +67,8 @@ def exam(
         return
     if circuit:
         asked.check(circuit, edits)
-        count, version = len(asked.numbers), asked.version
-        say(f"an exam of {count} numbers, list {version}; the whole list takes about a minute")
+        listed = f"{len(asked.numbers)} numbers, list {asked.version}"
+        say(f"an exam of {listed}; the whole list takes about a minute")
         marked = asked.take(circuit, edits=edits, workers=workers, **options)
     else:
         marked = asked.mark(data, rates, seed=options["seed"])

@@ -37,8 +37,7 @@ def experiment(
     Without predictions, there is a report and no verdict. With --save, the table of trials of both
     conditions goes to the same folder, with _trials at the end of its name.
 
-    Examples: bgmodel experiment; bgmodel experiment stn_lesion_partial --show;
-    bgmodel experiment mine.toml --template;
+    Examples: bgmodel experiment; bgmodel experiment mine.toml --template;
     bgmodel experiment mine.toml --save outcome.csv --trials 200 --engine population
 
     Parameters
@@ -76,8 +75,7 @@ def experiment(
     asked = Experiment.from_toml(file)
     if trials is not None:
         asked = replace(asked, task=asked.task.changed(trials=trials))
-    replaced: dict[str, Any] = {"seed": seed, "engine": engine}
-    asked = replace(asked, **{k: v for k, v in replaced.items() if v is not None})
+    asked = replace(asked, seed=asked.seed if seed is None else seed, engine=engine or asked.engine)
     asked.check_differs()
     read: dict[str, Any] = {"file": Path(file), "task.evidence": asked.task.file}
     output.check(more={"trials": beside} if beside else {}, **read)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import signal
 from pathlib import Path
 
 from bgmodel.commands.options import Workers
 from bgmodel.commands.output import check_whole
 from bgmodel.support.files import remove_partial_files
+from bgmodel.support.processes import run_snakemake
 from bgmodel.tactile.recordings import find_recordings
 from circuits.errors import require
 
@@ -24,33 +23,6 @@ def _check_unlocked() -> None:
             "another run is drawing figures in this checkout, or was killed: wait for its end, or, "
             "if it is gone, remove its lock with `bgmodel figures --unlock`"
         )
-
-
-def run_snakemake(arguments: list[str]) -> int:
-    """Run Snakemake in this process; return its exit status.
-
-    Ctrl-C also ends the processes of its steps, so that Snakemake need not wait for them and
-    removes its lock.
-    """
-    from snakemake.cli import args_to_api, parse_args
-
-    stopped = []
-
-    def stop(*_: object) -> None:
-        stopped.append(True)
-        for process in multiprocessing.active_children():
-            process.kill()
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGINT, stop)
-    try:
-        parser, options = parse_args(arguments)
-        drawn = args_to_api(options, parser)
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if stopped:
-        raise KeyboardInterrupt("The same command resumes where it stopped.")
-    return 0 if drawn else 1
 
 
 def figures(
@@ -94,11 +66,8 @@ def figures(
         stems = {Path(target).stem for target in targets}
         asked = [name for name in names if not targets or name in stems]
         there = [name for name in asked if (folder / f"{name}.png").is_file()]
-        print(
-            f"figures to draw in {folder}: {len(asked)}, already there: {len(there)}; each is "
-            "named when it is drawn",
-            flush=True,
-        )
+        named = f"already there: {len(there)}; each is named when it is drawn"
+        print(f"figures to draw in {folder}: {len(asked)}, {named}", flush=True)
     remove_partial_files(folder)
     # Not on Snakemake's command line, which reads a folder named 010 as the number 10.
     os.environ["BGMODEL_RECORDINGS"] = str(taps_folder or "")
@@ -110,6 +79,5 @@ def figures(
     ])  # fmt: skip
     if status:
         _check_unlocked()
-        raise SystemExit(
-            f"bgmodel: not all figures were drawn: Snakemake ended with status {status}"
-        )
+        reason = f"Snakemake ended with status {status}"
+        raise SystemExit(f"bgmodel: not all figures were drawn: {reason}")

@@ -64,12 +64,11 @@ def fit(
     folder
         Folder for results.
     models
-        Models: constant_gap, falling_gap, hyperbolic_gap, weibull_gap (two alternatives), msprt,
-        race, lca (two or more), or a circuit, by its name or as a .toml file. By default
-        constant_gap and macaque, or msprt and macaque with more than two alternatives. Of rewarded
-        choices: "no learning", q, "q, two rates", "logit q", confidence, "confidence, two rates",
-        opal. Of stop-signal trials: constant_gap or a circuit. With --evidence: msprt, leaky_sum,
-        run or a circuit.
+        Models: constant_gap (the default), falling_gap, hyperbolic_gap, weibull_gap (two
+        alternatives), msprt (the default), race, lca (more), or a circuit, by name or as a .toml
+        file (macaque by default). Of rewarded choices: "no learning", q, "q, two rates", "logit q",
+        confidence, "confidence, two rates", opal. Of stop-signal trials: constant_gap or a circuit.
+        With --evidence: msprt, leaky_sum, run or a circuit.
     columns
         How the table is read, name=value: rt, response, participant, ssd and trial_type (columns
         of other names), rt_unit (s or ms), upper (the response that counts as 1), alternatives
@@ -114,18 +113,17 @@ def fit(
         fits = fit_all(one, folder, workers=workers, note=output.note, stages=stages, write=True,
                        force=force)  # fmt: skip
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(
-            "Finished fits and simulated trials are kept: the same command resumes there."
-        ) from None
+        kept = "Finished fits and simulated trials are kept: the same command resumes there."
+        raise KeyboardInterrupt(kept) from None
     if fits.comparison is not None:
         output.note("\n" + fits.comparison.summary())
-    shown, more = fits.summary(), EACH_DRAWN
+    shown, drawn = fits.summary(), EACH_DRAWN
     facts: dict[str, Any] = {}
     if isinstance(fits, GroupFits):
-        more = GROUP_DRAWN
+        drawn = GROUP_DRAWN
         facts["effects"] = fits.effects().to_dict("records")
         facts["correlations"] = fits.correlations().to_dict("records")
     parts = [shown.to_string(index=False), shown.attrs.get("note")]
     output.show("\n" + "\n\n".join(filter(None, parts)), fits.to_dataframe(), **facts)
     names = ", ".join(f"{name}.csv" for name in fits.tables())
-    output.note(f"-> {folder}: {names}; {more}")
+    output.note(f"-> {folder}: {names}; {drawn}")

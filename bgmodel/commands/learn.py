@@ -15,7 +15,7 @@ from bgmodel.learning.from_reward import DOPAMINE, WEIGHTS, planned
 from bgmodel.learning.reinforce import Learner, LearningStopped, course
 from bgmodel.learning.weights.deciders import Feedback, WeightLearner
 from bgmodel.names import MACAQUE, CircuitName, EngineName
-from bgmodel.support import files
+from bgmodel.support.files import recorded
 from bgmodel.tactile.task import SameDifferent
 from bgmodel.task import Task
 from circuits.declaration.edits import Edits
@@ -51,8 +51,7 @@ def learn(
     prediction error phasic. Weights turn readings into evidence. Regret is the cost in excess of
     the best value, on trials that were not used for learning.
 
-    Examples: bgmodel learn --task period_mm=2 --xi 50 --save gap.parquet;
-    bgmodel learn --what dopamine --start 1.6 --runs 5 --plot dopamine.png;
+    Examples: bgmodel learn --what dopamine --start 1.6 --runs 5 --plot dopamine.png;
     bgmodel learn --what weights --runs 4 --rule chosen --learner trials=2000
 
     Parameters
@@ -98,12 +97,12 @@ def learn(
         setup = Setup(circuit or MACAQUE, edits, engine, gain, options["seed"])
         model = setup.model(task.channels)
         model = replace(model, engine=model.engine.coarse())  # in coarse steps
+    settings = {"what": what, **options, **more}
+    if what == WEIGHTS:
+        settings = {k: v for k, v in settings.items() if k not in ("xi", "start")}
     learns = planned(task, model, what=what, trials=task.trials, **options, **more)
     who = "the test" if model is None else f"{model.circuit.name} on {model.engine}"
     say(f"{who} learns {what}, {task.text}, in {options['runs']} runs")
-    left_out = ("xi", "start") if what == WEIGHTS else ()
-    settings = {"what": what, **{k: v for k, v in options.items() if k not in left_out}, **more}
-    seed = options["seed"]
     try:
         with quiet(LearningWarning):
             learned = learns()
@@ -111,7 +110,7 @@ def learn(
         if output.save is None:
             raise
         table = course(stop.learned, mean="mean", played="played", error="dopamine")
-        files.write_table(table, output.save, seed=seed, **_behind(model, task, settings))
+        output.write(table, options["seed"], **_behind(model, task, settings))
         raise ValueError(f"{stop}; learning up to then -> {output.save}") from None
     used = learned.details.model if isinstance(learned.details, CircuitLearned) else model
     at = f", gain {used.gain:g}" if used is not None else ""
@@ -121,13 +120,13 @@ def learn(
         "regret_percent": learned.regrets.to_dict("index"), "cautions": list(learned.cautions),
     }  # fmt: skip
     output.show(text, learned.table, **summary)
-    output.write(learned.table, seed, summary=summary, **_behind(used, task, settings))
+    output.write(learned.table, options["seed"], summary=summary, **_behind(used, task, settings))
     output.draw(learned.plot)
 
 
 def _behind(model: BasalGanglia | None, task: Task, settings: dict[str, Any]) -> dict[str, Any]:
     """Return the options in effect and the circuit, for the provenance of the result."""
-    command = {"task": files.recorded(task), **options_of(**settings)}
+    command = {"task": recorded(task), **options_of(**settings)}
     if model is None:
         return {"command": command}
     about = {"engine": model.engine.id, "gain": model.gain}

@@ -54,12 +54,9 @@ def settings(words: Iterable[str]) -> dict[str, str]:
 def typed(texts: Mapping[str, str], kind: type) -> dict[str, Any]:
     """Return settings as a file would have them: text and paths as written, others as in TOML."""
     hints = get_type_hints(kind)
-    return {name: text if _is_text(hints.get(name)) else toml_files.as_toml(text)
-            for name, text in texts.items()}  # fmt: skip
-
-
-def _is_text(hint: Any) -> bool:
-    return bool({str, Path} & {hint, *get_args(hint)})
+    written = {name for name in texts
+               if {str, Path} & {hints.get(name), *get_args(hints.get(name))}}  # fmt: skip
+    return {k: text if k in written else toml_files.as_toml(text) for k, text in texts.items()}
 
 
 def record_of(usual: T, words: Sequence[str]) -> T:
@@ -74,10 +71,8 @@ def values(words: Sequence[str], kind: type, known: Sequence[str]) -> dict[str, 
     texts, hints = settings(words), get_type_hints(kind)
     for name in texts:
         if name not in known:
-            near = nearest(name, known)
-            raise InputError(
-                f"there is no setting {name!r}{near}; there are {', '.join(known)}", name
-            )
+            there = f"there are {', '.join(known)}"
+            raise InputError(f"there is no setting {name!r}{nearest(name, known)}; {there}", name)
     parsed = typed(texts, kind)
     return {name: toml_files.value(value, hints[name], name) for name, value in parsed.items()}
 
@@ -118,15 +113,15 @@ def task(usual: Task) -> Any:
 
 def record(usual: Any, about: str) -> Any:
     """Return the annotation of a record, usually ``usual``, written as name=value for fields."""
-    shown = " ".join(f"{f.name}={_shown(getattr(usual, f.name))}" for f in fields(usual))
+
+    def shown(value: Any) -> str:
+        if isinstance(value, tuple):
+            return ",".join(map(shown, value))
+        return f"{value:g}" if isinstance(value, float) else str(value)
+
+    text = " ".join(f"{f.name}={shown(getattr(usual, f.name))}" for f in fields(usual))
     made = partial(record_of, usual)
-    return _of_words(made, help=f"{about} By default {shown}.", show_default=False)
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, tuple):
-        return ",".join(map(_shown, value))
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return _of_words(made, help=f"{about} By default {text}.", show_default=False)
 
 
 def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T], T]:
@@ -147,9 +142,8 @@ def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T
             kind = usual.get(name, theirs[name])
             text = Parameter(help=about.get(name, ""))
             many = kind in (Sequence[float], Sequence[str], tuple[str, ...])
-            annotation: Any = Annotated[(kind, MANY, text) if many else (kind, text)]
-            hints[name] = annotation
-            how: Any = {"default": defaults[name], "annotation": annotation}
+            hints[name] = Annotated[(kind, MANY, text) if many else (kind, text)]
+            how: Any = {"default": defaults[name], "annotation": hints[name]}
             kept.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, **how))
         hints.pop("options", None)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -25,8 +23,6 @@ if TYPE_CHECKING:
     from circuits.circuit import Circuit
     from circuits.declaration.edits import Edits
 
-COMPILES = "compiling, once for this kind of circuit"
-"""Message while an engine compiles; the result is cached on disk."""
 OUTPUTS = ("save", "plot", "save_rates", "save_spikes", "save_nwb")
 """Options that name a file to be written."""
 UNRECORDED = (*OUTPUTS, "output", "workers", "seed")
@@ -72,19 +68,16 @@ class Files:
         read = list(_paths({k: v for k, v in options.items() if k not in OUTPUTS}))
         seen = {path.resolve(): name for name, path in read}
         for name, path in _paths({**outputs, **more}):
-            other = seen.setdefault(path.resolve(), name)
-            if other != name:
-                reason = f"{other} and {name} are the same file, {str(path)!r}"
-                raise InputError(reason, "path")
+            if (other := seen.setdefault(path.resolve(), name)) != name:
+                raise InputError(f"{other} and {name} are the same file, {str(path)!r}", "path")
         for path in [*named, *more.values()]:
             # Files that no option names are overwritten only if they are results.
             files.check_new(path, force=self.force and (path in named or files.is_result(path)))
             files.check_writable(path.parent)
         folders = [path.resolve() for _, path in read if path.is_dir()]
         for path in named:
-            if any(folder in path.resolve().parents for folder in folders):
-                reason = f"{str(path)!r} is in a folder that is read as input: move it"
-                raise InputError(reason, "path")
+            inside = any(folder in path.resolve().parents for folder in folders)
+            require(not inside, "path", "must be outside of a folder that is read", str(path))
 
     def needed(self, *endings: str, **options: Any) -> Path:
         """Return ``save`` after ``check``; ValueError without it, or with ``plot``."""
@@ -127,27 +120,12 @@ class Output(Files):
 
     def show(self, text: str, table: pd.DataFrame, **facts: Any) -> None:
         """Print a result: its text, or as JSON its table and further facts."""
-        print(json_text(table, **facts) if self.json else text)
+        whole = {**facts, "records": table}
+        print(files.json_text(whole, indent=None, digits=15) if self.json else text)
 
     def note(self, text: str) -> None:
         """Print a line in addition to the result; to stderr if the result is JSON."""
-        if self.json:
-            say(text)
-        else:
-            super().note(text)
-
-
-def json_text(table: pd.DataFrame, **facts: Any) -> str:
-    """Return one JSON object: facts, and rows as "records"; unknown values are null."""
-    records = json.loads(table.to_json(orient="records", double_precision=15))
-    plain = {name: _plain(value) for name, value in facts.items()}
-    return json.dumps({**plain, "records": records})
-
-
-def _plain(value: Any) -> Any:
-    """Return a value as JSON has it: paths as text, numbers that are not finite as null."""
-    unknown = isinstance(value, float) and not math.isfinite(value)
-    return None if unknown else str(value) if isinstance(value, Path) else value
+        (say if self.json else print)(text)
 
 
 def options_of(**options: Any) -> dict[str, Any]:
@@ -178,11 +156,12 @@ def check_ending(name: str, path: Path, *allowed: str) -> None:
 
 def write_template(template: str, path: str | Path) -> None:
     """Write the file of a command's help to a new file, which is never one that exists."""
-    new = Path(path).suffix == ".toml" and not Path(path).exists()
-    require(new, "file", "must be a new .toml file, into which --template writes", str(path))
-    files.check_writable(Path(path).parent)
-    Path(path).write_text(template, encoding="utf-8")
-    print(f"-> {path}")
+    new = Path(path)
+    fits = new.suffix == ".toml" and not new.exists()
+    require(fits, "file", "must be a new .toml file, into which --template writes", str(path))
+    files.check_writable(new.parent)
+    new.write_text(template, encoding="utf-8")
+    print(f"-> {new}")
 
 
 def _paths(options: Mapping[str, Any]) -> Iterator[tuple[str, Path]]:
@@ -231,9 +210,8 @@ def stages(what: str) -> Iterator[Callable[[str], None]]:
 def check_idle(reason: str, usual: Mapping[str, Any], **options: Any) -> None:
     """Raise ValueError for an option that has no effect but not its usual value, with a reason."""
     for name, value in options.items():
-        if value != usual.get(name):
-            flag = name.replace("_", "-")
-            raise InputError(f"--{flag} has no effect with {reason}: leave it out", name)
+        must = f"has no effect with {reason}: leave it out"
+        require(value == usual.get(name), name, must, value)
 
 
 def say_of_edits(*edits: Edits, circuit: Circuit | None = None) -> None:
@@ -250,20 +228,10 @@ def say_before(what: str, model: BasalGanglia, evidence: Evidence, *, runs: int 
     """Announce a run of some circuits; NoMemoryError if there is too little memory."""
     from bgmodel.support.compiling import on_compiling
 
-    if model.raw and evidence.baseline:
-        less = f"{evidence.baseline:.3g}"
-        say(f"each channel gets its own evidence, minus the baseline of a reading: {less} nats")
-    at_once, steps = min(model.batch(evidence), evidence.trials), evidence.steps + 1
-    model.check_memory(at_once, steps, evidence.step_ms)
     if model.engine.threaded:
-        on_compiling(lambda: say(COMPILES))
-    each_s = steps * evidence.step_ms / 1000
-    circuits = f"{runs} circuits, " if runs > 1 else ""
-    memory = model.memory_gb(at_once, steps, evidence.step_ms)
-    say(
-        f"{what} {model.circuit.name} on {model.engine}, {circuits}{evidence.trials} trials of up "
-        f"to {each_s:.2g} s{f', {memory:.1f} GB of memory' if memory >= 1 else ''}"
-    )
+        on_compiling(lambda: say("compiling, once for this kind of circuit"))
+    for line in model.announced(what, evidence, runs):
+        say(line)
 
 
 @contextmanager

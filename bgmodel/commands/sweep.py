@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Literal
 
 from bgmodel.commands.options import Workers
 from bgmodel.commands.output import bar, check_whole, say_of_edits, write_template
-from bgmodel.support import files
-from circuits.errors import InputError, require
-
-PART = re.compile(r"(\d+)/(\d+)")
-SHOWN = 40
-"""Largest number of points whose measures are printed."""
+from circuits.errors import InputError
 
 
 def sweep(
@@ -35,8 +29,7 @@ def sweep(
     the task, the engine, the posterior at which it decides. Finished parts are never computed
     again; the same command resumes after it was stopped or killed.
 
-    Examples: bgmodel sweep mine.toml --template; bgmodel sweep mine.toml;
-    bgmodel sweep mine.toml --workers 8;
+    Examples: bgmodel sweep mine.toml --template; bgmodel sweep mine.toml --workers 8;
     bgmodel sweep mine.toml --on slurm --parts 40 --dry-run
 
     Parameters
@@ -59,60 +52,39 @@ def sweep(
     template
         Write a whole file to FILE, to start from, and run nothing.
     """
-    from bgmodel.sweeps.shards import check_room
     from bgmodel.sweeps.sweep import OUTCOME, Sweep
 
     if template:
         write_template(Sweep.template(), file)
         return
     check_whole(workers=workers, parts=parts)
-    share = _share(part, on)
+    if part is not None and on != "processes":
+        raise InputError("part is for a single job: give --parts, or leave out --on", "part")
     asked = Sweep.from_toml(file)
     folder = folder or Path("sweeps") / file.stem
-    files.check_writable(folder)
-    asked.check_own(folder)
-    if profile is not None and not (profile / "config.yaml").is_file():
-        raise InputError.of("profile", "must be a folder with config.yaml", str(profile))
-    check_room(asked.points, folder)
+    asked.check(folder)
     if on != "processes":
         from bgmodel.sweeps.jobs import run_jobs
 
         run_jobs(asked, file, folder, parts=parts, workers=workers, profile=profile,
                  slurm=on == "slurm", dry_run=dry_run)  # fmt: skip
         return
-    missing, k, n = asked.missing(folder, share), *(share or (1, 1))
-    of, damaged = len(asked.shards[k - 1 :: n]), list(missing.values()).count("damaged")
-    print(
-        f"points: {len(asked.points)}; shards: {of}, {of - len(missing)} done"
-        f"{f', {damaged} damaged, computed again' if damaged else ''}; folder: {folder}",
-        flush=True,
-    )
+    status, missing = asked.status(folder, part)
+    print(status, flush=True)
     say_of_edits(*(point.edits for point in asked.points))
     if dry_run:
         return
     try:
         with bar(sum(shard.trials for shard in missing)):
-            if share is not None:
-                asked.compute(folder, workers=workers, part=share)
+            if part is not None:
+                asked.compute(folder, workers=workers, part=part)
                 return
             outcome = asked.run(folder, workers=workers)
     except KeyboardInterrupt:
         raise KeyboardInterrupt("The same command resumes where it stopped.") from None
     axes = len(asked.plan.axes)
-    if len(asked.points) <= SHOWN:
+    if len(asked.points) <= 40:
         print(outcome.summary().to_string())
     drawn = f"drawn: {folder / 'outcome.png'}"
     print(drawn if axes <= 2 else f"no figure: it can show one key or two, got {axes}")
     print(f"-> {folder / OUTCOME}")
-
-
-def _share(part: str | None, on: str) -> tuple[int, int] | None:
-    """Return K and N of the K-th of N parts; None for all."""
-    if part is None:
-        return None
-    match = PART.fullmatch(part)
-    k, n = (int(match[1]), int(match[2])) if match else (0, 0)
-    require(1 <= k <= n, "part", "must be K/N with K in 1..N, as 3/40", part)
-    if on != "processes":
-        raise InputError("part is for a single job: give --parts, or leave out --on", "part")
-    return k, n

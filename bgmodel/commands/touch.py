@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 from cyclopts import Parameter
 
 from bgmodel import from_taps
 from bgmodel.commands.options import FLAT, MANY, TASK, Workers, like, task_of
-from bgmodel.commands.output import (
-    Files,
-    Output,
-    check_idle,
-    check_whole,
-    options_of,
-    say,
-)
+from bgmodel.commands.output import Files, Output, check_idle, check_whole, options_of, say
 from bgmodel.commands.touch_steps import Scale, check_settings, decode, simulate, train
 from bgmodel.support import files
 from bgmodel.support.checks import whole
@@ -28,10 +19,8 @@ from bgmodel.tactile.source import Tactile
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from bgmodel.version import __version__
 from circuits.errors import InputError, require
-from circuits.store import Entry
 
 USUAL = "same-different, or edge-turn with recordings"
-"""Default task."""
 
 
 @like(from_taps.touch, "trials", "folds", "seed")
@@ -107,8 +96,8 @@ def touch(
     if len(touched.learned):
         text += f"\nat what reward taught\n{touched.learned_summary().to_string(index=False)}"
     output.show(f"{title}\n{text}\n-> {folder / 'index.html'}", touched.summary())
-    source = given if grating else {"recordings": recordings, "held_out": held_out,
-                                    "mm_per_px": mm_per_px}  # fmt: skip
+    folders = {"recordings": recordings, "held_out": held_out, "mm_per_px": mm_per_px}
+    source: dict[str, Any] = given if grating else folders
     output.write(touched.to_dataframe(), seed, command=options_of(task=asked, **source, **options))
     output.draw(touched.plot)
 
@@ -133,14 +122,7 @@ def _check(
     for name, path in (("recordings", recordings), ("held_out", held_out)):
         if path is not None and not path.is_dir():
             raise InputError(f"{name}: there is no folder {str(path)!r}", name, path)
-    if mm_per_px is None:
-        raise InputError("recordings need their scale: --mm-per-px, mm per pixel", "mm_per_px")
-
-
-def checked_step(folder: Path, name: str, key: Any) -> Entry[str]:
-    """Return the place of the checksum of a step's file, by all that the step depends on."""
-    return Entry(folder / "steps", __version__, key, lambda text: {"sha256": np.array(text)},
-                 lambda arrays: str(arrays["sha256"]), name)  # fmt: skip
+    require(mm_per_px is not None, "mm_per_px", "must give the scale of recordings", None)
 
 
 def step(
@@ -150,10 +132,7 @@ def step(
     path, read = folder / name, [files.recorded(each) for each in inputs]
     places = [str(each.resolve()) for each in inputs if each and each.is_dir()]
     key = [command.__name__, options_of(**options), read, places, options.get("seed")]
-    entry = checked_step(folder, name, json.loads(json.dumps(key)))
-    if path.is_file() and entry.get() == files.checksum(path):
+    new = Files(save=path, force=True)
+    if not files.made_once(path, key, lambda: command(*inputs, **options, output=new)):
         say(f"{path} already exists")
-    else:
-        command(*inputs, **options, output=Files(save=path, force=True))
-        entry.put(files.checksum(path))
     return path

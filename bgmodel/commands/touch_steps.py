@@ -13,15 +13,7 @@ from bgmodel.commands.output import Files, check_idle, check_whole, options_of, 
 from bgmodel.support import files
 from bgmodel.support.arrays import Reals
 from bgmodel.tactile import sensor
-from bgmodel.tactile.decoder import (
-    EDGE,
-    ENDINGS,
-    Training,
-    check_device,
-    load_decoder,
-    taps_of,
-    train_decoder,
-)
+from bgmodel.tactile.decoder import EDGE, ENDINGS, Training, load_decoder, taps_of, train_decoder
 from bgmodel.tactile.decoder import train as fitted
 from bgmodel.tactile.networks import OwnNetwork
 from bgmodel.tactile.sensor import Nuisance
@@ -31,17 +23,10 @@ from bgmodel.tactile.task import SameDifferent
 from bgmodel.task import Task
 from circuits.errors import InputError, require
 
-Pins = Annotated[
-    int | None,
-    Parameter(help="Number of pins of the recorded sensor; printed with the number detected."),
-]
+Pins = Annotated[int | None, Parameter(help="Number of pins of the sensor, to check those found.")]
 Scale = Annotated[float | None, Parameter(help="Scale of recordings, mm per pixel.")]
-TapsOption = Annotated[
-    Path,
-    Parameter(
-        help="Taps from `bgmodel touch simulate`, or a folder of recordings with its targets csv."
-    ),
-]
+ABOUT = "Taps from `bgmodel touch simulate`, or a folder of recordings with its targets csv."
+TapsOption = Annotated[Path, Parameter(help=ABOUT)]
 
 
 @like(sensor.simulate_taps, "taps", "periods_mm", "yaw_deg", "seed")
@@ -108,7 +93,6 @@ def train(
         Device for training; a seed reproduces the weights only on the CPU.
     """
     path = output.needed(*ENDINGS, taps=taps)
-    check_device(device)
     if path.suffix == ".onnx":
         from bgmodel.tactile.networks import import_onnx
 

@@ -12,7 +12,7 @@ from bgmodel.commands.options import FLAT, like, task
 from bgmodel.commands.output import Files, check_idle, made_with, options_of, say
 from bgmodel.conditions import Setup
 from bgmodel.from_images import COLUMNS, Watched
-from bgmodel.names import MACAQUE, CircuitName, EngineName
+from bgmodel.names import MACAQUE, EngineName
 from bgmodel.support import files
 from bgmodel.tactile.source import Tactile
 from bgmodel.tactile.task import EdgeDirection
@@ -24,6 +24,7 @@ ARRIVING = EdgeDirection(step_ms=100.0, t_max=60)
 SPIKES = EngineName("ensemble")
 
 
+@like(Setup, "circuit", "seed")
 @like(Watched, "decoder", "taps", "mm_per_px", "posterior", "first_deg", "idle_s")
 def watch(
     folder: Path,
@@ -31,9 +32,7 @@ def watch(
     *,
     task: Annotated[Task, task(ARRIVING)] = ARRIVING,
     by: Literal["circuit", "test"] = "circuit",
-    circuit: CircuitName = MACAQUE,
     engine: EngineName = SPIKES,
-    seed: int = 0,
     output: Annotated[Files, FLAT] = Files(),  # noqa: B008
     **options: Any,
 ) -> None:
@@ -52,15 +51,12 @@ def watch(
         Folder to which the sensor writes its images; existing images are read first.
     by
         Decision maker: the circuit or the test.
-    circuit
-        Name of a circuit table, or path of a .toml file.
     engine
         Engine of the circuit: ensemble (spikes), population or rate.
-    seed
-        Seed of the noise of cells.
     """
     output.unused("plot")
-    output.check(folder=folder, circuit=circuit, **options)
+    output.check(folder=folder, **options)
+    circuit, seed = options.pop("circuit"), options.pop("seed")
     if by == "test":
         usual = {"circuit": MACAQUE, "engine": SPIKES}
         check_idle("--by test", usual, circuit=circuit, engine=engine)
@@ -77,11 +73,8 @@ def watch(
         for row in watched.decisions():
             rows.append(row)
             forced = ", forced" if row["forced"] else ""
-            print(
-                f"trial {row['trial']}: {row['choice']} after {row['readings']} readings, "
-                f"{row['time_ms']:.0f} ms{forced}",
-                flush=True,
-            )
+            after = f"after {row['readings']} readings, {row['time_ms']:.0f} ms{forced}"
+            print(f"trial {row['trial']}: {row['choice']} {after}", flush=True)
     finally:  # write the decisions even if interrupted
         if output.save is not None:
             settings = {"folder": folder, "task": task, "by": by, **options}

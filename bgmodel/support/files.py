@@ -7,7 +7,7 @@ import json
 import os
 import platform
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, fields, is_dataclass
 from functools import cache
@@ -23,6 +23,7 @@ from bgmodel.support.processes import NoMemoryError, check_table_memory
 from bgmodel.version import __version__
 from circuits import arrays
 from circuits.errors import InputError
+from circuits.store import Entry
 from circuits.store import remove_partial_files as remove_partial_files
 from circuits.store import replacing as replacing
 
@@ -76,15 +77,24 @@ def write_table(
     return path
 
 
-def json_text(path: str | Path | None = None, **parts: Any) -> str:
-    """Return a result as JSON, its tables as lists of rows; it is also written to a path."""
-    plain = {
-        name: json.loads(part.to_json(orient="records", double_precision=10))
-        if hasattr(part, "to_json")
-        else part
-        for name, part in parts.items()
-    }
-    text = json.dumps(plain, indent=1)
+def json_text(
+    parts: Mapping[str, Any],
+    path: str | Path | None = None,
+    *,
+    indent: int | None = 1,
+    digits: int = 10,
+) -> str:
+    """Return a result as JSON, its tables as lists of rows; it is also written to a path.
+
+    Numbers that are not finite are null, and paths are text.
+    """
+    plain = {}
+    for name, part in parts.items():
+        if hasattr(part, "to_json"):
+            part = json.loads(part.to_json(orient="records", double_precision=digits))
+        unknown = isinstance(part, float) and not np.isfinite(part)
+        plain[name] = None if unknown else str(part) if isinstance(part, Path) else part
+    text = json.dumps(plain, indent=indent)
     if path is not None:
         with replacing(path) as partial:
             partial.write_text(text + "\n", encoding="utf-8")
@@ -142,6 +152,23 @@ def checksum(path: str | Path) -> str:
     """Return the SHA-256 of a file's bytes, in hexadecimal."""
     with Path(path).open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def checksum_entry(path: Path, key: Any) -> Entry[str]:
+    """Return the place of the checksum of a file, by all that the file depends on."""
+    return Entry(path.parent / "steps", __version__, json.loads(json.dumps(key)),
+                 lambda text: {"sha256": np.array(text)}, lambda arrays: str(arrays["sha256"]),
+                 path.name)  # fmt: skip
+
+
+def made_once(path: Path, key: Any, make: Callable[[], object]) -> bool:
+    """Make a file, unless it is there as it was made with the same key; return whether it was."""
+    entry = checksum_entry(path, key)
+    if path.is_file() and entry.get() == checksum(path):
+        return False
+    make()
+    entry.put(checksum(path))
+    return True
 
 
 def read_table(path: str | Path) -> pd.DataFrame:

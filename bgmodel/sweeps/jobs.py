@@ -15,6 +15,7 @@ from tempfile import TemporaryDirectory
 from bgmodel.sweeps.shards import check_slurm
 from bgmodel.sweeps.sweep import Sweep
 from bgmodel.version import __version__
+from circuits.errors import InputError
 
 PACKAGE = resources("bgmodel.sweeps")
 
@@ -35,6 +36,8 @@ def run_jobs(
     ``file`` is that of the sweep, ``profile`` the folder of another profile for SLURM than the
     shipped one. SystemExit if Snakemake fails.
     """
+    if profile is not None and not (profile / "config.yaml").is_file():
+        raise InputError.of("profile", "must be a folder with config.yaml", str(profile))
     try:
         import snakemake  # noqa: F401
     except ImportError as error:

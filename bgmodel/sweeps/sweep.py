@@ -15,6 +15,7 @@ import pandas as pd
 
 from bgmodel.support.checks import path_of
 from bgmodel.support.files import (
+    check_writable,
     is_result,
     provenance,
     provenance_path,
@@ -30,7 +31,7 @@ from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.outcome import draw, gathered, measured
 from bgmodel.sweeps.plan import Plan, Point, Shard, read_plan
 from circuits.declaration.table_writer import identity
-from circuits.errors import BgmodelWarning, InputError, shown
+from circuits.errors import BgmodelWarning, InputError, require, shown
 
 if TYPE_CHECKING:
     import xarray
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 OUTCOME = "outcome.csv"
 FIGURES = (".pdf", ".png")
 """Endings of figure files."""
+PART = re.compile(r"(\d+)/(\d+)")
 NAMED = 3
 """Largest number of points named in a caution."""
 
@@ -87,26 +89,33 @@ class Sweep:
         every = (shard for point in self.points for shard in point.shards())
         return list({shard.name: shard for shard in every}.values())
 
-    def missing(self, folder: Path, part: tuple[int, int] | None = None) -> dict[Shard, str]:
-        """Return the shards to compute, "missing" or "damaged"; of part k of n if it is given."""
-        k, n = part or (1, 1)
-        states = {shard: stored.state(shard, folder) for shard in self.shards[k - 1 :: n]}
-        return {shard: state for shard, state in states.items() if state != "done"}
+    def part(self, text: str = "1/1") -> list[Shard]:
+        """Return the shards of the K-th of N parts, as "K/N"."""
+        match = PART.fullmatch(text)
+        k, n = (int(match[1]), int(match[2])) if match else (0, 0)
+        require(1 <= k <= n, "part", "must be K/N with K in 1..N, as 3/40", text)
+        return self.shards[k - 1 :: n]
 
-    def compute(
-        self, folder: Path, *, workers: int = 1, part: tuple[int, int] | None = None
-    ) -> None:
-        """Compute and store missing shards; of part k of n if it is given, for your own jobs.
+    def status(self, folder: Path, part: str | None = None) -> tuple[str, list[Shard]]:
+        """Return how much of a sweep, or of a part, is done, as text, and the other shards."""
+        states = {shard: stored.state(shard, folder) for shard in self.part(part or "1/1")}
+        missing = [shard for shard, state in states.items() if state != "done"]
+        damaged = list(states.values()).count("damaged")
+        again = f", {damaged} damaged, computed again" if damaged else ""
+        done = f"shards: {len(states)}, {len(states) - len(missing)} done{again}"
+        return f"points: {len(self.points)}; {done}; folder: {folder}", missing
+
+    def compute(self, folder: Path, *, workers: int = 1, part: str | None = None) -> None:
+        """Compute and store missing shards; of part "K/N" if it is given, for your own jobs.
 
         An outcome of another sweep in the folder is removed: nothing shows that it is another one.
         """
         end_if_imported()
-        self.check_own(folder)
-        stored.check_room(self.points, folder)
+        self.check(folder)
         with ExitStack() as stack:
             stack.enter_context(stored.at_work(folder, alone=part is None))
             self._remove_outdated(folder)
-            missing = self.missing(folder, part)
+            _, missing = self.status(folder, part)
             if workers > 1:
                 stored.compute_all(missing, folder, stack.enter_context(processes(workers)))
             for shard in missing:
@@ -161,8 +170,10 @@ class Sweep:
         circuits = [identity(point.edited)["sha256"] for point in self.points]
         return {"seed": self.plan.seed, "sweep": recorded(self.plan), "circuits": circuits}
 
-    def check_own(self, folder: Path) -> None:
-        """Raise ValueError if a file that a run would overwrite was not made by a sweep."""
+    def check(self, folder: Path) -> None:
+        """Raise ValueError for a folder without room, or with other files of the same names."""
+        check_writable(folder)
+        stored.check_room(self.points, folder)
         output = folder / OUTCOME
         paths = [path for path in (output, *map(output.with_suffix, FIGURES)) if path.exists()]
         made_from = read_provenance(output)["parameters"] if is_result(output) else {}
