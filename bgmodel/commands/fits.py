@@ -18,9 +18,7 @@ OF_EVIDENCE = ("step_ms", "forced", "runs")
 OF_SIMULATION = ("trials", "seed", "engine", "noise_nats")
 """Settings of simulated trials, given by --simulation."""
 EACH_DRAWN = "a figure for each participant"
-GROUP_DRAWN = (
-    "figures of each model's parameters, and of data and model; the draws (.nc, for ArviZ)"
-)
+GROUP_DRAWN = "figures of parameters, and of data and model, for each model; draws (.nc, for ArviZ)"
 
 
 @like(FitSettings, "strength", "participant", "people", "vary", "formula", "free", "fix", "prior",

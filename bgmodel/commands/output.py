@@ -29,10 +29,6 @@ UNRECORDED = (*OUTPUTS, "output", "workers", "seed")
 """Options that do not affect results, and the seed, which is recorded separately."""
 FIRST_S, MINUTE_S = 10.0, 60.0
 """When the stage of a long computation is first printed to a log, and how often after that."""
-RECORDS = ("setup", "condition")
-"""Options each of whose fields is an option."""
-
-
 FIGURES, TABLES = (".png", ".pdf", ".svg"), (".csv", ".parquet")
 """Endings of pictures and of tables."""
 
@@ -135,7 +131,7 @@ def options_of(**options: Any) -> dict[str, Any]:
     """
     kept: dict[str, Any] = {}
     for name, value in options.items():
-        if name in RECORDS:
+        if name in ("setup", "condition"):  # each of their fields is an option
             kept |= options_of(**{one.name: getattr(value, one.name) for one in fields(value)})
         elif name not in UNRECORDED and value is not None:
             kept[name] = recorded(value)
