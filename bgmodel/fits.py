@@ -125,9 +125,8 @@ def question(
     """Read trials, and find the models that are asked for, by default those of the kind of trials.
 
     ``data`` and ``models`` are as for ``fit``; ``folder`` keeps simulated trials for other fits,
-    and ``alone`` says that a single model is fitted, to one person or to a group. ValueError for
-    trials that can't be read, unknown models and parameters, and settings without effect on these
-    trials.
+    and ``alone`` says that a single model is fitted. ValueError for trials that can't be read,
+    unknown models and parameters, and settings without effect on these trials.
     """
     try:
         trials = asked.read(data)
@@ -159,13 +158,6 @@ def question(
             one.versions[text] = asked, kind.model(one, name, folder), kind
     models_by_name = {name: model for name, (_, model, _) in one.versions.items()}
     one.lacking.extend(asked.check_parameters(models_by_name))
-    if alone and len(one.people) > 1 and not asked.hierarchical:
-        raise InputError(
-            f"a fit is of one person, and these trials are of {', '.join(one.people)}: give "
-            'participant=NAME, or people="each", "hierarchical" (as a group) or "pooled" (as if '
-            "they were one)",
-            "participant",
-        )
     if asked.compare and len(one.versions) == 1:
         one.add_constant()
     return one
@@ -508,8 +500,18 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     several = isinstance(model, (list, tuple))
     models: Any = list(model) if isinstance(model, (list, tuple)) else model and [model]
     one = question(asked, data, models, kept and kept / SIMULATED, alone=not several)
-    every = fit_all(one, kept, workers=workers, most_draws=most_draws, chains_seed=chains_seed)
-    if several or compare or people == "each":
+    if people is None and len(one.people) > 1:
+        raise InputError(
+            f"a fit is of one person, and these trials are of {', '.join(one.people)}: give "
+            'participant=NAME, or people="each", "hierarchical" (as a group) or "pooled" (as if '
+            "they were one)",
+            "participant",
+        )
+    several = several or compare or people == "each"
+    every = fit_all(
+        one, kept, workers=workers, most_draws=most_draws, chains_seed=chains_seed, write=several
+    )
+    if several:
         return every
     (only,) = every.fits.values()
     return only if isinstance(only, GroupFit) else next(iter(only.values()))

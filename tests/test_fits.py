@@ -161,6 +161,25 @@ def test_stop_signal_trials_are_fitted_by_their_stop_process():
         bg.fit(table[table["ssd"].isna()], "constant_gap")
 
 
+def test_each_of_several_people_is_fitted_as_alone_and_kept_in_a_folder(tmp_path, monkeypatch):
+    """The same call then fits nothing; the tables are those of the command."""
+    table, options = stop_table(people=2), {"free": ["ssrt_ms"]}
+    asked = {**options, "people": "each", "folder": tmp_path / "fits"}
+    fits = bg.fit(table, "constant_gap", **asked)
+    alone = bg.fit(table, ["constant_gap"], participant="p1", **options).fits["constant_gap"]["p1"]
+    pd.testing.assert_frame_equal(fits.fits["constant_gap"]["p1"].parameters(), alone.parameters())
+    written = pd.read_csv(tmp_path / "fits" / "parameters.csv")
+    pd.testing.assert_frame_equal(written, fits.to_dataframe(), check_dtype=False)
+    assert (tmp_path / "fits" / "p0.png").is_file()
+    monkeypatch.setattr("bgmodel.fits.fit_likelihood", None)
+    again = bg.fit(table, "constant_gap", **asked)
+    pd.testing.assert_frame_equal(again.cells(), fits.cells())
+    with refused("compare"):
+        bg.fit(table, "constant_gap", **asked, compare=True)
+    with refused("folder"):
+        bg.fit(table, "constant_gap", **asked, prior={"ssrt_ms": (100, 300)})
+
+
 def test_people_with_too_few_stop_trials_are_left_out_of_a_group():
     table = stop_table(people=4)
     few = table["participant_id"].eq("p3") & table["ssd"].notna()

@@ -137,7 +137,8 @@ def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T
         defaults = {name: inspect.signature(function).parameters[name].default for name in names}
         usual_values = {k: v for k, v in defaults.items() if v is not inspect.Parameter.empty}
         hints, theirs = get_type_hints(target, include_extras=True), get_type_hints(function)
-        kept = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
+        own = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
+        kept: list[inspect.Parameter] = []
         for name in names:
             kind = usual.get(name, theirs[name])
             text = Parameter(help=about.get(name, ""))
@@ -151,7 +152,7 @@ def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T
         def filled(*args: Any, **options: Any) -> Any:
             return target(*args, **(usual_values | options))
 
-        order = sorted(kept, key=lambda one: one.kind)
+        order = sorted([*kept, *own], key=lambda one: one.kind)
         filled.__signature__ = signature.replace(parameters=order)  # type: ignore[attr-defined]
         filled.__annotations__ = hints
         return cast(T, filled)

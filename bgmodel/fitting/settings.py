@@ -61,7 +61,8 @@ class FitSettings:
     "threshold=instruction"; "stn_loss=stimulation/off" fixes stn_loss at its start in level off."""
     formula: tuple[str, ...] = ()
     """Parameters that are linear in conditions, such as "bound ~ instruction * side" or
-    "t0_s ~ block": a formula as in R, of columns of text (levels) or of numbers (covariates)."""
+    "t0_s ~ block": a formula as in R, of columns of text (levels) or of numbers (covariates); in a
+    hierarchy also of what differs between people, "bound ~ group"."""
     prior: tuple[str, ...] = ()
     """Priors of parameters, such as "t0_s=0.2:0.4": the central 95 % of where a person's value, or
     in a hierarchy the median person's, is believed to be."""
