@@ -17,7 +17,7 @@ from bgmodel.fitting.hierarchy.chains import MOST, chains_entry
 from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, GroupFit, fit_group
 from bgmodel.fitting.hierarchy.group import ALIKE, Predictors
 from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel, identity_of
-from bgmodel.fitting.model_comparison import compare_fits
+from bgmodel.fitting.model_comparison import compare_fits, crossvalidated
 from bgmodel.fitting.settings import (
     FitSettings,
     People,
@@ -602,8 +602,10 @@ def _fitted(
                 FitWarning.warn(f"{title}: {caution}")
     if not one.asked.compare:
         return Fits(fits)
-    with stages("cross-validation") as tell:
-        return Fits(fits, compare_fits(fits))
+    peaks = {name: {who: (fit.optimum.likelihood, fit.optimum.vector) for who, fit in each.items()}
+             for name, each in fits.items()}  # fmt: skip
+    with stages("comparison") as tell:
+        return Fits(fits, crossvalidated(peaks, tell=tell))
 
 
 def _key(one: Question, who: str, likelihood: Likelihood) -> dict[str, Any]:

@@ -17,8 +17,8 @@ OF_EVIDENCE = ("step_ms", "forced", "runs")
 """Settings of known evidence, given by --evidence."""
 OF_SIMULATION = ("trials", "seed", "engine", "noise_nats")
 """Settings of simulated trials, given by --simulation."""
-EACH_DRAWN = "a figure for each participant"
-GROUP_DRAWN = "figures of parameters, and of data and model, for each model; draws (.nc, for ArviZ)"
+EACH_DRAWN = ", a figure for each participant"
+GROUP_DRAWN = "; for each model figures of parameters and of the fit, and draws (.nc, for ArviZ)"
 
 
 @like(FitSettings, "strength", "participant", "people", "vary", "formula", "free", "fix", "prior",
@@ -124,4 +124,4 @@ def fit(
     parts = [shown.to_string(index=False), shown.attrs.get("note")]
     output.show("\n" + "\n\n".join(filter(None, parts)), fits.to_dataframe(), **facts)
     names = ", ".join(f"{name}.csv" for name in fits.tables())
-    output.note(f"-> {folder}: {names}; {drawn}")
+    output.note(f"-> {folder}: {names}{drawn}")
