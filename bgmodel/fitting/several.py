@@ -92,7 +92,9 @@ class Fits(Facts):
         cells = {name: fit.cells() for name, fit in fits.items()}
         peaks = {name: (fit.optimum.likelihood, fit.optimum.vector) for name, fit in fits.items()}
         likelihood = next(iter(peaks.values()))[0]
-        return likelihood.draw(cells, peaks, likelihood.design.who)
+        trials = likelihood.design.choices
+        source = "" if trials is None else f"{trials.source}, "
+        return likelihood.draw(cells, peaks, f"{source}{who}")
 
 
 def _parameters(fit: Fit) -> pd.DataFrame:
