@@ -115,13 +115,13 @@ def fit(
         raise KeyboardInterrupt(kept) from None
     if fits.comparison is not None:
         output.note("\n" + fits.comparison.summary())
-    shown, drawn = fits.summary(), EACH_DRAWN
-    facts: dict[str, Any] = {}
+    shown, drawn = fits.to_dataframe(), EACH_DRAWN
+    text, facts = ["\n" + shown.round(4).to_string(index=False)], {}
     if isinstance(fits, GroupFits):
         drawn = GROUP_DRAWN
+        text.append(fits.notes())
         facts["effects"] = fits.effects().to_dict("records")
         facts["correlations"] = fits.correlations().to_dict("records")
-    parts = [shown.to_string(index=False), shown.attrs.get("note")]
-    output.show("\n" + "\n\n".join(filter(None, parts)), fits.to_dataframe(), **facts)
+    output.show("\n\n".join(filter(None, text)), shown, **facts)
     names = ", ".join(f"{name}.csv" for name in fits.tables())
     output.note(f"-> {folder}: {names}{drawn}")

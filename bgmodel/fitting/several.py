@@ -74,8 +74,10 @@ class Fits(Facts):
         return {"parameters": self.parameters(), "cells": self.cells()}
 
     def summary(self) -> pd.DataFrame:
-        """Return ``parameters()``, as a table to read."""
-        return Readable(self.parameters().round(4))
+        """Return the parameters with their errors and intervals, as a table to read."""
+        table = self.parameters().set_index(["participant", "model", "parameter"]).round(4)
+        shown = ["value", "standard_error", "low", "high", "at_bound", "held"]
+        return Readable(table[shown].dropna(axis="columns", how="all"))
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return ``parameters()``."""
@@ -189,7 +191,8 @@ class GroupFits(Facts):
 
     def summary(self) -> pd.DataFrame:
         """Return the parameters of each model's group, with effects, priors and correlations."""
-        return Readable(self.to_dataframe().round(4)).with_note(self.notes())
+        table = self.to_dataframe().set_index(["model", "parameter"]).round(4)
+        return Readable(table).with_note(self.notes())
 
     def notes(self) -> str:
         """Return effects of predictors, priors and correlations as text."""
