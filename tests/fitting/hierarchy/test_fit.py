@@ -80,7 +80,6 @@ TRIALS_OF = {"ben": 12, "cleo": 16}
                      .fillna(60)], {}, r"data .*ben \(12\), cleo \(16\)"),
         (lambda t: t[(t["participant_id"] != "dora") | (t["block"] == "early")],
          {"vary": {"bound": "block"}}, "vary .*dora"),
-        (lambda t: t, {"pooled": True}, "pooled"),
     ],
 )  # fmt: skip
 def test_people_who_do_not_fit_into_a_hierarchy_are_refused(change, options, says):
@@ -109,7 +108,7 @@ def two_groups(shift, seed=11):
 
 def test_a_predictor_between_people_finds_the_difference_of_their_groups():
     table = two_groups(0.3)
-    settings = {"strength": "strength", "fix": FIXED, "hierarchical": True}
+    settings = {"strength": "strength", "fix": FIXED, "people": "hierarchical"}
     fitted = fit(table, "constant_gap", formula=["bound ~ kind", "sensitivity ~ kind"], **settings)
     assert fitted.agreement.reached
     effects = fitted.effects()
@@ -124,10 +123,10 @@ def test_a_predictor_between_people_finds_the_difference_of_their_groups():
 @pytest.mark.parametrize(
     ("settings", "field"),
     [
-        ({"formula": "bound ~ kind"}, "kind"),
-        ({"vary": {"bound": "kind"}, "hierarchical": True}, "kind"),
-        ({"formula": "bound ~ kind * block", "hierarchical": True}, "formula"),
-        ({"formula": "bound ~ 0 + kind", "hierarchical": True}, "formula"),
+        ({"formula": "bound ~ kind", "people": "each"}, "kind"),
+        ({"vary": {"bound": "kind"}, "people": "hierarchical"}, "kind"),
+        ({"formula": "bound ~ kind * block", "people": "hierarchical"}, "formula"),
+        ({"formula": "bound ~ 0 + kind", "people": "hierarchical"}, "formula"),
     ],
 )
 def test_predictors_between_people_that_cannot_be_fitted_are_refused(settings, field):
