@@ -19,7 +19,7 @@
     bg.take_exam("macaque").summary()                     # an exam of published numbers
     bg.discriminate("msprt", "max vs average").summary()    # the task that tells two models apart
     bg.fit("trials.csv", "constant_gap", strength="coherence").summary()
-    bg.fit("trials.csv", "constant_gap", strength="coherence", hierarchical=True).plot()
+    bg.fit("trials.csv", "constant_gap", strength="coherence", people="hierarchical").plot()
     bg.simulate("constant_gap", {"bound": 1.2}, "trials.csv", strength="coherence", seed=1)
     bg.explore(edited)                                # in a notebook: turn a number and watch
 

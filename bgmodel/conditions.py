@@ -224,6 +224,17 @@ class Condition(Setup):
         model = self.model(evidence.hypotheses, workers=workers, rates=False)
         return model.decide(evidence, self.threshold, posterior=self.stopping_posterior)
 
+    def to_brian2_script(self, trial: int = 0) -> str:
+        """Return a trial as a Brian2 script that needs no bgmodel; it runs on to its end."""
+        trials = range(self.trials)
+        require(trial in trials, "trial", f"must be within 0..{len(trials) - 1}", trial)
+        evidence = self.drawn(STREAM).evidence
+        model = self.model(evidence.hypotheses).adapted_to(evidence)
+        model.check_strength(evidence)
+        drive, step_ms = model.driven(evidence[trial : trial + 1])
+        model.check_memory(1, drive.shape[1], step_ms)
+        return model.circuit.to_brian2_script(drive, step_ms=step_ms, seed=self.seed, trial=trial)
+
 
 @dataclass(frozen=True)
 class Observed(Condition):

@@ -3,34 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
 from bgmodel.fitting.fit import Fit, fit_likelihood
-from bgmodel.fitting.hierarchy.chains import MOST
+from bgmodel.fitting.folder import EACH, GROUP, FitFolder, settings_shared
+from bgmodel.fitting.hierarchy.chains import MOST, chains_entry
 from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, GroupFit, fit_group
 from bgmodel.fitting.hierarchy.group import ALIKE, Predictors
-from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel
+from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel, identity_of
+from bgmodel.fitting.model_comparison import compare_fits, crossvalidated
 from bgmodel.fitting.settings import (
     FitSettings,
+    People,
     need_fit,
     seconds_of,
     settings_of,
     shared_ranges,
 )
-from bgmodel.support.checks import check_flag, path_of, whole
+from bgmodel.fitting.several import Fits, GroupFits, fit_entry, report, stem
+from bgmodel.support.checks import path_of, whole
+from bgmodel.support.files import checksum
 from bgmodel.support.seeds import stream
 from bgmodel.trials.reading import OURS, Columns
 from bgmodel.trials.readings import Source
 from bgmodel.trials.record import Trials, joined
 from circuits.circuit import Circuit
-from circuits.errors import DataWarning, InputError, require, within
+from circuits.errors import DataWarning, FitWarning, InputError, collected, require, within
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,6 +65,7 @@ class Question:
 
     asked: FitSettings  # without formulas of what differs between people
     trials: Trials
+    data: tuple[str, str] = ("", "")  # name and hash of the table
     between: list[Formula] = field(default_factory=list)  # of what differs between people
     # Models by name, each with its settings.
     versions: dict[str, tuple[FitSettings, AnyModel, Kind]] = field(default_factory=dict)
@@ -70,7 +75,7 @@ class Question:
     @cached_property
     def people(self) -> dict[str, Trials]:
         """Trials of each person, or of all pooled."""
-        return dict(self.asked.people(self.trials))
+        return self.asked.by_person(self.trials)
 
     @cached_property
     def designs(self) -> dict[str, Design]:
@@ -88,16 +93,25 @@ class Question:
             return ALIKE
         return self.asked.predictors(self.between, self.trials, likelihoods)
 
+    def add_constant(self) -> None:
+        """Add the only model without each effect of conditions on its parameters."""
+        ((name, (asked, model, kind)),) = self.versions.items()
+        for effect in asked.effects:
+            self.versions[f"{name}, same {effect}"] = asked.constant(effect), model, kind
+        must = "needs at least two models, or one with vary or formula"
+        require(len(self.versions) > 1, "compare", must, name)
+
+    def circuits(self) -> dict[str, str]:
+        """Return the hash of the circuit of each model that has one."""
+        made = {
+            name: identity_of(one).get("circuit") for name, (_, one, _) in self.versions.items()
+        }
+        return {name: each["sha256"] for name, each in made.items() if isinstance(each, dict)}
+
     def estimates(self) -> pd.DataFrame | None:
         """Return everyone's estimates without a model, if these trials have any."""
         estimator = KINDS[self.trials.kind].estimates
         return None if estimator is None else estimator(self.people)
-
-    def add_constant(self, name: str) -> None:
-        """Add a model without each effect of conditions on its parameters."""
-        asked, model, kind = self.versions[name]
-        for effect in asked.effects:
-            self.versions[f"{name}, same {effect}"] = asked.constant(effect), model, kind
 
 
 def question(
@@ -111,9 +125,8 @@ def question(
     """Read trials, and find the models that are asked for, by default those of the kind of trials.
 
     ``data`` and ``models`` are as for ``fit``; ``folder`` keeps simulated trials for other fits,
-    and ``alone`` says that a single model is fitted, to one person or to a group. ValueError for
-    trials that can't be read, unknown models and parameters, and settings without effect on these
-    trials.
+    and ``alone`` says that a single model is fitted. ValueError for trials that can't be read,
+    unknown models and parameters, and settings without effect on these trials.
     """
     try:
         trials = asked.read(data)
@@ -136,22 +149,26 @@ def question(
     if kind is KNOWN and asked.formula:
         must = "must be of what differs between people if evidence is known: within a person"
         raise InputError(f"formula {must} a parameter has one value", "formula")
-    one = Question(asked, trials, between)
+    one = Question(asked, trials, _origin(data, trials), between)
     for name in names:
         if isinstance(name, TrialModel):
             one.versions[getattr(name, "name", type(name).__name__)] = asked, name, CHOICES
         else:
-            one.versions[str(name)] = asked, kind.model(one, name, folder), kind
+            text = name.name if isinstance(name, Circuit) else str(name)
+            one.versions[text] = asked, kind.model(one, name, folder), kind
     models_by_name = {name: model for name, (_, model, _) in one.versions.items()}
     one.lacking.extend(asked.check_parameters(models_by_name))
-    if alone and len(one.people) > 1 and not asked.hierarchical:
-        raise InputError(
-            f"a fit is of one person, and these trials are of {', '.join(one.people)}: give "
-            "participant=NAME, hierarchical=True to fit them as a group, or pooled=True to fit "
-            "them as if they were one",
-            "participant",
-        )
+    if asked.compare and len(one.versions) == 1:
+        one.add_constant()
     return one
+
+
+def _origin(data: object, trials: Trials) -> tuple[str, str]:
+    """Return the name of a table, and what its trials are known by: a hash, or a shipped set."""
+    if not isinstance(data, str | Path):
+        return trials.source, trials.checksum
+    # Of the whole table: participants may be fitted one after the other.
+    return str(data), checksum(data) if Path(data).is_file() else str(data)
 
 
 def _check_settings(asked: FitSettings, kind: Kind, trials: Trials) -> None:
@@ -160,7 +177,9 @@ def _check_settings(asked: FitSettings, kind: Kind, trials: Trials) -> None:
     if not trials.timed:
         asked.check_unused(["rt_window"], "on choices without times")
     if asked.hierarchical:
-        asked.check_unused(["pooled"], "in a hierarchy")
+        asked.check_unused(["draws"], "in a hierarchy, which always draws")
+    pooled = asked.pooled and "pooled" in kind.unused
+    require(not pooled, "people", f"must be another on {trials.kind}", asked.people)
 
 
 def _model_of_choices(one: Question, name: Any, folder: Path | None) -> AnyModel:
@@ -308,8 +327,6 @@ KINDS = {
     "rewarded choices": REWARDED,
 }
 """How each kind of trials (``trials.record.KINDS``) is fitted."""
-CHAINS = ("correlated", "most_draws", "chains_seed", "workers")
-"""Options that need a hierarchy."""
 
 
 @overload
@@ -317,26 +334,44 @@ def fit(
     data: str | Path | pd.DataFrame | Trials,
     model: ModelName | None = ...,
     *,
-    hierarchical: Literal[True],
+    people: Literal["pooled"] | None = ...,
+    compare: Literal[False] = ...,
+    **options: Any,
+) -> Fit: ...
+@overload
+def fit(
+    data: str | Path | pd.DataFrame | Trials,
+    model: ModelName | None = ...,
+    *,
+    people: Literal["hierarchical", "correlated"],
+    compare: Literal[False] = ...,
     **options: Any,
 ) -> GroupFit: ...
 @overload
 def fit(
     data: str | Path | pd.DataFrame | Trials,
-    model: ModelName | None = ...,
+    model: Sequence[ModelName] | ModelName | None = ...,
     *,
-    hierarchical: Literal[False] = False,
+    people: Literal["each", "pooled"] | None = ...,
     **options: Any,
-) -> Fit: ...
+) -> Fits: ...
+@overload
+def fit(
+    data: str | Path | pd.DataFrame | Trials,
+    model: Sequence[ModelName] | ModelName | None = ...,
+    *,
+    people: People | None = ...,
+    **options: Any,
+) -> Fits | GroupFits: ...
 def fit(  # type: ignore[misc]  # the overloads spell out only what changes the result
     data: str | Path | pd.DataFrame | Trials,
-    model: ModelName | None = None,
+    model: ModelName | Sequence[ModelName] | None = None,
     *,
+    people: People | None = None,
+    compare: bool = False,
     strength: str | None = None,
     participant: str | None = None,
     columns: Columns = OURS,
-    pooled: bool = False,
-    hierarchical: bool = False,
     rt_window: tuple[float, float] | None = None,
     mechanism: str = FitSettings.mechanism,
     free: Sequence[str] | str = (),
@@ -354,37 +389,40 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     step_ms: float | None = None,
     forced: bool = False,
     runs: int | None = None,
-    correlated: bool = False,
     most_draws: int = MOST,
     chains_seed: int = HIERARCHY_SEED,
     workers: int = 1,
-) -> Fit | GroupFit:
-    """Fit a model to trials of one person, or of a group in a hierarchy, as ``bgmodel fit`` does.
+) -> Fit | GroupFit | Fits | GroupFits:
+    """Fit models to trials of one person, of each of several, or of a group in a hierarchy.
 
     Parameters
     ----------
     data : str, path, DataFrame or Trials
         Name of a shipped set, a .csv, .tsv or .parquet file, or a table as for ``read_trials``; or
         what ``read_trials`` returned.
-    model : str, path, Circuit or TrialModel, optional
+    model : str, path, Circuit or TrialModel, or a list of them, optional
         Of choices: constant_gap, falling_gap, hyperbolic_gap, weibull_gap (two alternatives),
         msprt, race, lca (two or more), or a circuit with a channel for each alternative: its name,
         .toml file or Circuit. With evidence: msprt, leaky_sum, run or a circuit. Of stop-signal
         trials: constant_gap or a circuit. Of rewarded choices: a learner
         (``learning.values.models.MODELS``). Of any: your own model of trials
         (``fitting.likelihood.TrialModel``). By default macaque, for rewarded choices "q, two
-        rates".
+        rates"; an empty list is all models that the command compares by default.
+    people : str, optional
+        "each" fits each participant separately; "pooled" all as if they were one; "hierarchical"
+        all together, each with parameters from a distribution of the group, which is fitted too
+        (partial pooling); "correlated" as that, with parameters that may be correlated between
+        people. By default there must be one participant.
+    compare : bool
+        Whether to compare the models by how well they predict trials that they were not fitted to,
+        as ``compare_fits``; a single model with versions in which one parameter of ``vary`` or
+        ``formula`` has one value, which is fitted, for all conditions.
     strength : str, optional
         Column of the signed strength of the evidence: positive favours response 1.
     participant : str, optional
         The participant to fit, if there are several.
     columns : Columns
         Names, units and codes of the columns of the table, if they are not ours.
-    pooled : bool
-        Whether to fit several participants as if they were one.
-    hierarchical : bool
-        Whether to fit all participants together, each with parameters from a distribution of the
-        group, which is fitted too (partial pooling).
     rt_window : (float, float), optional
         Earliest and latest response time to fit, s.
     mechanism : str
@@ -409,7 +447,8 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     engine, noise_nats, trials, seed :
         Options of the simulated trials of a circuit; as in ``FitSettings``.
     folder : path, optional
-        Folder that keeps simulated trials for other fits.
+        Folder that keeps simulated trials, and finished fits unless a model is your own: the same
+        fits then resume there. Of several it gets the tables and figures of the command, too.
     evidence : path or DataFrame, optional
         The readings of each trial, as for ``read_trials``: the model then answers for each single
         trial.
@@ -419,22 +458,23 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         Whether the last reading of a trial forces a response.
     runs : int, optional
         Simulated runs of each trial by a circuit, if there is evidence; by default 8 to 32.
-    correlated : bool
-        Whether parameters may be correlated between people, in a hierarchy.
     most_draws, chains_seed, workers :
         Of a hierarchical fit: largest number of draws of each of four chains, their seed, and the
         number of processes, on which the result does not depend.
 
     Returns
     -------
-    Fit, or GroupFit if hierarchical
-        With ``summary()``, ``plot()``, ``cells()`` and ``to_dataframe()``.
+    Fit, or GroupFit of a hierarchy
+        Of a single model: with ``summary()``, ``plot()``, ``cells()`` and ``to_dataframe()``.
+    Fits, or GroupFits of a hierarchy
+        Of a list of models, of each person, or if models are compared: ``fits`` by model (and
+        person), ``summary()``, ``tables()``, ``plot()`` and ``comparison``.
 
     Raises
     ------
     ValueError
-        For a table that cannot be read or fitted, for several participants unless they are pooled
-        or in a hierarchy, and for options without effect.
+        For a table that cannot be read or fitted, for several participants unless ``people`` says
+        how they are fitted, and for options without effect.
 
     Warns
     -----
@@ -442,30 +482,144 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         As for ``fit_likelihood`` and ``fit_group``, and for tables that may mislead.
     """
     need_fit()
-    check_flag("draws", draws)
-    check_flag("hierarchical", hierarchical)
-    check_flag("correlated", correlated)
     for name, value in (("most_draws", most_draws), ("workers", workers)):
         whole(name, value, 1)
     whole("chains_seed", chains_seed, 0)
-    _check_unused(locals(), ("draws",) if hierarchical else CHAINS, hierarchical)
     asked = settings_of(
-        strength=strength, participant=participant, columns=columns, pooled=pooled,
-        hierarchical=hierarchical, rt_window=rt_window, mechanism=mechanism, engine=engine,
-        free=free, fix=fix, vary=vary, formula=formula, prior=prior, noise_nats=noise_nats,
-        trials=trials, seed=seed, evidence=evidence, step_ms=step_ms, forced=forced, runs=runs,
+        strength=strength, participant=participant, people="each" if people is None else people,
+        columns=columns, rt_window=rt_window, mechanism=mechanism, engine=engine, free=free,
+        fix=fix, vary=vary, formula=formula, prior=prior, noise_nats=noise_nats, trials=trials,
+        seed=seed, evidence=evidence, step_ms=step_ms, forced=forced, runs=runs, draws=draws,
+        compare=compare,
     )  # fmt: skip
+    if not asked.hierarchical and (most_draws, chains_seed) != (MOST, HIERARCHY_SEED):
+        reason = "has no effect without a hierarchy: leave it out"
+        name = "most_draws" if most_draws != MOST else "chains_seed"
+        raise InputError(f"{name} {reason}", name)
     kept = None if folder is None else path_of(folder, "folder")
-    one = question(asked, data, None if model is None else [model], kept, alone=True)
-    (name,) = one.versions
-    if hierarchical:
-        likelihoods = one.likelihoods(name)
-        return fit_group(
-            likelihoods, predictors=one.predictors(likelihoods), seed=chains_seed,
-            workers=workers, most_draws=most_draws, correlated=correlated,
-        )  # fmt: skip
-    (likelihood,) = one.likelihoods(name).values()
-    return fit_likelihood(likelihood, draws=draws)
+    several = isinstance(model, (list, tuple))
+    models: Any = list(model) if isinstance(model, (list, tuple)) else model and [model]
+    one = question(asked, data, models, kept and kept / SIMULATED, alone=not several)
+    if people is None and len(one.people) > 1:
+        raise InputError(
+            f"a fit is of one person, and these trials are of {', '.join(one.people)}: give "
+            'participant=NAME, or people="each", "hierarchical" (as a group) or "pooled" (as if '
+            "they were one)",
+            "participant",
+        )
+    several = several or compare or people == "each"
+    every = fit_all(
+        one, kept, workers=workers, most_draws=most_draws, chains_seed=chains_seed, write=several
+    )
+    if several:
+        return every
+    (only,) = every.fits.values()
+    return only if isinstance(only, GroupFit) else next(iter(only.values()))
+
+
+SIMULATED, FINISHED = "stored", "pieces"
+"""Folders within that of fits: of a circuit's simulated trials, and of finished fits."""
+Stages = Callable[[str], AbstractContextManager[Callable[[str], None]]]
+
+
+def _silent(_: str) -> None:
+    pass
+
+
+def fit_all(
+    one: Question,
+    folder: Path | None = None,
+    *,
+    workers: int = 1,
+    most_draws: int = MOST,
+    chains_seed: int = HIERARCHY_SEED,
+    write: bool = False,
+    force: bool = False,
+    note: Callable[[str], None] = _silent,
+    stages: Stages = lambda _: nullcontext(_silent),
+) -> Fits | GroupFits:
+    """Fit every model to everyone, as ``fit``; finished fits in the folder are not repeated.
+
+    ``write`` adds tables and figures to it, by ``force`` also in place of those of another
+    question. ``note`` is called with the report of each fit, and ``stages`` with its name, for a
+    context that shows its progress.
+    """
+    if folder is None or not write:
+        return _fitted(one, folder, workers, most_draws, chains_seed, note, stages)
+    asked = one.asked
+    place = FitFolder(folder, settings_shared(asked, *one.data), one.circuits(), asked.seed)
+    place.check(GROUP if asked.hierarchical else EACH, force, one.estimates())
+    fits = _fitted(one, folder, workers, most_draws, chains_seed, note, stages)
+    place.write(fits, note)
+    return fits
+
+
+def _fitted(
+    one: Question, folder: Path | None, workers: int, most_draws: int, chains_seed: int,
+    note: Callable[[str], None], stages: Stages,
+) -> Fits | GroupFits:  # fmt: skip
+    """Fit every model to everyone."""
+    # Build all before any is fitted, so that errors are raised at once.
+    by_model = {name: one.likelihoods(name) for name in one.versions}
+    # Nothing says whether the code of a model of one's own has changed.
+    own = any(
+        not type(model).__module__.startswith("bgmodel.") for _, model, _ in one.versions.values()
+    )
+    store = None if folder is None or own else folder / FINISHED
+    if one.asked.hierarchical:
+        groups = {}
+        for name, people in by_model.items():
+            predictors = one.predictors(people)
+            key: dict[str, Any] = {who: _key(one, who, each) for who, each in people.items()}
+            key = {"people": key, "correlated": one.asked.people, "seed": chains_seed,
+                   "predictors": {name: values.tolist() for name, values in zip(
+                       predictors.names, predictors.columns, strict=True)}}  # fmt: skip
+            with stages(name) as tell, collected() as cautions:
+                groups[name] = fit_group(
+                    people, predictors=predictors, seed=chains_seed, workers=workers,
+                    most_draws=most_draws, correlated=one.asked.people == "correlated",
+                    kept=None if store is None else chains_entry(store, stem(name), key), tell=tell,
+                )  # fmt: skip
+            for caution in cautions:
+                FitWarning.warn(f"{name}: {caution}")
+        return GroupFits(groups, compare_fits(groups) if one.asked.compare else None)
+    fits: dict[str, dict[str, Fit]] = {name: {} for name in by_model}
+    for who in next(iter(by_model.values())):
+        for name, people in by_model.items():
+            title = f"{who}, {name}"
+            key = {**_key(one, who, people[who]), "posterior": one.asked.draws}
+            entry = fit_entry(store, f"{who} {stem(name)}", key, people[who])
+            kept = entry.get()
+            if kept is None:
+                with stages(title) as tell, collected() as cautions:
+                    kept = fit_likelihood(people[who], draws=one.asked.draws, tell=tell), cautions
+                entry.put(kept)
+                note(report(kept[0], title))
+            else:
+                note(f"{title}: already done")
+            fits[name][who] = kept[0]
+            for caution in kept[1]:
+                FitWarning.warn(f"{title}: {caution}")
+    if not one.asked.compare:
+        return Fits(fits)
+    peaks = {name: {who: (fit.optimum.likelihood, fit.optimum.vector) for who, fit in each.items()}
+             for name, each in fits.items()}  # fmt: skip
+    with stages("comparison") as tell:
+        return Fits(fits, crossvalidated(peaks, tell=tell))
+
+
+def _key(one: Question, who: str, likelihood: Likelihood) -> dict[str, Any]:
+    """Return all that a fit depends on."""
+    return {
+        "participant": who,
+        "data": one.people[who].checksum,
+        "model": identity_of(likelihood.model),
+        "free": likelihood.freedom.names,
+        "values": [each.start for each in likelihood.freedom.parameters],
+        "priors": likelihood.freedom.priors,
+        "window_s": [f"{time:g}" for time in likelihood.design.observed.window_s],
+        "left_out": likelihood.design.left_out,
+    }
 
 
 def simulate(
@@ -523,12 +677,3 @@ def simulate(
         complete = likelihood.complete(vector)
         parts.append(complete.simulated(vector, stream(seed, "simulate", who)))
     return joined(parts)
-
-
-def _check_unused(options: Mapping[str, object], names: Sequence[str], hierarchical: bool) -> None:
-    """Raise ValueError for an option that was given though it has no effect."""
-    usual = {each.name: each.default for each in signature(fit).parameters.values()}
-    for name in names:
-        if options[name] != usual[name]:
-            where = "in a hierarchy" if hierarchical else "without a hierarchy"
-            raise InputError(f"{name} has no effect {where}: leave it out", name)

@@ -29,15 +29,22 @@ IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 class Watched:
     """A folder of images and how they are decided on."""
 
-    folder: Path  # the sensor writes to it; existing images are read first
+    folder: Path
+    """Folder to which the sensor writes its images; existing images are read first."""
     decoder: Path
-    taps: Path  # of the same sensor and decoder, for the likelihoods
+    """A decoder from `bgmodel touch train`."""
+    taps: Path
+    """Taps of the same sensor, decoded with it, used to estimate the likelihoods."""
     mm_per_px: float
+    """Scale of the images, mm per pixel."""
     task: Tactile  # with the time between readings and the deadline of a trial
     model: BasalGanglia | None  # without a circuit, the test decides
-    posterior: float
-    first_deg: float  # direction of the first alternative of edge-direction
-    idle_s: float  # stop when no image has arrived for this time
+    posterior: float = 0.82
+    """Posterior at which to decide."""
+    first_deg: float = 0.0
+    """Direction of the first alternative of edge-direction, degrees."""
+    idle_s: float = 10.0
+    """Stop when no image has arrived for this time, s."""
     skipped: Callable[[str], None] = print  # called with the reason
     latency_ms: list[float] = field(default_factory=list)  # of each reading
 

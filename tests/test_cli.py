@@ -107,7 +107,6 @@ BAD_USE = {
     "decide --task period_mm=7 --save out.csv": "period_mm",
     "decide --save file/out.csv": "folder",
     "decide --seed -1 --save out.csv": "seed",
-    "decide --onset-ms 5 --save out.csv": "onset_ms",
     "decide --task channels=3 --save out.csv": "task.channels",
     "decide --task trials=many --save out.csv": "task.trials",
     "decide --task trials=1.5 --save out.csv": "task.trials",

@@ -57,18 +57,19 @@ def made(*, output, **options):
         calls.write("1")
 
 
-@pytest.mark.parametrize("damage", ["result", "cut", "[" * 100_000, "3"])
+@pytest.mark.parametrize("damage", ["result", "record"])
 def test_a_step_is_made_again_if_its_result_or_the_record_is_damaged(tmp_path, damage):
-    result, record = tmp_path / "x", tmp_path / "steps.json"
+    result = tmp_path / "x"
     for _ in range(2):
-        touch._Steps(tmp_path)._make("x", made, seed=1)
+        touch.step(tmp_path, "x", made, seed=1)
     assert result.with_suffix(".calls").read_text() == "1"
     if damage == "result":
         result.write_text("whale")
     else:
-        record.write_text(record.read_text()[:-9] if damage == "cut" else damage)
+        (record,) = (tmp_path / "steps").iterdir()
+        record.write_bytes(record.read_bytes()[:-9])
     for _ in range(2):
-        touch._Steps(tmp_path)._make("x", made, seed=1)
+        touch.step(tmp_path, "x", made, seed=1)
     assert result.with_suffix(".calls").read_text() == "11"
     assert result.read_text() == "whole"
 

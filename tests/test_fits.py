@@ -58,8 +58,9 @@ def test_draws_are_of_the_posterior():
         ({"strength": "coherence"}, "strength"),
         ({"mechanism": "dopamine"}, "mechanism"),
         ({"draws": 1}, "draws"),
-        ({"correlated": 1}, "correlated"),
-        ({"correlated": True}, "correlated"),
+        ({"people": "all"}, "people"),
+        ({"people": "pooled"}, "people"),
+        ({"most_draws": 9}, "most_draws"),
         ({"formula": "threshold ~ x"}, "formula"),
         ({"vary": {"threshold": "x"}}, "vary"),
         ({"model": "ddm"}, "models"),
@@ -101,7 +102,7 @@ def test_a_group_with_known_evidence_is_fitted_with_what_differs_between_people(
     )
     data = data.assign(group=data["participant_id"].map(lambda who: "ab"[int(who[1]) % 2]))
     asked = settings_of(
-        evidence=evidence, forced=True, formula="threshold ~ group", hierarchical=True
+        evidence=evidence, forced=True, formula="threshold ~ group", people="hierarchical"
     )
     one = question(asked, data, ["msprt"])
     likelihoods = one.likelihoods("msprt")
@@ -134,7 +135,7 @@ def test_rewarded_choices_are_fitted_by_learners():
     assert fit.summary().index.tolist() == ["rate", "scale"]
     likely = likelihood("q", trials, free=["rate", "scale"])
     assert fit.log_likelihood == pytest.approx(likely(fit.optimum.vector))
-    for options in ({"model": "macaque"}, {"engine": "rate"}, {"pooled": True}):
+    for options in ({"model": "macaque"}, {"engine": "rate"}, {"people": "pooled"}):
         with refused(next(iter(options))):
             bg.fit(trials, **{"model": "q", **options})
 
@@ -153,17 +154,36 @@ def test_stop_signal_trials_are_fitted_by_their_stop_process():
     cells = alike.cells()  # every response is correct in the data, and so in the model
     assert cells["model_wrong_s"].isna().all()
     assert cells["model_correct_s"].between(0.3, 0.6).all()
-    for options in ({"engine": "rate"}, {"pooled": True}, {"rt_window": (0.1, 2.0)}):
+    for options in ({"engine": "rate"}, {"people": "pooled"}, {"rt_window": (0.1, 2.0)}):
         with refused(next(iter(options))):
             bg.fit(table, "constant_gap", **options)
     with refused("ssd"):
         bg.fit(table[table["ssd"].isna()], "constant_gap")
 
 
+def test_each_of_several_people_is_fitted_as_alone_and_kept_in_a_folder(tmp_path, monkeypatch):
+    """The same call then fits nothing; the tables are those of the command."""
+    table, options = stop_table(people=2), {"free": ["ssrt_ms"]}
+    asked = {**options, "people": "each", "folder": tmp_path / "fits"}
+    fits = bg.fit(table, "constant_gap", **asked)
+    alone = bg.fit(table, ["constant_gap"], participant="p1", **options).fits["constant_gap"]["p1"]
+    pd.testing.assert_frame_equal(fits.fits["constant_gap"]["p1"].parameters(), alone.parameters())
+    written = pd.read_csv(tmp_path / "fits" / "parameters.csv")
+    pd.testing.assert_frame_equal(written, fits.to_dataframe(), check_dtype=False)
+    assert (tmp_path / "fits" / "p0.png").is_file()
+    monkeypatch.setattr("bgmodel.fits.fit_likelihood", None)
+    again = bg.fit(table, "constant_gap", **asked)
+    pd.testing.assert_frame_equal(again.cells(), fits.cells())
+    with refused("compare"):
+        bg.fit(table, "constant_gap", **asked, compare=True)
+    with refused("folder"):
+        bg.fit(table, "constant_gap", **asked, prior={"ssrt_ms": (100, 300)})
+
+
 def test_people_with_too_few_stop_trials_are_left_out_of_a_group():
     table = stop_table(people=4)
     few = table["participant_id"].eq("p3") & table["ssd"].notna()
-    one = question(settings_of(hierarchical=True), table[~few], ["constant_gap"])
+    one = question(settings_of(people="hierarchical"), table[~few], ["constant_gap"])
     with pytest.warns(DataWarning, match="p3"):
         assert list(one.likelihoods("constant_gap")) == ["p0", "p1", "p2"]
     assert one.estimates()["participant"].tolist() == ["p0", "p1", "p2", "p3"]
@@ -275,10 +295,10 @@ def test_every_kind_of_trials_is_simulated_for_every_person():
     ],
     ids=["choices", "known evidence", "stop signals", "rewards"],
 )  # fmt: skip
-@pytest.mark.parametrize("hierarchical", [False, True])
-def test_every_kind_of_model_has_priors(data, model, prior, options, hierarchical):
+@pytest.mark.parametrize("people", ["each", "hierarchical"])
+def test_every_kind_of_model_has_priors(data, model, prior, options, people):
     """Those of a fit of one person are those of the median person in a hierarchy."""
-    asked = settings_of(prior=prior, hierarchical=hierarchical, **options)
+    asked = settings_of(prior=prior, people=people, **options)
     one = question(asked, data, [model])
     ((name, interval),) = prior.items()
     for each in one.likelihoods(model).values():

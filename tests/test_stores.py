@@ -7,10 +7,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.commands.fitted import Piece, entry_of
+from bgmodel.fitting.checks.misfit import Misfit
+from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.fit import Fit
 from bgmodel.fitting.hierarchy.chains import chains_entry
+from bgmodel.fitting.identify import Directions
+from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.optimum import Optimum
+from bgmodel.fitting.several import fit_entry
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes
+from bgmodel.fitting.simulated.error import Simulation
+from bgmodel.fitting.trials.design import design_of
+from bgmodel.support.files import checksum_entry
 from bgmodel.sweeps import shards
 from bgmodel.sweeps.plan import Plan
 from bgmodel.tactile import library
@@ -19,13 +28,22 @@ from circuits.anatomy import load_circuit
 from circuits.store import cached
 from figures import pieces
 from tests.damage import DAMAGES
+from tests.drawn import drawn
 from tests.helpers import refused
 from tests.tactile.plans import TINY
 
 RNG = np.random.default_rng(24_711)
 TABLE = pd.DataFrame({"rt": RNG.normal(size=40), "who": [f"p{k % 7}" for k in range(40)]})
 ARRAYS = {"x": np.arange(5.0), "of": np.zeros((0, 2), np.int16), "name": np.array("one")}
-PIECE = Piece(TABLE, TABLE.head(3), pd.DataFrame({"caution": []}, dtype=str))
+LIKELIHOOD = likelihood_of(
+    GapModel(), design_of(drawn(GapModel(), [0.4], 20, 71, seconds=2.0, sensitivity=9.0, bound=0.6))
+)
+VECTOR = LIKELIHOOD.freedom.start
+FIT = Fit(
+    Optimum(LIKELIHOOD, VECTOR, -3.0, 7),
+    Directions(LIKELIHOOD.freedom.names, VECTOR, np.eye(len(VECTOR))),
+    Simulation(0.0, np.zeros(len(VECTOR))), Misfit(np.zeros(1), np.ones(1), {}),
+)  # fmt: skip
 MODEL = CircuitModel(load_circuit("macaque", 2), "rate")
 BINS, CHOICE = RNG.integers(0, 9, (2, 60, 30)).astype("int16")
 PASSAGES = FirstPassageTimes(
@@ -41,7 +59,8 @@ SCORE = pieces.Score("test", 1, (2,), lambda *_: (), dict)
 USERS = {
     "filters": (lambda _: cached("tables", "sources", "key"), ARRAYS),
     "states": (lambda _: cached("states", "sources", "key", most=9), ARRAYS),
-    "fits": (lambda folder: entry_of(folder, "a/b", {"k": [0.1]}), PIECE),
+    "fits": (lambda folder: fit_entry(folder, "a/b", {"k": [0.1]}, LIKELIHOOD), (FIT, ["it is"])),
+    "steps": (lambda folder: checksum_entry(folder / "a", {"k": 1}), "e3b0c442"),
     "crossings": (lambda folder: replace(MODEL, folder=folder).entry(()), PASSAGES),
     "chains": (lambda folder: chains_entry(folder, "a", {"k": 1}), ARRAYS),
     "shards": (lambda folder: shards.entry(POINT.shards()[0], folder), ARRAYS),

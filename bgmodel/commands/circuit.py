@@ -12,11 +12,11 @@ import numpy as np
 
 from bgmodel.commands.options import FLAT, MANY, Edited, Workers, record
 from bgmodel.commands.output import (
+    TABLES,
     Files,
     Output,
     bar,
     check_ending,
-    check_whole,
     made_with,
     say_before,
     say_of_edits,
@@ -27,13 +27,13 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.names import MACAQUE, CircuitName, EngineName
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import files
+from bgmodel.support.checks import whole
 from bgmodel.tables import named as tables
 from bgmodel.task import Gaussian
-from circuits.activity import Activity
+from circuits.activity import RateMeans
 from circuits.anatomy import load_circuit
-from circuits.circuit import Circuit
 from circuits.declaration.edits import Edits
-from circuits.errors import BgmodelWarning, InputError, require
+from circuits.errors import BgmodelWarning, require
 
 BRIAN2 = EngineName("brian2")
 SIGNALS = StopTask(share=0.5)
@@ -55,10 +55,8 @@ def show(
 ) -> None:
     """Print a circuit's table, with its edits; draw it, or save it as a file to edit.
 
-    Examples: bgmodel circuit show macaque;
-    bgmodel circuit show appendix_b --edits "lesion STN 50%" --plot circuit.pdf;
-    bgmodel circuit show --edits "set STN->GPe.delay_ms 4" "add D1->GPe weight=-0.1";
-    bgmodel circuit show macaque --channels 4 --save mine.toml; bgmodel circuit show mine.toml
+    Examples: bgmodel circuit show macaque --channels 4 --save mine.toml;
+    bgmodel circuit show --edits "set STN->GPe.delay_ms 4" "add D1->GPe weight=-0.1" --plot a.pdf
 
     Parameters
     ----------
@@ -75,61 +73,37 @@ def show(
     output.check((".toml",), circuit=circuit)
     before = load_circuit(circuit, channels)
     table = before.edited(*edits)
-    scatter = None if noise is None else _scatter(table, noise)
+    if rest or noise is not None:
+        from bgmodel.integrators.criterion import doubts
+        from bgmodel.integrators.steady import noise_of_out, resting_activity
+    sources = None if noise is None else noise_of_out(table, noise)
     print(table)
     if text := edits.text():
         print(f"\nedited, in this order: {text}")
         say_of_edits(edits, circuit=table)
-    if rest:
-        _show_rest(table)
-    if scatter is not None:
-        print(f"\n{scatter}")
-    output.draw(lambda: table.plot(reference=before))
-    if output.save is not None:
-        from circuits.declaration.table_writer import write
-
-        print(f"\n{table.name}, {table.channels} channels -> {write(table, output.save)}")
-
-
-def _show_rest(table: Circuit) -> None:
-    """Print resting rates, and what an input of one unit means."""
-    if not any(row.spiking for row in table.populations):
+    if rest and not any(row.spiking for row in table.populations):
         print("\nthis circuit has no spiking cells")
-    else:
-        from bgmodel.integrators.criterion import doubts
-        from bgmodel.integrators.steady import resting_activity
-
+    elif rest:
         for doubt in doubts(table):
             BgmodelWarning.warn(doubt)
         print("\nwithout evidence, 4 trials of 5 s:")
         activity = resting_activity(table, seed=0)
         print(activity.to_string(index=False, float_format="{:.2f}".format))
-    print(f"\nan input of 1 {table.unit.removesuffix('s')} to one nucleus at rest:")
-    print(table.effect_of_nats().to_string(index=False, float_format="{:.3g}".format))
+    if rest:
+        print(f"\nan input of 1 {table.unit.removesuffix('s')} to one nucleus at rest:")
+        print(table.effect_of_nats().to_string(index=False, float_format="{:.3g}".format))
+    if sources is not None and sources.empty:
+        print("\nOUT has no noise: the circuit has no cells")
+    elif sources is not None:
+        shares = ", ".join(f"{row.population} {row.share:.0%}" for row in sources.itertuples())
+        print(f"\nat a posterior of {noise:g} the noise of OUT is "
+              f"{np.linalg.norm(sources['sd_nats']):.3f} nats (sd, linear theory); shares of its "
+              f"variance: {shares}")  # fmt: skip
+    output.draw(lambda: table.plot(reference=before))
+    if output.save is not None:
+        from circuits.declaration.table_writer import write
 
-
-def _scatter(table: Circuit, posterior: float) -> str:
-    """Return one line on the noise of the favoured channel's OUT."""
-    from bgmodel.integrators.steady import leader_drive
-    from circuits.laws.fluctuation import out_variance
-
-    table.check_nats("a posterior (--noise)")
-    # Within the range of the read-out, and above chance.
-    low = max(float(np.exp(-table.readable_nats[1])), 1 / table.channels)
-    high = float(np.exp(-table.readable_nats[0]))
-    must = f"must be a posterior that {table.name} reads, {low:.2f} to {high:.2f}"
-    require(low < posterior < high, "noise", must, posterior)
-    if not any(row.spiking for row in table.populations):
-        return "OUT has no noise: the circuit has no cells"
-    odds = np.log(posterior * (table.channels - 1) / (1 - posterior))
-    drive = leader_drive(odds, table.channels)[0, 0]
-    variance = {k: v[0] for k, v in out_variance(table, drive).items()}
-    total = sum(variance.values())
-    shares = ", ".join(f"{name} {part / total:.0%}" for name, part in variance.items())
-    return (
-        f"at a posterior of {posterior:g} the noise of OUT is {np.sqrt(total):.3f} nats (sd, "
-        f"linear theory); shares of its variance: {shares}"
-    )
+        print(f"\n{table.name}, {table.channels} channels -> {write(table, output.save)}")
 
 
 def export(
@@ -142,34 +116,22 @@ def export(
 
     The trial is that of `circuit run` with the same options, which runs on to its end.
 
-    Examples: bgmodel circuit export --save trial.py --task t_max=10;
-    bgmodel circuit export --save lesioned.py --trial 3 --edits "lesion STN 10%"
+    Example: bgmodel circuit export --save lesioned.py --trial 3 --edits "lesion STN 10%"
 
     Parameters
     ----------
     trial
         Number of the trial, from 0.
     """
-    require(output.save is not None, "save", "must name the file for the script, .py", None)
-    output.unused("plot")
-    output.check((".py",), condition=condition)
+    path = output.needed(".py", condition=condition)
     for name, usual in (("engine", ENGINE), ("posterior", None), ("threshold", None)):
         value = getattr(condition, name)
-        brian2 = value == BRIAN2
-        require(value == usual or brian2, name, "has no effect on a script: leave it out", value)
-    condition = replace(condition, engine=BRIAN2)
-    trials = range(condition.trials)
-    require(trial in trials, "trial", f"must be within 0..{len(trials) - 1}", trial)
-    evidence = condition.drawn(STREAM).evidence
-    model = condition.model(evidence.hypotheses).adapted_to(evidence)
-    model.check_strength(evidence)
-    drive, step_ms = model.driven(evidence[trial : trial + 1])
-    model.check_memory(1, drive.shape[1], step_ms)
-    text = model.circuit.to_brian2_script(drive, step_ms=step_ms, seed=condition.seed, trial=trial)
-    assert output.save is not None
-    with files.replacing(output.save) as partial:
+        known = value in (usual, BRIAN2)
+        require(known, name, "has no effect on a script: leave it out", value)
+    text = replace(condition, engine=BRIAN2).to_brian2_script(trial)
+    with files.replacing(path) as partial:
         partial.write_text(text, encoding="utf-8")
-    print(f"trial {trial} of {model.circuit.name} -> {output.save}")
+    print(f"trial {trial} -> {path}")
 
 
 def run(
@@ -193,8 +155,7 @@ def run(
     Without --task it then decides 4 000 trials of d' 0.35 with a reading every 10 ms; any --task
     replaces all of these.
 
-    Examples: bgmodel circuit run --task trials=100 --seed 1 --save decisions.csv;
-    bgmodel circuit run --edits "lesion STN 10%" --engine rate;
+    Examples: bgmodel circuit run --edits "lesion STN 10%" --task trials=100 --save decisions.csv;
     bgmodel circuit run --task trials=4000 d_prime=0.35 step_ms=10 t_max=150 --stop delay_ms=60
 
     Parameters
@@ -214,29 +175,26 @@ def run(
     more: dict[str, Any]
     more = {"save_rates": save_rates, "save_spikes": save_spikes, "save_nwb": save_nwb}
     output.check(condition=condition, **more)
-    check_whole(workers=workers, spike_trials=spike_trials)
-    if stop is not None:
-        if condition.task == Gaussian():
-            condition = replace(condition, task=STOPPED)
-        for name, path in more.items():
-            require(path is None, name, "has no effect with stop signals: leave it out", str(path))
-        _run_with_signals(condition, stop, workers, output)
-        return
-    output.unused("plot")
-    _check_files(condition, save_rates, save_spikes, save_nwb, nwb_trials)
+    whole("spike_trials", spike_trials, 1)
+    if stop is not None and condition.task == Gaussian():
+        condition = replace(condition, task=STOPPED)
+    _check_files(condition, stop, nwb_trials, **more)
+    if stop is None:
+        output.unused("plot")
     trials = condition.drawn(STREAM)
     evidence = trials.evidence
-    model = condition.model(evidence.hypotheses, workers=workers).adapted_to(evidence)
+    rates = None if stop is None else False
+    model = condition.model(evidence.hypotheses, workers=workers, rates=rates).adapted_to(evidence)
     say_of_edits(condition.edits, circuit=model.circuit)
     posterior = condition.stopping_posterior
     threshold = model.threshold(condition.threshold, posterior)
+    settled = replace(condition, gain=model.gain, posterior=posterior)
     started = time.perf_counter()
     say_before("running", model, evidence)
-    means = None
-    if save_rates is not None:
-        from circuits.activity import RateMeans
-
-        means = RateMeans()
+    if stop is not None:
+        _stop(model, evidence, stop, threshold, settled, output)
+        return
+    means = None if save_rates is None else RateMeans()
     with bar(evidence.trials):
         decision = model.decide(evidence, threshold, rates=means)
     # A table of evidence on an engine without noise: there is no noise.
@@ -244,12 +202,12 @@ def run(
     about = f"{model.circuit.name} {model.engine}"
     result = tables.trial_table(decision, trials, seed=seed, model=about,
                                 condition=condition.edits.text())  # fmt: skip
-    settled = replace(condition, gain=model.gain, posterior=posterior)
     behind: dict[str, Any] = {"seed": seed, **made_with(model, condition=settled)}
     if condition.task.file is not None:
         output.note(trials.summary())
-    accuracy = f"{result['correct'].mean():.3f}" if evidence.truth is not None else None
-    scored = "no truth given" if accuracy is None else f"accuracy {accuracy}"
+    scored = "no truth given"
+    if evidence.truth is not None:
+        scored = f"accuracy {result['correct'].mean():.3f}"
     text = (
         f"{len(result)} trials, {scored}, mean time {np.nanmean(decision.time_ms):.0f} ms, "
         f"forced {result['forced'].sum()}, gain {decision.gain:g}, in "
@@ -260,77 +218,53 @@ def run(
     if save_rates is not None and means is not None:
         files.write_table(means.table(), save_rates, **behind)
         output.note(f"-> {save_rates}")
+    recorded = model.with_spikes()
     if save_spikes is not None:
-        spikes = _whole(model, evidence, 0, spike_trials).spike_table()
-        made = behind["command"] | {"spike_trials": spike_trials}
-        files.write_table(spikes, save_spikes, **(behind | {"command": made}))
+        spikes = recorded.activity(evidence[:spike_trials], checked=False).spike_table()
+        behind["command"] |= {"spike_trials": spike_trials}
+        files.write_table(spikes, save_spikes, **behind)
         output.note(f"-> {save_spikes}")
     if save_nwb is not None:
         from circuits.nwb import write_nwb
 
-        activities = [_whole(model, evidence, k, k + 1) for k in nwb_trials]
-        write_nwb(activities, save_nwb, table=result.iloc[[*nwb_trials]])
+        every = [recorded.activity(evidence[k : k + 1], k, checked=False) for k in nwb_trials]
+        write_nwb(every, save_nwb, table=result.iloc[[*nwb_trials]])
         output.note(f"-> {save_nwb}")
 
 
-def _whole(model: BasalGanglia, evidence: Evidence, first: int, last: int) -> Activity:
-    """Return trials of a range, run to their ends, with spikes if the engine has any."""
-    names = tuple(row.name for row in model.circuit.populations if row.spiking)
-    model = replace(model, engine=model.engine.recording(names))
-    return model.activity(evidence[first:last], first, checked=False)
-
-
 def _check_files(
-    condition: Condition,
-    rates: Path | None,
-    spikes: Path | None,
-    nwb: Path | None,
-    nwb_trials: tuple[int, ...],
+    condition: Condition, stop: StopTask | None, nwb_trials: tuple[int, ...], **files_by_name: Any
 ) -> None:
     """Raise ValueError for files that contradict other options, before long work starts."""
     from circuits.engines import engine_of
 
-    trials = condition.trials
+    engine, trials, task = engine_of(condition.engine), condition.trials, condition.task
     known = len(nwb_trials) > 0 and all(k in range(trials) for k in nwb_trials)
     require(known, "nwb_trials", f"must be within 0..{trials - 1}", nwb_trials)
-    if spikes is not None and not engine_of(condition.engine).spiking:
-        raise InputError(
-            f"the {condition.engine} engine has no spikes: leave --save-spikes out", "save_spikes"
-        )
-    for name, path in (("save_rates", rates), ("save_spikes", spikes)):
+    if stop is not None and task.file is None:
+        stop.check_ends(task.step_ms * task.t_max)
+    for name, path in files_by_name.items():
         if path is not None:
-            check_ending(name, path, ".parquet", ".csv")
-    if nwb is not None:
-        check_ending("save_nwb", nwb, ".nwb")
-        if importlib.util.find_spec("pynwb") is None:
-            raise ImportError('NWB needs pynwb: pip install ".[nwb]"')
+            require(stop is None, name, "has no effect with stop signals: leave it out", str(path))
+            check_ending(name, path, *(TABLES if name != "save_nwb" else (".nwb",)))
+    spikes, nwb = files_by_name["save_spikes"], files_by_name["save_nwb"]
+    must = f"must be left out: the {engine.id} engine has no spikes"
+    require(spikes is None or engine.spiking, "save_spikes", must, str(spikes))
+    if nwb is not None and importlib.util.find_spec("pynwb") is None:
+        raise ImportError('NWB needs pynwb: pip install ".[nwb]"')
 
 
-def _run_with_signals(condition: Condition, stop: StopTask, workers: int, output: Output) -> None:
+def _stop(
+    model: BasalGanglia, evidence: Evidence, stop: StopTask, level: float, made: Condition,
+    output: Output,
+) -> None:  # fmt: skip
     """Let the circuit decide with stop signals in a share of the trials."""
     from bgmodel.stopping.drawing import draw
-    from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, ssrt_by_delay, told
+    from bgmodel.stopping.estimates import reported
 
-    task = condition.task
-    if task.file is None:
-        stop.check_ends(task.step_ms * task.t_max)
-    evidence = condition.drawn(STREAM).evidence
-    model = condition.model(evidence.hypotheses, workers=workers, rates=False)
-    say_of_edits(condition.edits, circuit=model.circuit)
-    model = model.adapted_to(evidence)
-    level = model.threshold(condition.threshold, condition.stopping_posterior)
-    runs = len(stop.delays_ms) if stop.staircases else 1
-    say_before("running", model, evidence)
-    with bar(runs * evidence.trials):
-        trials = stop.decide(model, evidence, threshold=level, seed=condition.seed)
-    estimate, table = estimate_ssrt(trials, checked=False), inhibition_function(trials)
-    ssrt_ms = ssrt_by_delay(table)
-    text = f"{table.round(3).to_string(index=False)}\n{told(estimate, ssrt_ms, stop)}"
-    facts = {**vars(estimate), "ssrt_by_delay_ms": ssrt_ms, "trials": len(trials.rt_ms)}
-    if np.isnan(ssrt_ms):
-        facts |= {"ssrt_ms": None, "ssrt_mean_ms": None}
+    with bar((len(stop.delays_ms) if stop.staircases else 1) * evidence.trials):
+        trials = stop.decide(model, evidence, threshold=level, seed=made.seed)
+    text, table, facts = reported(trials, stop)
     output.show(text, table, **facts)
-    settled = replace(condition, gain=model.gain, posterior=condition.stopping_posterior)
-    behind = made_with(model, condition=settled, stop=stop)
-    output.write(trials.to_dataframe(), condition.seed, **behind)
+    output.write(trials.to_dataframe(), made.seed, **made_with(model, condition=made, stop=stop))
     output.draw(lambda: draw(trials))

@@ -8,15 +8,7 @@ from typing import Annotated, Any
 
 from bgmodel.bootstrap import check_trials
 from bgmodel.commands.options import FLAT, Workers, like, task
-from bgmodel.commands.output import (
-    Output,
-    bar,
-    check_whole,
-    made_with,
-    say,
-    say_before,
-    say_of_edits,
-)
+from bgmodel.commands.output import Output, bar, made_with, say, say_before, say_of_edits
 from bgmodel.comparison import compare as comparing
 from bgmodel.comparison.matched import checked_accuracies
 from bgmodel.comparison.page import page, verdicts
@@ -48,13 +40,10 @@ def compare(
     and each agreement comes with its chance level, from shuffled trials. For an edited circuit, the
     difference of each measure from the intact circuit is reported too.
 
-    Examples: bgmodel compare --task channels=4 --save agreement.csv;
-    bgmodel compare --engine population --noise-ceiling --plot ceiling.png;
-    bgmodel compare --task same-different period_mm=1.5;
-    bgmodel compare --task channels=4 --edits "clamp GPe"
+    Examples: bgmodel compare --task same-different period_mm=1.5 --noise-ceiling --plot a.png;
+    bgmodel compare --task channels=4 --edits "clamp GPe" --save agreement.csv
     """
     output.check(setup=setup, task=task)
-    check_whole(workers=workers)
     trials = trials_of(task, setup.seed, "compare")
     evidence = trials.evidence
     if task.file is not None:

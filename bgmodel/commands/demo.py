@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bgmodel.commands.output import Files, save_figure, say
+from bgmodel.commands.output import Files, say
 
 
 def demo(*, seed: int = 1, plot: Path = Path("demo.png"), force: bool = False) -> None:
@@ -21,12 +21,11 @@ def demo(*, seed: int = 1, plot: Path = Path("demo.png"), force: bool = False) -
     force
         Overwrite an existing picture.
     """
-    Files(plot=plot, force=force).check(())
+    output = Files(plot=plot, force=force)
+    output.check(())
     say("decisions of some 40 000 spiking cells")
-    from bgmodel.demo import demo as shown
-    from bgmodel.demo import draw
+    from bgmodel import demo as whole
 
-    chain = shown(seed)
-    save_figure(draw(chain), plot)
+    chain = whole.demo(seed)
     print(chain.summary())
-    print(f"-> {plot}")
+    output.draw(lambda: whole.draw(chain))

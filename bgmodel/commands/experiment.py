@@ -10,20 +10,12 @@ import pandas as pd
 
 from bgmodel.bootstrap import check_trials
 from bgmodel.commands.options import FLAT, Workers
-from bgmodel.commands.output import (
-    Output,
-    bar,
-    check_apart,
-    check_whole,
-    recorded,
-    say_before,
-    write_template,
-)
-from bgmodel.experiments.experiment import Experiment, Outcome, shipped, shipped_text
+from bgmodel.commands.output import Output, bar, say_before, write_template
+from bgmodel.experiments.experiment import Experiment, shipped, shipped_text
 from bgmodel.names import EngineName
 from bgmodel.support import files
 from circuits.declaration.table_writer import identity
-from circuits.errors import InputError
+from circuits.errors import require
 
 
 def experiment(
@@ -45,8 +37,7 @@ def experiment(
     Without predictions, there is a report and no verdict. With --save, the table of trials of both
     conditions goes to the same folder, with _trials at the end of its name.
 
-    Examples: bgmodel experiment; bgmodel experiment stn_lesion_partial --show;
-    bgmodel experiment mine.toml --template;
+    Examples: bgmodel experiment; bgmodel experiment mine.toml --template;
     bgmodel experiment mine.toml --save outcome.csv --trials 200 --engine population
 
     Parameters
@@ -69,81 +60,50 @@ def experiment(
         return
     if not file:
         output.unused("save", "plot")
-        _list(output)
+        known = shipped()
+        width = max(map(len, known)) + 2
+        lines = [f"{name:<{width}}{one.name} ({one.source})" for name, one in known.items()]
+        rows = [(name, one.name, one.source) for name, one in known.items()]
+        output.show("\n".join(lines), pd.DataFrame(rows, columns=["file", "name", "source"]))
         return
     if show:
-        _print(file)
+        require(Path(file).suffix != ".toml", "show", "is for a shipped experiment", file)
+        Experiment.from_toml(file)  # its error lists the names
+        print(shipped_text(file), end="")
         return
-    check_whole(workers=workers)
-    more = [] if output.save is None else [_trials_path(output.save)]
-    output.check(more=more, file=Path(file))
+    beside = output.save and output.save.with_stem(f"{output.save.stem}_trials")
     asked = Experiment.from_toml(file)
     if trials is not None:
         asked = replace(asked, task=asked.task.changed(trials=trials))
-    replaced: dict[str, Any] = {"seed": seed, "engine": engine}
-    asked = replace(asked, **{k: v for k, v in replaced.items() if v is not None})
+    asked = replace(asked, seed=asked.seed if seed is None else seed, engine=engine or asked.engine)
     asked.check_differs()
-    read = [] if asked.task.file is None else [("task.evidence", asked.task.file)]
-    written = [] if output.save is None else [("save", output.save), ("trials", more[0])]
-    check_apart(written, read)
-    done = _run(asked, workers)
-    if asked.task.file is not None:
-        output.note(done.given.summary())
-    _finish(asked, done, output)
-
-
-def _list(output: Output) -> None:
-    """List the shipped experiments."""
-    known = shipped()
-    width = max(map(len, known)) + 2
-    text = "\n".join(f"{name:<{width}}{one.name} ({one.source})" for name, one in known.items())
-    rows = [(file, one.name, one.source) for file, one in known.items()]
-    output.show(text, pd.DataFrame(rows, columns=["file", "name", "source"]))
-
-
-def _print(file: str) -> None:
-    """Print the file of a shipped experiment."""
-    if Path(file).suffix == ".toml":
-        raise InputError.of("show", "is for a shipped experiment", file)
-    Experiment.from_toml(file)  # its error lists the names
-    print(shipped_text(file), end="")
-
-
-def _run(asked: Experiment, workers: int) -> Outcome:
-    """Announce the experiment and run it."""
-    trials = asked.given()
-    evidence = trials.evidence
+    read: dict[str, Any] = {"file": Path(file), "task.evidence": asked.task.file}
+    output.check(more={"trials": beside} if beside else {}, **read)
+    given = asked.given()
+    evidence = given.evidence
     check_trials(evidence.trials)
     control = asked.conditions[0].model(evidence.hypotheses, workers=workers, rates=False)
     say_before("an experiment on", control, evidence, runs=2)
     with bar(2 * evidence.trials):
-        return asked.run(workers=workers, named=trials)
-
-
-def _finish(asked: Experiment, done: Outcome, output: Output) -> None:
-    """Print measures and outcomes of predictions, write them and the trials, draw them."""
-    rows, trials = done.rows(), len(done.trials) // 2
+        done = asked.run(workers=workers, named=given)
+    if asked.task.file is not None:
+        output.note(given.summary())
     control, manipulation = done.models
     facts: dict[str, Any] = {
         "name": asked.name, "source": asked.source, "published": asked.published,
         "circuit": control.circuit.name, "engine": control.engine.id, "gain": control.gain,
-        "posterior": asked.stopping, "seed": asked.seed, "trials": trials,
+        "posterior": asked.stopping, "seed": asked.seed, "trials": evidence.trials,
     }  # fmt: skip
-    output.show(done.text(), rows, **facts)
-    output.note(f"{trials} trials")
-    if output.save is not None:
+    output.show(done.text(), done.rows(), **facts)
+    output.note(f"{evidence.trials} trials")
+    if beside is not None:
         behind = {
             "seed": asked.seed,
-            "experiment": recorded(replace(asked, gain=control.gain)),
+            "experiment": files.recorded(replace(asked, gain=control.gain)),
             "control": identity(control.circuit),
             "manipulation": identity(manipulation.circuit),
         }
-        output.write(rows, **behind)
-        path = _trials_path(output.save)
-        files.write_table(done.trials, path, **behind)
-        output.note(f"-> {path}")
+        output.write(done.rows(), **behind)
+        files.write_table(done.trials, beside, **behind)
+        output.note(f"-> {beside}")
     output.draw(done.plot)
-
-
-def _trials_path(save: Path) -> Path:
-    return save.with_stem(f"{save.stem}_trials")

@@ -9,12 +9,10 @@ from importlib.util import find_spec
 from typing import Annotated
 
 from bgmodel.commands.options import OFF
-
-PORT = 5006
-NEEDS = 'the explorer needs Panel: pip install "bgmodel[explore]"'
+from bgmodel.commands.output import say
 
 
-def explore(file: str = "", /, *, port: int = PORT, browser: Annotated[bool, OFF] = True) -> None:
+def explore(file: str = "", /, *, port: int = 5006, browser: Annotated[bool, OFF] = True) -> None:
     """Open a circuit in the browser: edit it, and watch its spikes, decisions and behaviour.
 
     The page is served to this machine only, at an address that contains a secret; Ctrl-C ends it.
@@ -32,7 +30,7 @@ def explore(file: str = "", /, *, port: int = PORT, browser: Annotated[bool, OFF
         Whether to open the page in the browser.
     """
     if find_spec("panel") is None:
-        raise ImportError(NEEDS)
+        raise ImportError('the explorer needs Panel: pip install "bgmodel[explore]"')
     from bgmodel.explorer.state import opened
 
     state = opened(file)
@@ -42,12 +40,11 @@ def explore(file: str = "", /, *, port: int = PORT, browser: Annotated[bool, OFF
     served = Served(state, port)
     print(f"bgmodel explorer: {served.address}", flush=True)
     print("It is for this machine only; Ctrl-C ends it.", file=sys.stderr, flush=True)
+
+    def show() -> None:
+        if not webbrowser.open(served.address):
+            say("no browser was found: open the address above")
+
     if browser:
-        threading.Thread(target=_open, args=(served.address,), daemon=True).start()
+        threading.Thread(target=show, daemon=True).start()
     served.run()
-
-
-def _open(address: str) -> None:
-    """Open an address in the browser, or report that there is none."""
-    if not webbrowser.open(address):
-        print("bgmodel: no browser was found: open the address above", file=sys.stderr)

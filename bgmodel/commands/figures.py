@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import signal
 from pathlib import Path
 
 from bgmodel.commands.options import Workers
 from bgmodel.commands.output import check_whole
 from bgmodel.support.files import remove_partial_files
+from bgmodel.support.processes import run_snakemake
 from bgmodel.tactile.recordings import find_recordings
-from circuits.errors import InputError
+from circuits.errors import require
 
 LOCKS = Path(".snakemake/locks")
 """Where Snakemake locks the files of a run; a killed run leaves its locks behind."""
-
-
-def _names() -> list[str]:
-    """Return the names of all figures."""
-    return sorted(f"fig{path.stem[5:]}" for path in Path("figures").glob("*/draw_*.py"))
 
 
 def _check_unlocked() -> None:
@@ -29,33 +23,6 @@ def _check_unlocked() -> None:
             "another run is drawing figures in this checkout, or was killed: wait for its end, or, "
             "if it is gone, remove its lock with `bgmodel figures --unlock`"
         )
-
-
-def run_snakemake(arguments: list[str]) -> int:
-    """Run Snakemake in this process; return its exit status.
-
-    Ctrl-C also ends the processes of its steps, so that Snakemake need not wait for them and
-    removes its lock.
-    """
-    from snakemake.cli import args_to_api, parse_args
-
-    stopped = []
-
-    def stop(*_: object) -> None:
-        stopped.append(True)
-        for process in multiprocessing.active_children():
-            process.kill()
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGINT, stop)
-    try:
-        parser, options = parse_args(arguments)
-        drawn = args_to_api(options, parser)
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if stopped:
-        raise KeyboardInterrupt("The same command resumes where it stopped.")
-    return 0 if drawn else 1
 
 
 def figures(
@@ -88,52 +55,29 @@ def figures(
     except ImportError as error:
         raise ImportError('figures need Snakemake: pip install ".[figures]"') from error
     folder = Path("figures/fast" if fast else "figures/out")
-    _check_targets(targets, folder)
+    names = sorted(f"fig{path.stem[5:]}" for path in Path("figures").glob("*/draw_*.py"))
+    short = ", ".join(name.removeprefix("fig") for name in names)
+    for target in targets:
+        known = target in names or Path(target).parent == folder
+        require(known, "targets", f"must be among fig{short} or files in {folder}", target)
     taps_folder = find_recordings(recordings)
     if not unlock:
         _check_unlocked()
-        _say(targets, folder)
+        stems = {Path(target).stem for target in targets}
+        asked = [name for name in names if not targets or name in stems]
+        there = [name for name in asked if (folder / f"{name}.png").is_file()]
+        named = f"already there: {len(there)}; each is named when it is drawn"
+        print(f"figures to draw in {folder}: {len(asked)}, {named}", flush=True)
     remove_partial_files(folder)
     # Not on Snakemake's command line, which reads a folder named 010 as the number 10.
     os.environ["BGMODEL_RECORDINGS"] = str(taps_folder or "")
-    status = run_snakemake(_arguments(targets, fast, unlock, workers))
+    # Steps run in processes held by the file of rules; threads wait for them.
+    status = run_snakemake([
+        "-s", "figures/Snakefile", "--cores", str(workers), "--rerun-incomplete",
+        "--force-use-threads", "--quiet", "all", "--config", f"fast={int(fast)}",
+        *["--unlock"] * unlock, "--", *(targets or ["all"]),
+    ])  # fmt: skip
     if status:
         _check_unlocked()
-        raise SystemExit(
-            f"bgmodel: not all figures were drawn: Snakemake ended with status {status}"
-        )
-
-
-def _arguments(targets: tuple[str, ...], fast: bool, unlock: bool, workers: int) -> list[str]:
-    """Return the arguments of Snakemake."""
-    arguments = ["-s", "figures/Snakefile", "--cores", str(workers), "--rerun-incomplete"]
-    # Steps run in processes held by the file of rules; threads wait for them.
-    arguments += ["--force-use-threads", "--quiet", "all", "--config", f"fast={int(fast)}"]
-    arguments += ["--unlock"] if unlock else []
-    return [*arguments, "--", *(targets or ["all"])]
-
-
-def _say(targets: tuple[str, ...], folder: Path) -> None:
-    """Report which figures are drawn."""
-    asked = [
-        name
-        for name in _names()
-        if not targets
-        or {name, *(str(folder / f"{name}{end}") for end in (".png", ".pdf"))} & {*targets}
-    ]
-    there = [name for name in asked if (folder / f"{name}.png").is_file()]
-    print(
-        f"figures to draw in {folder}: {len(asked)}, already there: {len(there)}; each is named "
-        "when it is drawn",
-        flush=True,
-    )
-
-
-def _check_targets(targets: tuple[str, ...], folder: Path) -> None:
-    """Raise ValueError for a target that is neither a figure nor a file of the folder."""
-    names = _names()
-    for target in targets:
-        if target not in names and Path(target).parent != folder:
-            short = ", ".join(name.removeprefix("fig") for name in names)
-            must = f"must be among fig{short} or files in {folder}"
-            raise InputError.of("targets", must, target)
+        reason = f"Snakemake ended with status {status}"
+        raise SystemExit(f"bgmodel: not all figures were drawn: {reason}")

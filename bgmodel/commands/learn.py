@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 from bgmodel.commands.options import FLAT, MANY, Edited, like, record_of, task
-from bgmodel.commands.output import Output, check_idle, options_of, recorded, say, say_of_edits
+from bgmodel.commands.output import Output, check_idle, options_of, say, say_of_edits
 from bgmodel.conditions import Setup
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning import from_reward
@@ -15,7 +15,7 @@ from bgmodel.learning.from_reward import DOPAMINE, WEIGHTS, planned
 from bgmodel.learning.reinforce import Learner, LearningStopped, course
 from bgmodel.learning.weights.deciders import Feedback, WeightLearner
 from bgmodel.names import MACAQUE, CircuitName, EngineName
-from bgmodel.support import files
+from bgmodel.support.files import recorded
 from bgmodel.tactile.task import SameDifferent
 from bgmodel.task import Task
 from circuits.declaration.edits import Edits
@@ -51,8 +51,7 @@ def learn(
     prediction error phasic. Weights turn readings into evidence. Regret is the cost in excess of
     the best value, on trials that were not used for learning.
 
-    Examples: bgmodel learn --task period_mm=2 --xi 50 --save gap.parquet;
-    bgmodel learn --what dopamine --start 1.6 --runs 5 --plot dopamine.png;
+    Examples: bgmodel learn --what dopamine --start 1.6 --runs 5 --plot dopamine.png;
     bgmodel learn --what weights --runs 4 --rule chosen --learner trials=2000
 
     Parameters
@@ -83,34 +82,27 @@ def learn(
     output.check(task=task, circuit=circuit)
     if not by_circuit:
         idle: dict[str, Any] = {"edits": Edits(), "engine": ENGINE, "gain": None}
-        reason = "the test (no --circuit)"
-        check_idle(reason, idle, edits=edits, engine=engine, gain=gain)
-    more: dict[str, Any]
+        check_idle("the test (no --circuit)", idle, edits=edits, engine=engine, gain=gain)
+    usual: Any = WeightLearner() if what == WEIGHTS else Learner()
+    more: dict[str, Any] = {"learner": record_of(usual, learner)}
     if what == WEIGHTS:
-        check_idle(
-            "--what weights",
-            {"xi": from_reward.XI, "levels": None},
-            xi=options["xi"],
-            levels=levels,
-        )
-        more = {"learner": record_of(WeightLearner(), learner),
-                "feedback": record_of(Feedback(), feedback)}  # fmt: skip
-        more["rule"] = "confidence" if rule is None else rule
-    else:
-        reason = f"--what {what}"
-        check_idle(reason, {"rule": None, "feedback": ()}, rule=rule, feedback=feedback)
-        more = {"learner": record_of(Learner(), learner)}
-    if what == DOPAMINE or levels is not None:
-        more["levels"] = LEVELS if levels is None else levels
+        check_idle("--what weights", {"xi": from_reward.XI}, xi=options["xi"])
+        more |= {"feedback": Feedback(), "rule": "confidence"}
+    given = {"feedback": record_of(Feedback(), feedback) if feedback else None, "rule": rule,
+             "levels": LEVELS if what == DOPAMINE and levels is None else levels}  # fmt: skip
+    more |= {name: value for name, value in given.items() if value is not None}
     model = None
     if by_circuit:
-        model = _model(circuit or MACAQUE, edits, engine, gain, options["seed"], task)
+        say_of_edits(edits)
+        setup = Setup(circuit or MACAQUE, edits, engine, gain, options["seed"])
+        model = setup.model(task.channels)
+        model = replace(model, engine=model.engine.coarse())  # in coarse steps
+    settings = {"what": what, **options, **more}
+    if what == WEIGHTS:
+        settings = {k: v for k, v in settings.items() if k not in ("xi", "start")}
     learns = planned(task, model, what=what, trials=task.trials, **options, **more)
     who = "the test" if model is None else f"{model.circuit.name} on {model.engine}"
     say(f"{who} learns {what}, {task.text}, in {options['runs']} runs")
-    left_out = ("xi", "start") if what == WEIGHTS else ()
-    settings = {"what": what, **{k: v for k, v in options.items() if k not in left_out}, **more}
-    seed = options["seed"]
     try:
         with quiet(LearningWarning):
             learned = learns()
@@ -118,7 +110,7 @@ def learn(
         if output.save is None:
             raise
         table = course(stop.learned, mean="mean", played="played", error="dopamine")
-        files.write_table(table, output.save, seed=seed, **_behind(model, task, settings))
+        output.write(table, options["seed"], **_behind(model, task, settings))
         raise ValueError(f"{stop}; learning up to then -> {output.save}") from None
     used = learned.details.model if isinstance(learned.details, CircuitLearned) else model
     at = f", gain {used.gain:g}" if used is not None else ""
@@ -128,17 +120,8 @@ def learn(
         "regret_percent": learned.regrets.to_dict("index"), "cautions": list(learned.cautions),
     }  # fmt: skip
     output.show(text, learned.table, **summary)
-    output.write(learned.table, seed, summary=summary, **_behind(used, task, settings))
+    output.write(learned.table, options["seed"], summary=summary, **_behind(used, task, settings))
     output.draw(learned.plot)
-
-
-def _model(
-    circuit: str, edits: Edits, engine: str, gain: float | None, seed: int, task: Task
-) -> BasalGanglia:
-    """Return the edited circuit on its engine, in coarse steps."""
-    say_of_edits(edits)
-    model = Setup(circuit, edits, engine, gain, seed).model(task.channels)
-    return replace(model, engine=model.engine.coarse())
 
 
 def _behind(model: BasalGanglia | None, task: Task, settings: dict[str, Any]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast, get_args, get_type_hints
 
 from cyclopts import Parameter
-from docstring_parser import parse
+from docstring_parser import parse, parse_from_object
 
 from bgmodel.support import toml_files
 from bgmodel.task import KINDS, Gaussian, Task, kind_of
@@ -54,22 +54,13 @@ def settings(words: Iterable[str]) -> dict[str, str]:
 def typed(texts: Mapping[str, str], kind: type) -> dict[str, Any]:
     """Return settings as a file would have them: text and paths as written, others as in TOML."""
     hints = get_type_hints(kind)
-    return {name: text if _is_text(hints.get(name)) else toml_files.as_toml(text)
-            for name, text in texts.items()}  # fmt: skip
-
-
-def _is_text(hint: Any) -> bool:
-    return bool({str, Path} & {hint, *get_args(hint)})
+    written = {name for name in texts
+               if {str, Path} & {hints.get(name), *get_args(hints.get(name))}}  # fmt: skip
+    return {k: text if k in written else toml_files.as_toml(text) for k, text in texts.items()}
 
 
 def record_of(usual: T, words: Sequence[str]) -> T:
-    """Return a record with the settings of some words, and others as usual.
-
-    Raises
-    ------
-    ValueError
-        For a setting that the record does not have, or a value that it refuses.
-    """
+    """Return a record with the settings of some words, and others as usual."""
     kind = type(usual)
     known = [each.name for each in fields(kind)]  # type: ignore[arg-type]
     return replace(usual, **values(words, kind, known))  # type: ignore[type-var]
@@ -80,10 +71,8 @@ def values(words: Sequence[str], kind: type, known: Sequence[str]) -> dict[str, 
     texts, hints = settings(words), get_type_hints(kind)
     for name in texts:
         if name not in known:
-            near = nearest(name, known)
-            raise InputError(
-                f"there is no setting {name!r}{near}; there are {', '.join(known)}", name
-            )
+            there = f"there are {', '.join(known)}"
+            raise InputError(f"there is no setting {name!r}{nearest(name, known)}; {there}", name)
     parsed = typed(texts, kind)
     return {name: toml_files.value(value, hints[name], name) for name, value in parsed.items()}
 
@@ -91,18 +80,8 @@ def values(words: Sequence[str], kind: type, known: Sequence[str]) -> dict[str, 
 def task_of(usual: Task, words: Sequence[str]) -> Task:
     """Return a task from its words: its name or the file of a table, and its settings.
 
-    Parameters
-    ----------
-    usual : Task
-        The task without any words; other kinds have its settings, as far as they have them, but
-        for the number of alternatives.
-    words : sequence of str
-        A name and settings, in any order; or settings alone.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name, or a setting that the task does not have.
+    Without a name it is of the usual kind; other kinds have the usual settings, as far as they have
+    them, but for the number of alternatives.
     """
     settings_given = settings(word for word in words if "=" in word)
     names = [word for word in words if "=" not in word] or [usual.name]
@@ -133,63 +112,47 @@ def task(usual: Task) -> Any:
 
 
 def record(usual: Any, about: str) -> Any:
-    """Return the annotation of a record, written as name=value for each of its fields.
+    """Return the annotation of a record, usually ``usual``, written as name=value for fields."""
 
-    Parameters
-    ----------
-    usual : dataclass
-        The record without any words.
-    about : str
-        What it is; its fields and their values are added.
-    """
-    shown = " ".join(f"{f.name}={_shown(getattr(usual, f.name))}" for f in fields(usual))
+    def shown(value: Any) -> str:
+        if isinstance(value, tuple):
+            return ",".join(map(shown, value))
+        return f"{value:g}" if isinstance(value, float) else str(value)
+
+    text = " ".join(f"{f.name}={shown(getattr(usual, f.name))}" for f in fields(usual))
     made = partial(record_of, usual)
-    return _of_words(made, help=f"{about} By default {shown}.", show_default=False)
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, tuple):
-        return ",".join(map(_shown, value))
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return _of_words(made, help=f"{about} By default {text}.", show_default=False)
 
 
 def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T], T]:
     """Return a decorator that gives a command parameters of a function.
 
-    Each keeps its type, its default and its description; the command receives them in its
-    ``**options``.
-
-    Parameters
-    ----------
-    function : callable
-        The function that the command calls.
-    *names : str
-        Its parameters.
-    **usual
-        Annotations that replace the types of some of them.
+    Each keeps its type, unless ``usual`` has another, its default and its description; the command
+    receives them in its ``**options``.
     """
 
     def decorated(command: T) -> T:
         target: Any = command
         signature, about = inspect.signature(target), described(function)
         defaults = {name: inspect.signature(function).parameters[name].default for name in names}
+        usual_values = {k: v for k, v in defaults.items() if v is not inspect.Parameter.empty}
         hints, theirs = get_type_hints(target, include_extras=True), get_type_hints(function)
-        kept = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
+        own = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
+        kept: list[inspect.Parameter] = []
         for name in names:
             kind = usual.get(name, theirs[name])
             text = Parameter(help=about.get(name, ""))
-            many = kind in (Sequence[float], Sequence[str])
-            annotation: Any = Annotated[(kind, MANY, text) if many else (kind, text)]
-            hints[name] = annotation
-            how: Any = {"default": defaults[name], "annotation": annotation}
+            many = kind in (Sequence[float], Sequence[str], tuple[str, ...])
+            hints[name] = Annotated[(kind, MANY, text) if many else (kind, text)]
+            how: Any = {"default": defaults[name], "annotation": hints[name]}
             kept.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, **how))
         hints.pop("options", None)
 
         @wraps(target)
         def filled(*args: Any, **options: Any) -> Any:
-            return target(*args, **(defaults | options))
+            return target(*args, **(usual_values | options))
 
-        order = sorted(kept, key=lambda one: one.kind)
+        order = sorted([*kept, *own], key=lambda one: one.kind)
         filled.__signature__ = signature.replace(parameters=order)  # type: ignore[attr-defined]
         filled.__annotations__ = hints
         return cast(T, filled)
@@ -201,7 +164,9 @@ def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T
 def described(function: Callable[..., Any]) -> dict[str, str]:
     """Return the description of each parameter in the docstring of a function."""
     descriptions: dict[str, str] = {}
-    for one in parse(inspect.getdoc(function) or "").params:
+    of_fields = isinstance(function, type)  # documented one by one
+    docs = parse_from_object(function) if of_fields else parse(inspect.getdoc(function) or "")
+    for one in docs.params:
         text = " ".join((one.description or "").split()).replace("``", "")
         descriptions |= dict.fromkeys([name.strip() for name in one.arg_name.split(",")], text)
     return descriptions

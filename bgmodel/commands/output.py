@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import math
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bgmodel.support import files, processes
+from bgmodel.support.files import circuit_file, recorded, save_figure
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -24,18 +23,12 @@ if TYPE_CHECKING:
     from circuits.circuit import Circuit
     from circuits.declaration.edits import Edits
 
-COMPILES = "compiling, once for this kind of circuit"
-"""Message while an engine compiles; the result is cached on disk."""
 OUTPUTS = ("save", "plot", "save_rates", "save_spikes", "save_nwb")
 """Options that name a file to be written."""
 UNRECORDED = (*OUTPUTS, "output", "workers", "seed")
 """Options that do not affect results, and the seed, which is recorded separately."""
 FIRST_S, MINUTE_S = 10.0, 60.0
 """When the stage of a long computation is first printed to a log, and how often after that."""
-RECORDS = ("setup", "condition")
-"""Options each of whose fields is an option."""
-
-
 FIGURES, TABLES = (".png", ".pdf", ".svg"), (".csv", ".parquet")
 """Endings of pictures and of tables."""
 
@@ -52,21 +45,13 @@ class Files:
     """Overwrite existing results."""
 
     def check(
-        self, endings: Sequence[str] = TABLES, *, more: Iterable[Path] = (), **options: Any
+        self, endings: Sequence[str] = TABLES, *, more: Mapping[str, Path] = {}, **options: Any
     ) -> None:
         """Raise ValueError, before anything is run, if a result cannot be written.
 
-        Two options may not name the same file, existing results are overwritten only with
-        ``force``, and folders must be writable.
-
-        Parameters
-        ----------
-        endings : sequence of str
-            Endings that ``save`` may have; none if the command saves nothing.
-        more : iterable of path
-            Further files that it writes, which no option names.
-        **options
-            Other options of the command; those that name files are read, unless in ``OUTPUTS``.
+        ``save`` has one of the endings, or must be absent if there are none; ``more`` are files
+        that no option names; other options name files that are read, unless in ``OUTPUTS``. No
+        result may be the file of another one or of an input.
         """
         if self.save is not None:
             require(endings, "save", "has no effect here: leave it out", str(self.save))
@@ -77,16 +62,27 @@ class Files:
         outputs = paths | {name: options[name] for name in OUTPUTS if name in options}
         named = [path for path in outputs.values() if isinstance(path, Path)]
         read = list(_paths({k: v for k, v in options.items() if k not in OUTPUTS}))
-        check_apart(_paths(outputs), read)
-        for path in [*named, *more]:
+        seen = {path.resolve(): name for name, path in read}
+        for name, path in _paths({**outputs, **more}):
+            if (other := seen.setdefault(path.resolve(), name)) != name:
+                raise InputError(f"{other} and {name} are the same file, {str(path)!r}", "path")
+        for path in [*named, *more.values()]:
             # Files that no option names are overwritten only if they are results.
             files.check_new(path, force=self.force and (path in named or files.is_result(path)))
             files.check_writable(path.parent)
         folders = [path.resolve() for _, path in read if path.is_dir()]
         for path in named:
-            if any(folder in path.resolve().parents for folder in folders):
-                reason = f"{str(path)!r} is in a folder that is read as input: move it"
-                raise InputError(reason, "path")
+            inside = any(folder in path.resolve().parents for folder in folders)
+            require(not inside, "path", "must be outside of a folder that is read", str(path))
+
+    def needed(self, *endings: str, **options: Any) -> Path:
+        """Return ``save`` after ``check``; ValueError without it, or with ``plot``."""
+        self.unused("plot")
+        must = f"must name the file for the result, {' or '.join(endings)}"
+        require(self.save is not None, "save", must, None)
+        self.check(endings, **options)
+        assert self.save is not None
+        return self.save
 
     def unused(self, *names: str) -> None:
         """Raise ValueError for an option, ``save`` or ``plot``, that has no effect here."""
@@ -120,27 +116,12 @@ class Output(Files):
 
     def show(self, text: str, table: pd.DataFrame, **facts: Any) -> None:
         """Print a result: its text, or as JSON its table and further facts."""
-        print(json_text(table, **facts) if self.json else text)
+        whole = {**facts, "records": table}
+        print(files.json_text(whole, indent=None, digits=15) if self.json else text)
 
     def note(self, text: str) -> None:
         """Print a line in addition to the result; to stderr if the result is JSON."""
-        if self.json:
-            say(text)
-        else:
-            super().note(text)
-
-
-def json_text(table: pd.DataFrame, **facts: Any) -> str:
-    """Return one JSON object: facts, and rows as "records"; unknown values are null."""
-    records = json.loads(table.to_json(orient="records", double_precision=15))
-    plain = {name: _plain(value) for name, value in facts.items()}
-    return json.dumps({**plain, "records": records})
-
-
-def _plain(value: Any) -> Any:
-    """Return a value as JSON has it: paths as text, numbers that are not finite as null."""
-    unknown = isinstance(value, float) and not math.isfinite(value)
-    return None if unknown else str(value) if isinstance(value, Path) else value
+        (say if self.json else print)(text)
 
 
 def options_of(**options: Any) -> dict[str, Any]:
@@ -150,7 +131,7 @@ def options_of(**options: Any) -> dict[str, Any]:
     """
     kept: dict[str, Any] = {}
     for name, value in options.items():
-        if name in RECORDS:
+        if name in ("setup", "condition"):  # each of their fields is an option
             kept |= options_of(**{one.name: getattr(value, one.name) for one in fields(value)})
         elif name not in UNRECORDED and value is not None:
             kept[name] = recorded(value)
@@ -164,24 +145,6 @@ def made_with(model: BasalGanglia, **options: Any) -> dict[str, Any]:
     return {"command": options_of(**options), "circuit": identity(model.circuit)}
 
 
-def recorded(value: Any) -> Any:
-    """Return an option as recorded: only what had an effect, and files by name and checksum."""
-    if hasattr(value, "used"):
-        return {name: recorded(inner) for name, inner in value.used().items()}
-    if is_dataclass(value):
-        named = {field.name: recorded(getattr(value, field.name)) for field in fields(value)}
-        return {"kind": type(value).__name__, **named}
-    path = circuit_file(value) if isinstance(value, str) else value
-    if isinstance(path, Path) and path.is_file():
-        return {"file": path.name, "sha256": files.checksum(path)}
-    return {"folder": value.name} if isinstance(value, Path) else value
-
-
-def circuit_file(name: str) -> Path | None:
-    """Return the path of a circuit that is a file; None for the name of a table."""
-    return Path(name) if name.endswith(".toml") else None
-
-
 def check_ending(name: str, path: Path, *allowed: str) -> None:
     """Raise ValueError unless the file of an option ends in one of those allowed."""
     require(path.suffix in allowed, name, f"must end in {' or '.join(allowed)}", str(path))
@@ -189,20 +152,12 @@ def check_ending(name: str, path: Path, *allowed: str) -> None:
 
 def write_template(template: str, path: str | Path) -> None:
     """Write the file of a command's help to a new file, which is never one that exists."""
-    new = Path(path).suffix == ".toml" and not Path(path).exists()
-    require(new, "file", "must be a new .toml file, into which --template writes", str(path))
-    files.check_writable(Path(path).parent)
-    Path(path).write_text(template, encoding="utf-8")
-    print(f"-> {path}")
-
-
-def check_apart(written: Iterable[tuple[str, Path]], read: Iterable[tuple[str, Path]]) -> None:
-    """Raise ValueError if a result, by its option, is the file of another result or of an input."""
-    seen = {path.resolve(): name for name, path in read}
-    for name, path in written:
-        other = seen.setdefault(path.resolve(), name)
-        if other != name:
-            raise InputError(f"{other} and {name} are the same file, {str(path)!r}", "path")
+    new = Path(path)
+    fits = new.suffix == ".toml" and not new.exists()
+    require(fits, "file", "must be a new .toml file, into which --template writes", str(path))
+    files.check_writable(new.parent)
+    new.write_text(template, encoding="utf-8")
+    print(f"-> {new}")
 
 
 def _paths(options: Mapping[str, Any]) -> Iterator[tuple[str, Path]]:
@@ -213,11 +168,6 @@ def _paths(options: Mapping[str, Any]) -> Iterator[tuple[str, Path]]:
             yield name, value
         elif is_dataclass(value):
             yield from _paths(vars(value))
-
-
-def plain(model: str) -> str:
-    """Return the name of a model, which may be a .toml file, as part of the name of a file."""
-    return Path(model).stem if model.endswith(".toml") else model
 
 
 def say(text: str) -> None:
@@ -253,32 +203,11 @@ def stages(what: str) -> Iterator[Callable[[str], None]]:
     yield tell
 
 
-def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure to a .pdf, .svg or .png file, whole or not at all."""
-    from circuits.plots import saved
-
-    # Matplotlib adds its version to a .png.
-    more: dict[str, Any] = {"metadata": {"Software": None}} if path.suffix == ".png" else {}
-    with files.replacing(path) as partial:
-        saved(figure, partial, format=path.suffix[1:], **more)
-
-
 def check_idle(reason: str, usual: Mapping[str, Any], **options: Any) -> None:
-    """Raise ValueError for an option that was given though it has no effect.
-
-    Parameters
-    ----------
-    reason : str
-        What makes them idle.
-    usual : dict
-        Their values where they are not given.
-    **options
-        Their values.
-    """
+    """Raise ValueError for an option that has no effect but not its usual value, with a reason."""
     for name, value in options.items():
-        if value != usual.get(name):
-            flag = name.replace("_", "-")
-            raise InputError(f"--{flag} has no effect with {reason}: leave it out", name)
+        must = f"has no effect with {reason}: leave it out"
+        require(value == usual.get(name), name, must, value)
 
 
 def say_of_edits(*edits: Edits, circuit: Circuit | None = None) -> None:
@@ -292,40 +221,13 @@ def say_of_edits(*edits: Edits, circuit: Circuit | None = None) -> None:
 
 
 def say_before(what: str, model: BasalGanglia, evidence: Evidence, *, runs: int = 1) -> None:
-    """Announce a run of a circuit.
-
-    Parameters
-    ----------
-    what : str
-        The action, such as "comparing".
-    model : BasalGanglia
-        The circuit.
-    evidence : Evidence
-        Readings of all trials.
-    runs : int
-        Number of circuits run on it.
-
-    Raises
-    ------
-    NoMemoryError
-        If there is not enough memory.
-    """
+    """Announce a run of some circuits; NoMemoryError if there is too little memory."""
     from bgmodel.support.compiling import on_compiling
 
-    if model.raw and evidence.baseline:
-        less = f"{evidence.baseline:.3g}"
-        say(f"each channel gets its own evidence, minus the baseline of a reading: {less} nats")
-    at_once, steps = min(model.batch(evidence), evidence.trials), evidence.steps + 1
-    model.check_memory(at_once, steps, evidence.step_ms)
     if model.engine.threaded:
-        on_compiling(lambda: say(COMPILES))
-    each_s = steps * evidence.step_ms / 1000
-    circuits = f"{runs} circuits, " if runs > 1 else ""
-    memory = model.memory_gb(at_once, steps, evidence.step_ms)
-    say(
-        f"{what} {model.circuit.name} on {model.engine}, {circuits}{evidence.trials} trials of up "
-        f"to {each_s:.2g} s{f', {memory:.1f} GB of memory' if memory >= 1 else ''}"
-    )
+        on_compiling(lambda: say("compiling, once for this kind of circuit"))
+    for line in model.announced(what, evidence, runs):
+        say(line)
 
 
 @contextmanager

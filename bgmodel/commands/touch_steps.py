@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
 
 from bgmodel.commands.options import FLAT, MANY, Workers, like, record, record_of, task
 from bgmodel.commands.output import Files, check_idle, check_whole, options_of, say
 from bgmodel.support import files
 from bgmodel.support.arrays import Reals
 from bgmodel.tactile import sensor
-from bgmodel.tactile.decoder import (
-    EDGE,
-    ENDINGS,
-    Training,
-    check_device,
-    load_decoder,
-    taps_of,
-    train_decoder,
-)
+from bgmodel.tactile.decoder import EDGE, ENDINGS, Training, load_decoder, taps_of, train_decoder
+from bgmodel.tactile.decoder import train as fitted
 from bgmodel.tactile.networks import OwnNetwork
 from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin, Tip
@@ -29,18 +23,19 @@ from bgmodel.tactile.task import SameDifferent
 from bgmodel.task import Task
 from circuits.errors import InputError, require
 
-TipOption = Annotated[Tip, record(Tip(), "The sensor's tip.")]
-SkinOption = Annotated[Skin, record(Skin(), "Its skin and gel.")]
-NuisanceOption = Annotated[Nuisance, record(Nuisance(), "What varies between taps.")]
+Pins = Annotated[int | None, Parameter(help="Number of pins of the sensor, to check those found.")]
+Scale = Annotated[float | None, Parameter(help="Scale of recordings, mm per pixel.")]
+ABOUT = "Taps from `bgmodel touch simulate`, or a folder of recordings with its targets csv."
+TapsOption = Annotated[Path, Parameter(help=ABOUT)]
 
 
 @like(sensor.simulate_taps, "taps", "periods_mm", "yaw_deg", "seed")
 def simulate(
     *,
     task: Annotated[Task | None, task(SameDifferent())] = None,
-    tip: TipOption = Tip(),  # noqa: B008
-    skin: SkinOption = Skin(),  # noqa: B008
-    nuisance: NuisanceOption = Nuisance(),  # noqa: B008
+    tip: Annotated[Tip, record(Tip(), "The sensor's tip.")] = Tip(),  # noqa: B008
+    skin: Annotated[Skin, record(Skin(), "Its skin and gel.")] = Skin(),  # noqa: B008
+    nuisance: Annotated[Nuisance, record(Nuisance(), "What varies between taps.")] = Nuisance(),  # noqa: B008
     workers: Workers = 1,
     output: Annotated[Files, FLAT] = Files(),  # noqa: B008
     **options: Any,
@@ -53,7 +48,7 @@ def simulate(
     from bgmodel.tactile.library import to_solve
     from bgmodel.tactile.pressing import LibraryPlan
 
-    path = _needed(output, (".npz",))
+    path = output.needed(".npz")
     check_whole(taps=options["taps"], workers=workers)
     sensor.check_taps(options["taps"], options["periods_mm"], tip)
     if task is not None:
@@ -75,10 +70,10 @@ def simulate(
 
 @like(train_decoder, "edge", "mm_per_px", "seed")
 def train(
-    taps: Path,
+    taps: TapsOption,
     /,
     *,
-    pins: int | None = None,
+    pins: Pins = None,
     training: Annotated[tuple[str, ...], MANY] = (),
     device: Literal["cpu", "cuda", "mps"] = "cpu",
     output: Annotated[Files, FLAT] = Files(),  # noqa: B008
@@ -91,31 +86,24 @@ def train(
 
     Parameters
     ----------
-    taps
-        Taps from `bgmodel touch simulate`, or a folder of recordings with its targets csv.
-    pins
-        Number of pins of the recorded sensor; printed with the number detected.
     training
         Settings of the training, name=value: network, epochs, patience, batch, learning_rate,
         width, dropout, l2, validation; by default those tuned for gratings, or for edges.
     device
         Device for training; a seed reproduces the weights only on the CPU.
     """
-    path = _needed(output, ENDINGS, taps=taps)
-    check_device(device)
+    path = output.needed(*ENDINGS, taps=taps)
     if path.suffix == ".onnx":
         from bgmodel.tactile.networks import import_onnx
 
         import_onnx()
     how = record_of(EDGE if options["edge"] else Training(), training)
-    loaded_taps, about = _taps(taps, options["edge"], options["mm_per_px"], pins)
-    say(f"training on {len(loaded_taps)} taps for at most {how.epochs} epochs")
+    loaded, about = _taps(taps, options["edge"], options["mm_per_px"], pins)
+    say(f"training on {len(loaded)} taps for at most {how.epochs} epochs")
     where = {} if device == "cpu" else {"device": device}
-    settings = options_of(taps=taps, training=how, pins=pins, **options, **where)
-    from bgmodel.tactile.decoder import train as fitted
-
-    behind = {"taps": about, "command": settings}
-    decoder = fitted(loaded_taps, seed=options["seed"], training=how, about=behind, device=device)
+    made = options_of(taps=taps, training=how, pins=pins, **options, **where)
+    behind, seed = {"taps": about, "command": made}, options["seed"]
+    decoder = fitted(loaded, seed=seed, training=how, about=behind, device=device)
     decoder.save(path)
     best = min(row["mae_deg"] for row in decoder.history)
     print(f"validation error {best:.1f} degrees -> {path}")
@@ -123,12 +111,12 @@ def train(
 
 def decode(
     decoder: Path,
-    taps: Path,
+    taps: TapsOption,
     /,
     *,
     edge: bool = False,
-    mm_per_px: float | None = None,
-    pins: int | None = None,
+    mm_per_px: Scale = None,
+    pins: Pins = None,
     own: Annotated[tuple[str, ...], MANY] = (),
     output: Annotated[Files, FLAT] = Files(),  # noqa: B008
 ) -> None:
@@ -140,19 +128,13 @@ def decode(
     ----------
     decoder
         A decoder from `bgmodel touch train`, or an .onnx file with another network.
-    taps
-        Taps from `bgmodel touch simulate`, or a folder of recordings with its targets csv.
     edge
         The taps are of an edge; without it, recordings are assumed to be of gratings.
-    mm_per_px
-        Scale of recordings, mm per pixel.
-    pins
-        Number of pins of the recorded sensor; printed with the number detected.
     own
         What another network takes and gives, name=value: stimulus (grating or edge), takes
         (maps or displacements), gives (angle or vector).
     """
-    path = _needed(output, (".parquet", ".csv"), decoder=decoder, taps=taps)
+    path = output.needed(".parquet", ".csv", decoder=decoder, taps=taps)
     loaded = load_decoder(decoder, record_of(OwnNetwork(), own) if own else None)
     rest = loaded.rest_mm if len(loaded.rest_mm) else None
     loaded_taps, about = _taps(taps, edge, mm_per_px, pins, rest)
@@ -162,15 +144,10 @@ def decode(
         say(f"the decoder was trained on {known} of these taps: tasks refuse the table")
     if "image" in table:
         table["image"] = table["image"].map(lambda image: Path(image).name)
-    options = options_of(
-        decoder=decoder, taps=taps, edge=edge, mm_per_px=mm_per_px, pins=pins, own=own or None
-    )
-    behind: dict[str, Any] = {
-        "taps": about,
-        "decoder": {"sha256": files.checksum(decoder), **loaded.about},
-        "command": options,
-    }
-    files.write_table(table, path, **behind)
+    made = options_of(decoder=decoder, taps=taps, edge=edge, mm_per_px=mm_per_px, pins=pins,
+                      own=own or None)  # fmt: skip
+    network: Any = {"sha256": files.checksum(decoder), **loaded.about}
+    files.write_table(table, path, taps=about, decoder=network, command=made)
     print(f"{len(table)} taps decoded -> {path}")
 
 
@@ -181,16 +158,6 @@ def check_settings(task: Task, used: set[str]) -> None:
         value = getattr(task, each.name)
         must = "has no effect here as a setting of --task: leave it out"
         require(each.name in used or value == getattr(usual, each.name), each.name, must, value)
-
-
-def _needed(output: Files, endings: Sequence[str], **read: Any) -> Path:
-    """Return the file for the result; ValueError without one, or for one that can't be written."""
-    must = f"must name the file for the result, {' or '.join(endings)}"
-    output.unused("plot")
-    require(output.save is not None, "save", must, None)
-    output.check(endings, **read)
-    assert output.save is not None
-    return output.save
 
 
 def _taps(

@@ -8,11 +8,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import pandas as pd
 
-from bgmodel.commands.options import FLAT, task
+from bgmodel.commands.options import FLAT, like, task
 from bgmodel.commands.output import Files, check_idle, made_with, options_of, say
 from bgmodel.conditions import Setup
 from bgmodel.from_images import COLUMNS, Watched
-from bgmodel.names import MACAQUE, CircuitName, EngineName
+from bgmodel.names import MACAQUE, EngineName
 from bgmodel.support import files
 from bgmodel.tactile.source import Tactile
 from bgmodel.tactile.task import EdgeDirection
@@ -24,22 +24,17 @@ ARRIVING = EdgeDirection(step_ms=100.0, t_max=60)
 SPIKES = EngineName("ensemble")
 
 
+@like(Setup, "circuit", "seed")
+@like(Watched, "decoder", "taps", "mm_per_px", "posterior", "first_deg", "idle_s")
 def watch(
     folder: Path,
     /,
     *,
-    decoder: Path,
-    taps: Path,
-    mm_per_px: float,
     task: Annotated[Task, task(ARRIVING)] = ARRIVING,
-    first_deg: float = 0.0,
     by: Literal["circuit", "test"] = "circuit",
-    circuit: CircuitName = MACAQUE,
     engine: EngineName = SPIKES,
-    posterior: float = 0.82,
-    idle_s: float = 10.0,
-    seed: int = 0,
     output: Annotated[Files, FLAT] = Files(),  # noqa: B008
+    **options: Any,
 ) -> None:
     """Decide on images of taps as they arrive in a folder, with the circuit or the test.
 
@@ -54,29 +49,14 @@ def watch(
     ----------
     folder
         Folder to which the sensor writes its images; existing images are read first.
-    decoder
-        A decoder from `bgmodel touch train`.
-    taps
-        Taps of the same sensor, decoded with it, used to estimate the likelihoods.
-    mm_per_px
-        Scale of the images, mm per pixel.
-    first_deg
-        Direction of the first alternative of edge-direction, degrees.
     by
         Decision maker: the circuit or the test.
-    circuit
-        Name of a circuit table, or path of a .toml file.
     engine
         Engine of the circuit: ensemble (spikes), population or rate.
-    posterior
-        Posterior at which to decide.
-    idle_s
-        Stop when no image has arrived for this time, s.
-    seed
-        Seed of the noise of cells.
     """
     output.unused("plot")
-    output.check(folder=folder, decoder=decoder, taps=taps, circuit=circuit)
+    output.check(folder=folder, **options)
+    circuit, seed = options.pop("circuit"), options.pop("seed")
     if by == "test":
         usual = {"circuit": MACAQUE, "engine": SPIKES}
         check_idle("--by test", usual, circuit=circuit, engine=engine)
@@ -85,27 +65,19 @@ def watch(
     model = None
     if by == "circuit":
         model = Setup(circuit, engine=engine, seed=seed).model(len(task.names))
-    watched = Watched(
-        folder=folder, decoder=decoder, taps=taps, mm_per_px=mm_per_px, task=task, model=model,
-        posterior=posterior, first_deg=first_deg, idle_s=idle_s, skipped=say,
-    )  # fmt: skip
+    watched = Watched(folder=folder, task=task, model=model, skipped=say, **options)
     session = watched.session
-    say(f"watching {folder}; stops {idle_s:g} s after the last image")
+    say(f"watching {folder}; stops {watched.idle_s:g} s after the last image")
     rows: list[dict[str, Any]] = []
     try:
         for row in watched.decisions():
             rows.append(row)
             forced = ", forced" if row["forced"] else ""
-            print(
-                f"trial {row['trial']}: {row['choice']} after {row['readings']} readings, "
-                f"{row['time_ms']:.0f} ms{forced}",
-                flush=True,
-            )
+            after = f"after {row['readings']} readings, {row['time_ms']:.0f} ms{forced}"
+            print(f"trial {row['trial']}: {row['choice']} {after}", flush=True)
     finally:  # write the decisions even if interrupted
         if output.save is not None:
-            settings = {"folder": folder, "decoder": decoder, "taps": taps, "mm_per_px": mm_per_px,
-                        "task": task, "first_deg": first_deg, "by": by, "posterior": posterior,
-                        "idle_s": idle_s}  # fmt: skip
+            settings = {"folder": folder, "task": task, "by": by, **options}
             behind = {"command": options_of(**settings)}
             if model is not None:
                 behind = made_with(model, circuit=circuit, engine=engine, **settings)

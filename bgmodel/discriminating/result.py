@@ -185,7 +185,7 @@ class Discrimination(Facts):
         rest = {name: value for name, value in self.settings.items() if name != "seed"}
         about = provenance(self.settings["seed"], **rest, space=self.space)
         tables = {"sequential": self.sequential, "axes": self.axes(), "records": self.table}
-        return json_text(path, **self.facts(), **about, **tables)
+        return json_text({**self.facts(), **about, **tables}, path)
 
 
 def _number(count: float) -> str:

@@ -15,7 +15,14 @@ from bgmodel.exam.measures import MEASURES, Results
 from bgmodel.exam.numbers import SEED, ExamTask, Number, read_numbers, read_tasks
 from bgmodel.exam.record import COLUMNS, ExamRecord, scored
 from bgmodel.exam.simulation import Simulation
-from bgmodel.exam.tables import Failed, NotApplicable, read_tables
+from bgmodel.exam.tables import (
+    OF_RATES,
+    OF_TRIALS,
+    WINDOWS,
+    Failed,
+    NotApplicable,
+    read_tables,
+)
 from bgmodel.experiments.expected import UNANSWERED
 from bgmodel.experiments.models import Model, model_of
 from bgmodel.support.checks import check_range, whole
@@ -102,6 +109,29 @@ class Exam:
     def check(self, circuit: Circuit | str | Path, edits: Iterable[str] = ()) -> None:
         """Raise ValueError for an unknown circuit, or an edit that cannot be applied to it."""
         model_of(circuit, edits).circuits(sorted({t.channels for t in self.tasks.values()}))
+
+    def listed(self) -> tuple[str, pd.DataFrame]:
+        """Return all numbers with their sources, as text and as a table."""
+        names = ["id", "domain", "about", "unit", "species", "mark", "source", "how"]
+        table = pd.DataFrame([[getattr(one, name) for name in names] for one in self.numbers],
+                             columns=names)  # fmt: skip
+        table.insert(3, "published", [one.published() for one in self.numbers])
+        lines = []
+        for domain, part in table.groupby("domain", sort=False):
+            lines.append(str(domain))
+            for row in part.itertuples():
+                where = f"{row.source}, {row.mark}; {row.id}"
+                lines.append(f"  {row.about}: {row.published} {row.unit} ({where})")
+        return "\n".join(lines), table
+
+    def listed_tasks(self) -> tuple[str, pd.DataFrame]:
+        """Return tasks and the columns of tables from elsewhere as text, and a table of tasks."""
+        rows = [(task.id, task.about) for task in self.tasks.values()]
+        lines = [f"{name}: {about}" for name, about in rows]
+        for title, columns in (("columns of --data", OF_TRIALS), ("columns of --rates", OF_RATES),
+                               ("windows", WINDOWS)):  # fmt: skip
+            lines += ["", title, *(f"  {name}: {about}" for name, about in columns.items())]
+        return "\n".join(lines), pd.DataFrame(rows, columns=["task", "about"])
 
     def take(
         self,

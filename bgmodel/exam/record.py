@@ -137,7 +137,7 @@ class ExamRecord(Facts):
         """Return the record as JSON, with parameters, seed and versions; write it to a path."""
         about = provenance(self.seed, **self.parameters)
         tables = {"domains": totals(self.table), "records": self.table}
-        return json_text(path, examinee=self.examinee, **about, **tables)
+        return json_text({"examinee": self.examinee, **about, **tables}, path)
 
 
 LEGEND = """\

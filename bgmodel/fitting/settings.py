@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 import pandas as pd
@@ -27,6 +27,8 @@ from bgmodel.trials.record import Trials, is_covariate
 from circuits.circuit import Circuit
 from circuits.errors import InputError, require
 
+People = Literal["each", "pooled", "hierarchical", "correlated"]
+
 
 @dataclass(frozen=True, kw_only=True)
 class FitSettings:
@@ -35,11 +37,11 @@ class FitSettings:
     strength: str | None = None
     """Column of the signed strength of the evidence: positive favours response 1."""
     participant: str | None = None
-    """The participant to fit; by default each is fitted separately."""
-    pooled: bool = False
-    """Fit all participants as if they were one."""
-    hierarchical: bool = False
-    """Fit all participants together, with a distribution of the group."""
+    """The participant to fit; by default all are."""
+    people: People = "each"
+    """How participants are fitted: each separately, pooled as if they were one, or all together,
+    each with parameters from a distribution of the group, which is fitted too (partial pooling;
+    hierarchical, or correlated if parameters may be correlated between people)."""
     columns: Columns = OURS
     """Names, units and codes of the columns of the table."""
     rt_window: tuple[float, float] | None = None
@@ -59,10 +61,18 @@ class FitSettings:
     "threshold=instruction"; "stn_loss=stimulation/off" fixes stn_loss at its start in level off."""
     formula: tuple[str, ...] = ()
     """Parameters that are linear in conditions, such as "bound ~ instruction * side" or
-    "t0_s ~ block": a formula as in R, of columns of text (levels) or of numbers (covariates)."""
+    "t0_s ~ block": a formula as in R, of columns of text (levels) or of numbers (covariates); in a
+    hierarchy also of what differs between people, "bound ~ group"."""
     prior: tuple[str, ...] = ()
     """Priors of parameters, such as "t0_s=0.2:0.4": the central 95 % of where a person's value, or
     in a hierarchy the median person's, is believed to be."""
+    draws: bool = False
+    """Sample from the posterior too, for 90 % credible intervals; a hierarchical fit always
+    does."""
+    compare: bool = False
+    """Compare the models by how well they predict trials that they were not fitted to. A single
+    model is compared with versions in which one parameter of --vary or --formula has one value,
+    which is fitted, for all conditions."""
     engine: str = "population"
     """Engine of the circuit: algebra, population, ensemble, ..."""
     noise_nats: float = 2.0
@@ -85,7 +95,10 @@ class FitSettings:
         from circuits.engines import engine_of
 
         engine_of(self.engine)
-        check_flag("pooled", self.pooled)
+        for name in ("draws", "compare"):
+            check_flag(name, getattr(self, name))
+        ways = get_args(People)
+        require(self.people in ways, "people", f"must be one of {', '.join(ways)}", self.people)
         require(isinstance(self.columns, Columns), "columns", "must be Columns(...)", self.columns)
         whole("trials", self.trials, 1)
         whole("seed", self.seed, 0)
@@ -94,6 +107,16 @@ class FitSettings:
             allowed = ", ".join(MECHANISMS)
             raise InputError.of("mechanism", f"must be one of {allowed}", self.mechanism)
         _ = self.priors
+
+    @property
+    def pooled(self) -> bool:
+        """Whether all participants are fitted as if they were one."""
+        return self.people == "pooled"
+
+    @property
+    def hierarchical(self) -> bool:
+        """Whether all participants are fitted together, with a distribution of the group."""
+        return self.people in ("hierarchical", "correlated")
 
     def check_unused(self, names: Iterable[str], reason: str) -> None:
         """Raise ValueError for one of some settings that was given though it has no effect."""
@@ -153,8 +176,8 @@ class FitSettings:
             if not self.hierarchical:
                 problem = "must differ between trials of a person: here it differs between people"
                 raise InputError(
-                    f"{column} {problem} alone. Fit them as a group (hierarchical=True, at the "
-                    "terminal --people hierarchical)", column,
+                    f"{column} {problem} alone. Fit them as a group (people hierarchical)",
+                    column,
                 )  # fmt: skip
             if set(each.columns) - apart:
                 problem = f"{column} differs between people, and other columns within them"
@@ -275,11 +298,9 @@ class FitSettings:
                 raise InputError(f"{column} has too many values for vary: {instead}", "vary")
         return trials
 
-    def people(self, choices: Trials) -> list[tuple[str, Trials]]:
+    def by_person(self, choices: Trials) -> dict[str, Trials]:
         """Return the trials of each person to fit, or of all pooled."""
-        if self.pooled:
-            return [(self.participant or "all", choices)]
-        return list(choices.by_participant().items())
+        return {self.participant or "all": choices} if self.pooled else choices.by_participant()
 
     def design(self, choices: Trials) -> Design:
         """Return one person's trials by cell (combination of strength and conditions)."""

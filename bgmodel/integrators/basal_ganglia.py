@@ -395,6 +395,28 @@ class BasalGanglia(Facts):
         model = self._checked(evidence) if checked else self
         return model.run_drive(*model.driven(evidence), first_trial)
 
+    def announced(self, what: str, evidence: Evidence, runs: int = 1) -> list[str]:
+        """Return what a run of some circuits will do, as text; NoMemoryError without its memory."""
+        lines = []
+        if self.raw and evidence.baseline:
+            less = f"minus the baseline of a reading: {evidence.baseline:.3g} nats"
+            lines.append(f"each channel gets its own evidence, {less}")
+        at_once, steps = min(self.batch(evidence), evidence.trials), evidence.steps + 1
+        self.check_memory(at_once, steps, evidence.step_ms)
+        memory = self.memory_gb(at_once, steps, evidence.step_ms)
+        circuits = f"{runs} circuits, " if runs > 1 else ""
+        lines.append(
+            f"{what} {self.circuit.name} on {self.engine}, {circuits}{evidence.trials} trials of "
+            f"up to {steps * evidence.step_ms / 1000:.2g} s"
+            f"{f', {memory:.1f} GB of memory' if memory >= 1 else ''}"
+        )
+        return lines
+
+    def with_spikes(self) -> BasalGanglia:
+        """Return the model whose activity has the spikes of all cells, if its engine has any."""
+        names = tuple(row.name for row in self.circuit.populations if row.spiking)
+        return replace(self, engine=self.engine.recording(names))
+
     def _checked(self, evidence: Evidence) -> BasalGanglia:
         """Return the model adapted to evidence, after the checks that concern all of it."""
         model = self.adapted_to(evidence)

@@ -7,7 +7,7 @@ response count as the slowest. The mean method is included for comparison.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -138,6 +138,16 @@ def ssrt_by_delay(table: pd.DataFrame) -> float:
 def nth_time(times_ms: Array, p: float) -> float:
     """Return the n-th shortest time, where n is p times the number of times, rounded up."""
     return float(np.quantile(times_ms, p, method="inverted_cdf"))
+
+
+def reported(trials: StopTrials, task: StopTask) -> tuple[str, pd.DataFrame, dict[str, Any]]:
+    """Return the estimates of simulated stop trials: a text, the inhibition function, facts."""
+    estimate, table = estimate_ssrt(trials, checked=False), inhibition_function(trials)
+    ssrt_ms = ssrt_by_delay(table)
+    facts = {**vars(estimate), "ssrt_by_delay_ms": ssrt_ms, "trials": len(trials.rt_ms)}
+    if np.isnan(ssrt_ms):
+        facts |= {"ssrt_ms": None, "ssrt_mean_ms": None}
+    return f"{table.round(3).to_string(index=False)}\n{told(estimate, ssrt_ms, task)}", table, facts
 
 
 def told(ssrt: StopEstimate, ssrt_ms: float, task: StopTask) -> str:

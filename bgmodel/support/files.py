@@ -7,9 +7,9 @@ import json
 import os
 import platform
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict, fields, is_dataclass
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -23,11 +23,13 @@ from bgmodel.support.processes import NoMemoryError, check_table_memory
 from bgmodel.version import __version__
 from circuits import arrays
 from circuits.errors import InputError
+from circuits.store import Entry
 from circuits.store import remove_partial_files as remove_partial_files
 from circuits.store import replacing as replacing
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 PACKAGES = ("numpy", "scipy", "numba", "pandas", "pyarrow", "torch")
 KEY, CHECK = b"bgmodel", b"bgmodel checksum"
@@ -75,19 +77,37 @@ def write_table(
     return path
 
 
-def json_text(path: str | Path | None = None, **parts: Any) -> str:
-    """Return a result as JSON, its tables as lists of rows; it is also written to a path."""
-    plain = {
-        name: json.loads(part.to_json(orient="records", double_precision=10))
-        if hasattr(part, "to_json")
-        else part
-        for name, part in parts.items()
-    }
-    text = json.dumps(plain, indent=1)
+def json_text(
+    parts: Mapping[str, Any],
+    path: str | Path | None = None,
+    *,
+    indent: int | None = 1,
+    digits: int = 10,
+) -> str:
+    """Return a result as JSON, its tables as lists of rows; it is also written to a path.
+
+    Numbers that are not finite are null, and paths are text.
+    """
+    plain = {}
+    for name, part in parts.items():
+        if hasattr(part, "to_json"):
+            part = json.loads(part.to_json(orient="records", double_precision=digits))
+        unknown = isinstance(part, float) and not np.isfinite(part)
+        plain[name] = None if unknown else str(part) if isinstance(part, Path) else part
+    text = json.dumps(plain, indent=indent)
     if path is not None:
         with replacing(path) as partial:
             partial.write_text(text + "\n", encoding="utf-8")
     return text
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure to a .pdf, .svg or .png file, atomically, without times or versions."""
+    from circuits.plots import saved
+
+    left_out = {".png": {"Software": None}, ".pdf": {"CreationDate": None}}.get(path.suffix)
+    with replacing(path) as partial:
+        saved(figure, partial, format=path.suffix[1:], metadata=left_out)
 
 
 def provenance_path(path: str | Path) -> Path:
@@ -132,6 +152,23 @@ def checksum(path: str | Path) -> str:
     """Return the SHA-256 of a file's bytes, in hexadecimal."""
     with Path(path).open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def checksum_entry(path: Path, key: Any) -> Entry[str]:
+    """Return the place of the checksum of a file, by all that the file depends on."""
+    return Entry(path.parent / "steps", __version__, json.loads(json.dumps(key)),
+                 lambda text: {"sha256": np.array(text)}, lambda arrays: str(arrays["sha256"]),
+                 path.name)  # fmt: skip
+
+
+def made_once(path: Path, key: Any, make: Callable[[], object]) -> bool:
+    """Make a file, unless it is there as it was made with the same key; return whether it was."""
+    entry = checksum_entry(path, key)
+    if path.is_file() and entry.get() == checksum(path):
+        return False
+    make()
+    entry.put(checksum(path))
+    return True
 
 
 def read_table(path: str | Path) -> pd.DataFrame:
@@ -193,6 +230,24 @@ def from_json(text: str | bytes) -> Any:
         return json.loads(text)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
+
+
+def recorded(value: Any) -> Any:
+    """Return an option as recorded: only what had an effect, and files by name and checksum."""
+    if hasattr(value, "used"):
+        return {name: recorded(inner) for name, inner in value.used().items()}
+    if is_dataclass(value):
+        named = {field.name: recorded(getattr(value, field.name)) for field in fields(value)}
+        return {"kind": type(value).__name__, **named}
+    path = circuit_file(value) if isinstance(value, str) else value
+    if isinstance(path, Path) and path.is_file():
+        return {"file": path.name, "sha256": checksum(path)}
+    return {"folder": value.name} if isinstance(value, Path) else value
+
+
+def circuit_file(name: str) -> Path | None:
+    """Return the path of a circuit that is a file; None for the name of a table."""
+    return Path(name) if name.endswith(".toml") else None
 
 
 def check_writable(folder: str | Path) -> Path:

@@ -148,6 +148,35 @@ def advance(trials: int) -> None:
         listener(trials)
 
 
+def run_snakemake(arguments: list[str]) -> int:
+    """Run Snakemake in this process; return its exit status.
+
+    Ctrl-C also ends the processes of its steps, so that Snakemake need not wait for them and
+    removes its lock.
+    """
+    import signal
+
+    from snakemake.cli import args_to_api, parse_args
+
+    stopped = []
+
+    def stop(*_: object) -> None:
+        stopped.append(True)
+        for process in active_children():
+            process.kill()
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        parser, options = parse_args(arguments)
+        drawn = args_to_api(options, parser)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if stopped:
+        raise KeyboardInterrupt("The same command resumes where it stopped.")
+    return 0 if drawn else 1
+
+
 SMALL_BYTES = 1e8
 """Smaller runs skip the check."""
 CELL_BYTES, TEXT_TIMES = 24, 2

@@ -19,7 +19,7 @@ import numpy as np
 
 from bgmodel.deciding.decision import Decision
 from bgmodel.deciding.measures import Behaviour
-from bgmodel.support.processes import NoMemoryError
+from bgmodel.support.processes import NoMemoryError, advance
 from bgmodel.sweeps.plan import BLOCK, Point, Shard
 from bgmodel.version import __version__
 from circuits.arrays import Arrays
@@ -163,10 +163,12 @@ def at_work(folder: Path, *, alone: bool) -> Iterator[None]:
         yield
 
 
-def compute_all(shards: Iterable[Shard], folder: Path, pool: Executor) -> Iterator[None]:
-    """Compute shards, and yield once for each that is stored."""
-    for done in as_completed([pool.submit(compute, shard, folder) for shard in shards]):
-        yield done.result()
+def compute_all(shards: Iterable[Shard], folder: Path, pool: Executor) -> None:
+    """Compute shards, and report the trials of each that is stored."""
+    jobs = {pool.submit(compute, shard, folder): shard for shard in shards}
+    for done in as_completed(jobs):
+        done.result()
+        advance(jobs[done].trials)
 
 
 def check_slurm(folder: Path) -> None:

@@ -9,24 +9,39 @@ from functools import cached_property
 from importlib.resources import files as resources
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from bgmodel.support.checks import path_of
+from bgmodel.support.files import (
+    check_writable,
+    is_result,
+    provenance,
+    provenance_path,
+    read_provenance,
+    recorded,
+    save_figure,
+    write_table,
+)
 from bgmodel.support.processes import end_if_imported, processes
 from bgmodel.support.saved import Facts
 from bgmodel.support.tables import Readable
 from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.outcome import draw, gathered, measured
 from bgmodel.sweeps.plan import Plan, Point, Shard, read_plan
-from circuits.errors import BgmodelWarning, shown
+from circuits.declaration.table_writer import identity
+from circuits.errors import BgmodelWarning, InputError, require, shown
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
 
+OUTCOME = "outcome.csv"
+FIGURES = (".pdf", ".png")
+"""Endings of figure files."""
+PART = re.compile(r"(\d+)/(\d+)")
 NAMED = 3
 """Largest number of points named in a caution."""
 
@@ -74,14 +89,46 @@ class Sweep:
         every = (shard for point in self.points for shard in point.shards())
         return list({shard.name: shard for shard in every}.values())
 
+    def part(self, text: str = "1/1") -> list[Shard]:
+        """Return the shards of the K-th of N parts, as "K/N"."""
+        match = PART.fullmatch(text)
+        k, n = (int(match[1]), int(match[2])) if match else (0, 0)
+        require(1 <= k <= n, "part", "must be K/N with K in 1..N, as 3/40", text)
+        return self.shards[k - 1 :: n]
+
+    def status(self, folder: Path, part: str | None = None) -> tuple[str, list[Shard]]:
+        """Return how much of a sweep, or of a part, is done, as text, and the other shards."""
+        states = {shard: stored.state(shard, folder) for shard in self.part(part or "1/1")}
+        missing = [shard for shard, state in states.items() if state != "done"]
+        damaged = list(states.values()).count("damaged")
+        again = f", {damaged} damaged, computed again" if damaged else ""
+        done = f"shards: {len(states)}, {len(states) - len(missing)} done{again}"
+        return f"points: {len(self.points)}; {done}; folder: {folder}", missing
+
+    def compute(self, folder: Path, *, workers: int = 1, part: str | None = None) -> None:
+        """Compute and store missing shards; of part "K/N" if it is given, for your own jobs.
+
+        An outcome of another sweep in the folder is removed: nothing shows that it is another one.
+        """
+        end_if_imported()
+        self.check(folder)
+        with ExitStack() as stack:
+            stack.enter_context(stored.at_work(folder, alone=part is None))
+            self._remove_outdated(folder)
+            _, missing = self.status(folder, part)
+            if workers > 1:
+                stored.compute_all(missing, folder, stack.enter_context(processes(workers)))
+            for shard in missing:
+                stored.compute(shard, folder)
+
     def run(self, folder: str | Path | None = None, *, workers: int = 1) -> SweepOutcome:
         """Compute every missing point, and return the measures of all.
 
         Parameters
         ----------
         folder : path, optional
-            Where shards are kept, as by ``bgmodel sweep``: existing ones are not computed again. By
-            default none is kept.
+            Where shards are kept, and ``outcome.csv`` and its figure written, as by ``bgmodel
+            sweep``: existing shards are not computed again. By default none is kept.
         workers : int
             Number of processes; the results do not depend on it. With more than one, a script needs
             ``if __name__ == "__main__"``.
@@ -96,24 +143,57 @@ class Sweep:
         UserWarning
             For each remark on points, as the command prints it, and each key without effect.
         """
-        end_if_imported()
-        with ExitStack() as stack:
-            place = Path(folder or stack.enter_context(TemporaryDirectory()))
-            stored.check_room(self.points, place)
-            stack.enter_context(stored.at_work(place, alone=True))
-            missing = [each for each in self.shards if stored.state(each, place) != "done"]
-            if workers > 1:
-                pool = stack.enter_context(processes(workers))
-                for _ in stored.compute_all(missing, place, pool):
-                    pass
-            else:
-                for shard in missing:
-                    stored.compute(shard, place)
-            tables = [measured(point, place) for point in self.points]
-            outcome = SweepOutcome(self.plan, gathered(self.plan, tables))
+        if folder is None:
+            with TemporaryDirectory() as empty:
+                self.compute(Path(empty), workers=workers)
+                return self._gathered(Path(empty))
+        place = path_of(folder, "folder")
+        self.compute(place, workers=workers)
+        outcome = self._gathered(place)
+        write_table(outcome.table, place / OUTCOME, **self._behind())
+        if len(self.plan.axes) <= 2:
+            figure = outcome.plot()
+            for ending in FIGURES:
+                save_figure(figure, place / f"outcome{ending}")
+        return outcome
+
+    def _gathered(self, folder: Path) -> SweepOutcome:
+        """Return the measures of all points, and warn of remarks on them."""
+        tables = [measured(point, folder) for point in self.points]
+        outcome = SweepOutcome(self.plan, gathered(self.plan, tables))
         for caution in outcome.cautions():
             BgmodelWarning.warn(caution)
         return outcome
+
+    def _behind(self) -> dict[str, Any]:
+        """Return the provenance of the outcome."""
+        circuits = [identity(point.edited)["sha256"] for point in self.points]
+        return {"seed": self.plan.seed, "sweep": recorded(self.plan), "circuits": circuits}
+
+    def check(self, folder: Path) -> None:
+        """Raise ValueError for a folder without room, or with other files of the same names."""
+        check_writable(folder)
+        stored.check_room(self.points, folder)
+        output = folder / OUTCOME
+        paths = [path for path in (output, *map(output.with_suffix, FIGURES)) if path.exists()]
+        made_from = read_provenance(output)["parameters"] if is_result(output) else {}
+        if paths and "sweep" not in made_from:
+            reason = "was not made by a sweep: move it, or give another folder"
+            raise InputError(f"{str(paths[0])!r} {reason}", "folder")
+
+    def _remove_outdated(self, folder: Path) -> None:
+        """Remove table and figure of another sweep, which a part or a stopped sweep would keep."""
+        output = folder / OUTCOME
+        if not output.is_file():
+            return
+        made, now = read_provenance(output), provenance(**self._behind())
+        if any(made.get(name) != now[name] for name in ("parameters", "seed")):
+            BgmodelWarning.warn(
+                f"{output} is of another sweep: it is removed, with its figure; shards are kept"
+            )
+            # Remove the table last: while it exists, its figure is known to be that of a sweep.
+            for path in (*map(output.with_suffix, FIGURES), output, provenance_path(output)):
+                path.unlink(missing_ok=True)
 
 
 @dataclass(frozen=True, repr=False)

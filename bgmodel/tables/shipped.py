@@ -76,6 +76,15 @@ def every_set() -> dict[str, Shipped]:
     return {name: _read(name) for name in (*SETS, *OTHERS)}
 
 
+def listed() -> tuple[str, pd.DataFrame]:
+    """Return all shipped sets with their sources, as text and as a table."""
+    sets = every_set().values()
+    rows = [{"name": one.name, "trials": one.trials, "participants": one.people,
+             "strength": one.strength, "conditions": ", ".join(one.conditions), **one.about}
+            for one in sets]  # fmt: skip
+    return "\n\n".join(one.text() for one in sets), pd.DataFrame(rows)
+
+
 def shipped_table(name: str) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Return a shipped table, and the description stored in its file."""
     with resources.as_file(resources.files("bgmodel.data") / f"{name}.parquet") as path:

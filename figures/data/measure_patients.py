@@ -74,7 +74,7 @@ def likelihoods(by: str, terms: str, fast: bool) -> dict[str, Likelihood]:
         formula=[f"{THRESHOLDS[by]} ~ {TERMS[terms]}"], vary={"sensitivity": "conflict"},
         trials=COARSE_TRIALS if fast else TRIALS, noise_nats=SLOW_NATS,
     )  # fmt: skip
-    designs = {who: asked.design(some) for who, some in asked.people(asked.read(DATA))}
+    designs = {who: asked.design(some) for who, some in asked.by_person(asked.read(DATA)).items()}
     seconds = seconds_of(designs.values())
     model = asked.model(MODELS[by], seconds=seconds, folder=OUT / "stored")
     return asked.likelihoods(designs, model)
@@ -143,9 +143,10 @@ def theta(fast: bool, workers: int) -> pd.DataFrame:
     ``effects``, of the mean of the group and of the mean of its patients.
     """
     table, _ = shipped_table(DATA)
-    asked = settings_of(formula=f"bound ~ theta * {ON.removesuffix('[T.on]')}", hierarchical=True)
+    formula = f"bound ~ theta * {ON.removesuffix('[T.on]')}"
+    asked = settings_of(formula=formula, people="hierarchical")
     trials = asked.read(table[table["conflict"] == "high"])
-    designs = {who: asked.design(some) for who, some in asked.people(trials)}
+    designs = {who: asked.design(some) for who, some in asked.by_person(trials).items()}
     every = asked.likelihoods(designs, asked.model(MODELS["test"]))
     fit = kept_fit("theta", every, fast, workers)
     rows = []

@@ -44,16 +44,12 @@ def test_times_and_prior_of_a_table_are_those_that_were_said(tmp_path):
     task = ("--task", mine, "--boundary-separation", 1)
     for prior, start in (((), 0.0), (("--prior", 0.45, 0.55), np.log(0.55 / 0.45))):
         out = tmp_path / f"out{len(prior)}.csv"
-        assert (
-            run("decide", "--save", out, *task, *prior, "--task", "step_ms=20", "--onset-ms", 300)
-            == 0
-        )
+        assert run("decide", "--save", out, *task, *prior, "--task", "step_ms=20") == 0
         met = z + start >= 0.5 - 1e-10
         reading = np.where(met.any(axis=1), met.argmax(axis=1) + 1, 5)
         decisions = read_table(out)
         assert decisions["rt"].to_numpy() == pytest.approx(0.02 * reading)
         assert (decisions["forced"] == ~met.any(axis=1)).all()
-        assert read_provenance(out)["parameters"]["command"]["onset_ms"] == 300
     out = tmp_path / "circuit.csv"
     assert run("circuit", "run", "--save", out, *task[:2], *ALGEBRA, "--task", "step_ms=20") == 0
     assert set(read_table(out)["rt"].round(6)) <= {0.02 * k for k in range(1, 7)}
@@ -96,7 +92,6 @@ def test_what_had_no_say_in_a_decision_is_not_recorded(tmp_path):
         "posterior",
         "channels",
         "evidence",
-        "onset_ms",
         "d_prime",
     }
     for task, asked, had in (

@@ -9,20 +9,20 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.commands import fitted
-from bgmodel.commands.fits import ESTIMATES
-from bgmodel.commands.fitted import TABLES, Kept, Piece
 from bgmodel.fitting import optimum
 from bgmodel.fitting.exact.algorithms import DRIFT_SD, SPREAD, START, GapModel
+from bgmodel.fitting.folder import EACH, ESTIMATES, FitFolder
 from bgmodel.fitting.parameters import RESPONSE
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.support.files import read_provenance, read_table
+from circuits.errors import FitWarning
 from tests.drawn import drawn
-from tests.helpers import run, words
+from tests.helpers import refused, run, told, words
 from tests.known_trials import simulated
 from tests.stop_trials import table_of as stop_table
 from tests.trials.test_readings import tables
 
+TABLES = ("parameters.csv", "cells.csv")
 GAP = ["--models", "constant_gap"]
 COHERENCE = ["--strength", "coherence"]
 QUICK = ["--free", "sensitivity", "threshold", "t0_s"]
@@ -64,7 +64,7 @@ def brief(request, monkeypatch):
     if "thorough" not in request.fixturenames:
         monkeypatch.setattr(optimum, "TOLERANCE_NATS", 0.5)
         monkeypatch.setattr(optimum, "POPULATION", 8)
-        monkeypatch.setattr(fitted, "save_figure", lambda figure, path: path.touch())
+        monkeypatch.setattr("bgmodel.fitting.folder.save_figure", lambda figure, path: path.touch())
         monkeypatch.setattr("bgmodel.fitting.drawing.draw_fits", lambda *_: None)
 
 
@@ -102,7 +102,7 @@ def changed(**columns):
             "vary is a name, =, and a value, such as threshold=instruction, got",
         ),
         (["--fix", "lapse=much"], "fix must give a number, such as lapse=0.02, got 'much'"),
-        (["--simulation", "trials=0"], "trials must be at least 1, got 0"),
+        (["--simulation", "trials=0"], "trials must be a whole number >= 1, got 0"),
         (
             ["--columns", "rt_window=5,9"],
             "rt_window must leave at least 10 responses, got 0 of 80 of a",
@@ -154,8 +154,8 @@ def test_what_can_not_be_told_apart_is_warned_of_and_kept(capsys):
     free = ["--free", "sensitivity", "threshold_nats", "dopamine", "t0_s"]
     asked = ["one.csv", *COHERENCE, *words("--people pooled --models macaque --mechanism dopamine")]
     small = ["--simulation", "engine=rate", "trials=200", "--fix", "t0_sd_s=0.1"]
-    assert run("fit", *asked, *free, *small) == 0
-    assert "hardly distinguish threshold_nats from dopamine" in capsys.readouterr().err
+    with pytest.warns(FitWarning, match="hardly distinguish threshold_nats from dopamine"):
+        assert run("fit", *asked, *free, *small) == 0
     assert set(pd.read_csv("fits/one/parameters.csv")["parameter"]) > {"dopamine", "t0_s"}
 
 
@@ -241,25 +241,21 @@ def test_fits_of_another_question_are_never_written_over_unasked(capsys):
 def test_a_circuit_that_was_edited_is_another_question(tmp_path):
     """Rows of both would have the same name; a second circuit with another name is allowed."""
 
-    def kept(**circuits):
-        return Kept(tmp_path / "out", 1, {"data": "x"}, circuits, False, print)
+    def fit(who, model, circuit, force=False):
+        """Write a table of one fit."""
+        place = FitFolder(tmp_path, {"data": "x"}, {model: circuit})
+        place.check(EACH, force)
+        place.add("parameters", pd.DataFrame({"participant": [who], "model": [model]}))
+        return pd.read_csv(tmp_path / "parameters.csv").to_numpy().tolist()
 
-    def piece(who, model):
-        return Piece(
-            *(pd.DataFrame({"participant": [who], "model": [model]}) for _ in Piece._fields)
-        )
-
-    kept(mine="a").gather([piece("a", "mine")])
-    kept(other="b").check(force=False)
-    kept(other="b").gather([piece("a", "other")])
-    assert len(kept(mine="a").gather([piece("b", "mine")])) == 3
-    for table in TABLES:
-        behind = read_provenance(tmp_path / "out" / table)["parameters"]
-        assert behind["circuits"] == {"mine": "a", "other": "b"}
-    with pytest.raises(ValueError, match="holds fits with another circuit: give another folder"):
-        kept(mine="c").check(force=False)
-    kept(mine="c").check(force=True)
-    assert kept(mine="c").gather([piece("b", "mine")]).to_numpy().tolist() == [["b", "mine"]]
+    fit("a", "mine", "a")
+    fit("a", "other", "b")
+    assert len(fit("b", "mine", "a")) == 3
+    behind = read_provenance(tmp_path / "parameters.csv")["parameters"]
+    assert behind["circuits"] == {"mine": "a", "other": "b"}
+    with refused("folder holds fits with another circuit"):
+        fit("b", "mine", "c")
+    assert fit("b", "mine", "c", force=True) == [["b", "mine"]]
 
 
 @pytest.mark.parametrize("drop", [False, True])
@@ -361,14 +357,15 @@ def test_an_optimum_at_a_bound_is_said_and_again_where_the_fit_is_there_already(
     """Responses by chance: no evidence is heard."""
     rng = np.random.default_rng(1)
     changed(response=rng.integers(0, 2, len(GOOD))).to_csv(mine, index=False)
-    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--people", "pooled") == 0
-    printed = capsys.readouterr().err
-    assert "sensitivity ends at a bound of its range, 0.05: its standard error is" in printed
+    asked = ["fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--people", "pooled"]
+    first = told(run, *asked)
+    texts = " ".join(first)
+    assert "sensitivity ends at a bound of its range, 0.05: its standard error is" in texts
     # Times are those of evidence that is heard.
-    assert "the model does not fit" in printed
-    assert len(printed.strip().splitlines()) == 2
-    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--people", "pooled") == 0
-    assert capsys.readouterr().err == printed
+    assert "the model does not fit" in texts
+    assert sum(text.startswith("all, constant_gap: ") for text in first) == 2
+    assert told(run, *asked) == first
+    assert "all, constant_gap: already done" in capsys.readouterr().out
 
 
 def test_a_short_chain_is_one_sentence_of_ours(capfd, monkeypatch):
@@ -378,10 +375,10 @@ def test_a_short_chain_is_one_sentence_of_ours(capfd, monkeypatch):
     # A fit without draws is another one.
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--people", "pooled") == 0
     capfd.readouterr()
-    assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--people", "pooled", "--draws") == 0
-    shown = capfd.readouterr()
-    (sentence,) = shown.err.splitlines()
-    assert sentence.startswith("bgmodel: all, constant_gap: the chain of draws lasts ")
+    asked = ["fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--people", "pooled", "--draws"]
+    (sentence,) = told(run, *asked)
+    assert not capfd.readouterr().err
+    assert sentence.startswith("all, constant_gap: the chain of draws lasts ")
     assert "of its autocorrelation times, not 50: its effective sample size is below" in sentence
     parameters = pd.read_csv("fits/mine/parameters.csv")
     low, high = parameters.loc[~parameters["held"], ["low", "high"]].to_numpy().T

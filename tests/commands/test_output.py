@@ -7,7 +7,8 @@ import pytest
 
 from bgmodel.cli import _plain_warnings, main
 from bgmodel.commands import output
-from bgmodel.commands.output import plain, say_before, stages
+from bgmodel.commands.output import say_before, stages
+from bgmodel.fitting.several import stem
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.anatomy import load_circuit
 from tests.helpers import run, some_evidence
@@ -208,4 +209,4 @@ def test_a_terminal_shows_the_stage_in_one_line(monkeypatch, capsys):
     ],
 )
 def test_files_of_a_model_and_of_its_versions_have_names_of_their_own(model, name):
-    assert plain(model) == name
+    assert stem(model) == name

@@ -135,7 +135,7 @@ def taken(monkeypatch):
     def take(taps, *, training, **others):
         raise Taken(training)
 
-    monkeypatch.setattr("bgmodel.tactile.decoder.train", take)
+    monkeypatch.setattr("bgmodel.commands.touch_steps.fitted", take)
     monkeypatch.setattr("bgmodel.commands.touch_steps._taps", lambda *arguments: ([], {}))
 
     def asked(*options):
@@ -185,7 +185,6 @@ RECORDED = ("touch", "mine", "--recordings", ".", "--held-out", ".", "--mm-per-p
         (("experiment", "--plot", "a.png"), "plot"),
         ((*RECORDED, "--held-out-taps", 7), "held_out_taps"),
         ((*RECORDED, "--task", "same-different"), "task"),
-        ((*RECORDED, "--tip", "pin_mm=7"), "tip"),
     ],
 )
 def test_an_option_without_effect_is_refused(tmp_path, monkeypatch, command, field):
@@ -199,23 +198,3 @@ class Unread:
     """A decoder that no test uses."""
 
     rest_mm = ()
-
-
-@pytest.mark.parametrize("recorded", [True, False])
-def test_touch_trains_for_the_epochs_that_are_asked_for(tmp_path, monkeypatch, recorded):
-    monkeypatch.chdir(tmp_path)
-    made = {}
-
-    def noted(command):
-        def made_by(*inputs, output, **options):
-            made[command] = options
-            output.save.write_text(command)
-
-        made_by.__name__ = command
-        return made_by
-
-    for name in ("simulate", "train", "decode"):
-        monkeypatch.setattr(f"bgmodel.commands.touch.{name}", noted(name))
-    words = [*(RECORDED if recorded else ("touch", "mine")), "--epochs", 2]
-    run(*words)
-    assert made["train"]["training"] == ("epochs=2",)

@@ -66,5 +66,5 @@ def group():
             strength="strength",
             fix=FIXED,
             most_draws=MOST,
-            hierarchical=True,
+            people="hierarchical",
         )

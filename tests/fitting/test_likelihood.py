@@ -126,7 +126,7 @@ def test_conditions_change_a_parameter():
 @pytest.mark.usefixtures("few_moves")
 def test_people_are_fitted_in_a_hierarchy():
     some, fixed = people(8, 60, seed=5, spread=0.2), {"slope": 3.0, "gain": 0.6}
-    group = bg.fit(some, MODEL, strength="strength", fix=fixed, hierarchical=True)
+    group = bg.fit(some, MODEL, strength="strength", fix=fixed, people="hierarchical")
     table = group.summary()
     assert group.agreement.reached
     assert table.loc["level", "low"] < TRUTH["level"] < table.loc["level", "high"]

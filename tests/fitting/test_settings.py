@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.commands.fits import FitRun
 from bgmodel.fits import fit, question
 from bgmodel.fitting.alternatives.models import MODELS
 from bgmodel.fitting.exact.algorithms import GAPS, GapModel
@@ -69,9 +68,8 @@ def test_python_and_the_command_have_the_same_defaults():
     parameters = inspect.signature(fit).parameters
     for field in fields(FitSettings):
         default = parameters[field.name].default
-        if field.name not in ("fix", "prior", "vary"):
+        if field.name not in ("fix", "prior", "vary", "people"):
             assert default == field.default, field.name
-    assert {f.name for f in fields(FitSettings)} <= {f.name for f in fields(FitRun)}
 
 
 @pytest.mark.parametrize(
@@ -145,13 +143,13 @@ def test_a_predictor_between_people_is_named_as_that():
     asked = settings_of(formula="bound ~ group")
     with refused("group between people alone"):
         asked.split(asked.read(table))
-    pooled = settings_of(formula="bound ~ group", pooled=True)
+    pooled = settings_of(formula="bound ~ group", people="pooled")
     assert pooled.split(pooled.read(table)) == (pooled, [])
-    together = settings_of(formula="bound ~ group", hierarchical=True)
+    together = settings_of(formula="bound ~ group", people="hierarchical")
     within, (between,) = together.split(together.read(table))
     assert (within.formula, between.columns) == ((), ["group"])
     blocks = table.assign(block=np.tile(["x", "y"], 40))
-    both = settings_of(formula=["bound ~ block", "bound ~ group"], hierarchical=True)
+    both = settings_of(formula=["bound ~ block", "bound ~ group"], people="hierarchical")
     within, _ = both.split(both.read(blocks))
     assert within.effects == ["bound"]
 
@@ -165,8 +163,8 @@ def test_a_slope_has_one_range_for_all_people_of_a_hierarchy():
         "rt": rng.uniform(0.3, 0.9, 160),
         "response": np.arange(160) % 4 // 3 ^ 1,
     })  # fmt: skip
-    asked = settings_of(formula="bound ~ theta", hierarchical=True)
-    designs = {who: asked.design(some) for who, some in asked.people(asked.read(table))}
+    asked = settings_of(formula="bound ~ theta", people="hierarchical")
+    designs = {who: asked.design(some) for who, some in asked.by_person(asked.read(table)).items()}
     alone = [asked.likelihood(each, GapModel()).freedom for each in designs.values()]
     shared = [each.freedom for each in asked.likelihoods(designs, GapModel()).values()]
     k = shared[0].names.index("bound[theta]")

@@ -88,7 +88,7 @@ def test_what_cannot_be_fitted_is_named(trials, model, options, field):
 def test_a_hierarchy_is_of_two_alternatives(trials):
     people = pd.concat([trials.assign(participant_id=who) for who in ("a", "b")])
     with refused("alternatives"), pytest.warns(DataWarning):
-        fit(people, "msprt", **SMALL, hierarchical=True)
+        fit(people, "msprt", **SMALL, people="hierarchical")
 
 
 def test_responses_below_chance_are_refused(trials):

@@ -65,7 +65,7 @@ def test_guesses_are_warned_of():
     some.loc[guess, "rt"] = rng.uniform(0.15, 0.25, guess.sum())
     some.loc[guess, "response"] = rng.integers(0, 2, guess.sum())
     with short_chains(), pytest.warns(FitWarning) as warned:
-        fit(some, **GAP, most_draws=MOST, hierarchical=True)
+        fit(some, **GAP, most_draws=MOST, people="hierarchical")
     assert [str(each.message) for each in warned if "does not fit" in str(each.message)]
 
 
@@ -80,12 +80,11 @@ TRIALS_OF = {"ben": 12, "cleo": 16}
                      .fillna(60)], {}, r"data .*ben \(12\), cleo \(16\)"),
         (lambda t: t[(t["participant_id"] != "dora") | (t["block"] == "early")],
          {"vary": {"bound": "block"}}, "vary .*dora"),
-        (lambda t: t, {"pooled": True}, "pooled"),
     ],
 )  # fmt: skip
 def test_people_who_do_not_fit_into_a_hierarchy_are_refused(change, options, says):
     with refused(says):
-        fit(change(table(trials=60)), **GAP, **options, hierarchical=True)
+        fit(change(table(trials=60)), **GAP, **options, people="hierarchical")
 
 
 def test_what_people_cannot_share_is_refused(group):
@@ -109,7 +108,7 @@ def two_groups(shift, seed=11):
 
 def test_a_predictor_between_people_finds_the_difference_of_their_groups():
     table = two_groups(0.3)
-    settings = {"strength": "strength", "fix": FIXED, "hierarchical": True}
+    settings = {"strength": "strength", "fix": FIXED, "people": "hierarchical"}
     fitted = fit(table, "constant_gap", formula=["bound ~ kind", "sensitivity ~ kind"], **settings)
     assert fitted.agreement.reached
     effects = fitted.effects()
@@ -124,10 +123,10 @@ def test_a_predictor_between_people_finds_the_difference_of_their_groups():
 @pytest.mark.parametrize(
     ("settings", "field"),
     [
-        ({"formula": "bound ~ kind"}, "kind"),
-        ({"vary": {"bound": "kind"}, "hierarchical": True}, "kind"),
-        ({"formula": "bound ~ kind * block", "hierarchical": True}, "formula"),
-        ({"formula": "bound ~ 0 + kind", "hierarchical": True}, "formula"),
+        ({"formula": "bound ~ kind", "people": "each"}, "kind"),
+        ({"vary": {"bound": "kind"}, "people": "hierarchical"}, "kind"),
+        ({"formula": "bound ~ kind * block", "people": "hierarchical"}, "formula"),
+        ({"formula": "bound ~ 0 + kind", "people": "hierarchical"}, "formula"),
     ],
 )
 def test_predictors_between_people_that_cannot_be_fitted_are_refused(settings, field):
@@ -141,8 +140,7 @@ def related():
     """Return a fit with correlations and a prior that is much narrower than the data."""
     with short_chains(), pytest.warns(FitWarning):
         return fit(
-            table(), **GAP, prior={"t0_s": (0.2, 0.204)}, correlated=True, most_draws=MOST,
-            hierarchical=True,
+            table(), **GAP, prior={"t0_s": (0.2, 0.204)}, people="correlated", most_draws=MOST,
         )  # fmt: skip
 
 
@@ -153,7 +151,9 @@ def test_a_narrow_prior_outweighs_the_data_and_a_wide_one_changes_nothing(group,
     assert abs(np.median(t0_s(related)) - 0.202) < 0.002
     assert np.median(t0_s(group)) > 0.25
     with short_chains(), pytest.warns(FitWarning):
-        wide = fit(table(), **GAP, prior={"t0_s": (0.05, 1.5)}, most_draws=MOST, hierarchical=True)
+        wide = fit(
+            table(), **GAP, prior={"t0_s": (0.05, 1.5)}, most_draws=MOST, people="hierarchical"
+        )
     assert abs(np.median(t0_s(wide)) - np.median(t0_s(group))) < t0_s(group).std()
     assert t0_s(wide).std() == pytest.approx(t0_s(group).std(), rel=0.5)
     # As in the fit of one person, where the prior is of that person.

@@ -43,7 +43,7 @@ def test_each_trial_has_its_strength_and_conditions():
     with short_chains(), pytest.warns(FitWarning, match="have not converged"):
         fitted = fit(
             table(), "constant_gap", strength="strength", fix=FIXED | {"t0_s": 0.3},
-            vary={"bound": "block"}, most_draws=MOST, hierarchical=True)  # fmt: skip
+            vary={"bound": "block"}, most_draws=MOST, people="hierarchical")  # fmt: skip
     stored = fitted.to_datatree()["constant_data"].to_dataset()
     assert set(stored["strength"].to_numpy()) == {0.2}
     for who in PEOPLE:

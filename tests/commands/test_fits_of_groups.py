@@ -5,13 +5,14 @@ import json
 import pandas as pd
 import pytest
 
-from bgmodel.commands.group_fits import CELLS, CORRELATIONS, GROUP, PEOPLE
 from bgmodel.fitting.hierarchy import chains
 from bgmodel.support.files import read_provenance
 from tests.fitting.conftest import PEOPLE as PERSONS
 from tests.fitting.conftest import table
 from tests.helpers import run
 
+GROUP, PEOPLE, CELLS = "group.csv", "people.csv", "people_cells.csv"
+CORRELATIONS = "group_correlations.csv"
 ASKED = ["mine.csv", "out", "--strength", "strength", "--models", "constant_gap",
          "--people", "hierarchical",
          "--workers", "1",
@@ -41,9 +42,9 @@ def test_it_writes_tables_a_figure_and_draws_and_goes_on_from_them(mine, capsys)
     assert (mine / "out" / "constant_gap cells.png").is_file()
     assert {path.suffix for path in (mine / "out").iterdir()} > {".nc", ".png", ".csv"}
     assert read_provenance(mine / "out" / GROUP)["parameters"]["trials"]
-    assert run("fit", *ASKED) == 2
-    capsys.readouterr()
-    assert run("fit", *ASKED, "--force", "--json") == 0
+    assert run("fit", *ASKED, "--fix", "lapse=0.02") == 2
+    assert "holds fits with another fix" in capsys.readouterr().err
+    assert run("fit", *ASKED, "--json") == 0
     records = json.loads(capsys.readouterr().out)["records"]
     assert records[0]["median"] == pytest.approx(group["median"][0])
 
@@ -79,7 +80,7 @@ def test_people_with_other_strengths_have_no_figure_of_averages(mine, capsys):
 
 def test_options_without_effect_are_refused(mine, capsys):
     assert run("fit", *ASKED, "--draws") == 2
-    assert "--draws" in capsys.readouterr().err
+    assert "draws has no effect in a hierarchy" in capsys.readouterr().err
     assert not (mine / "out").exists()
 
 
@@ -96,7 +97,7 @@ def test_another_prior_or_correlations_have_chains_of_their_own(mine, capsys):
     related = pd.read_csv(mine / "out" / CORRELATIONS)
     assert related[["first", "second"]].to_numpy().tolist() == [["sensitivity", "bound"]]
     made = read_provenance(mine / "out" / GROUP)["parameters"]
-    assert (made["prior"], made["correlated"]) == (["bound=0.3:0.9"], True)
+    assert (made["prior"], made["people"]) == (["bound=0.3:0.9"], "correlated")
     seen = stored()
     assert run("fit", *asked, "--force") == 0
     assert stored() == seen

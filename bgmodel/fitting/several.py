@@ -1,0 +1,230 @@
+"""Fits of several people or models as one result: tables, figures, and how well each predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from bgmodel.fitting.checks.cautions import finer
+from bgmodel.fitting.fit import Fit
+from bgmodel.fitting.hierarchy.fit import GroupFit
+from bgmodel.fitting.likelihood import Likelihood
+from bgmodel.fitting.model_comparison import ModelComparison
+from bgmodel.fitting.parameters import told_priors
+from bgmodel.fitting.quantiles import residuals, too_few
+from bgmodel.support.saved import Facts, packed, unpacked
+from bgmodel.support.tables import Readable
+from bgmodel.version import __version__
+from circuits.arrays import Arrays
+from circuits.store import Entry, safe
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+WORST = 5
+"""Number of residuals in the report of a fit."""
+Drawn = Callable[[], "Figure"]
+
+
+@dataclass(frozen=True, repr=False)
+class Fits(Facts):
+    """Fits of one or several models to each participant."""
+
+    fits: dict[str, dict[str, Fit]]  # by model and participant
+    comparison: ModelComparison | None = None  # if it was asked for
+
+    @property
+    def people(self) -> list[str]:
+        """Names of the participants."""
+        return list(next(iter(self.fits.values())))
+
+    def facts(self) -> dict[str, str]:
+        """Return participants, models, and how well these predict, if they were compared."""
+        facts = {"participants": ", ".join(self.people), "models": ", ".join(self.fits)}
+        return facts | ({} if self.comparison is None else self.comparison.facts())
+
+    def parameters(self) -> pd.DataFrame:
+        """Return ``Fit.parameters`` of each participant and model, fixed ones as ``held``.
+
+        With the log likelihood, its error due to simulated trials, and the number of trials left
+        out.
+        """
+        return self._joined(_parameters)
+
+    def cells(self) -> pd.DataFrame:
+        """Return ``Fit.cells`` of each participant and model."""
+        return self._joined(Fit.cells)
+
+    def _joined(self, table_of: Callable[[Fit], pd.DataFrame]) -> pd.DataFrame:
+        parts = []
+        for who in self.people:
+            for name, fits in self.fits.items():
+                parts.append(table_of(fits[who]))
+                parts[-1].insert(0, "participant", who)
+                parts[-1].insert(1, "model", name)
+        return pd.concat(parts, ignore_index=True)
+
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """Return ``parameters()`` and ``cells()``, by name."""
+        return {"parameters": self.parameters(), "cells": self.cells()}
+
+    def summary(self) -> pd.DataFrame:
+        """Return the parameters with their errors and intervals, as a table to read."""
+        table = self.parameters().set_index(["participant", "model", "parameter"]).round(4)
+        shown = ["value", "standard_error", "low", "high", "at_bound", "held"]
+        return Readable(table[shown].dropna(axis="columns", how="all"))
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return ``parameters()``."""
+        return self.parameters()
+
+    def figures(self) -> dict[str, Drawn]:
+        """Return what draws each participant, by the name of a file."""
+        return {safe(who): partial(self.plot, who) for who in self.people}
+
+    def plot(self, who: str | None = None) -> Figure:
+        """Draw the data of a participant, by default the first, with every model; see ``Fit``."""
+        who = self.people[0] if who is None else who
+        fits = {name: each[who] for name, each in self.fits.items()}
+        cells = {name: fit.cells() for name, fit in fits.items()}
+        peaks = {name: (fit.optimum.likelihood, fit.optimum.vector) for name, fit in fits.items()}
+        likelihood = next(iter(peaks.values()))[0]
+        trials = likelihood.design.choices
+        source = "" if trials is None else f"{trials.source}, "
+        return likelihood.draw(cells, peaks, f"{source}{who}")
+
+
+def _parameters(fit: Fit) -> pd.DataFrame:
+    """Return the numbers of a fit, and those that it held, with its log likelihood."""
+    likelihood = fit.optimum.likelihood
+    held = pd.Series(likelihood.freedom.held, dtype=float)
+    more = pd.DataFrame({"parameter": held.index, "value": held.to_numpy()})
+    more = more.assign(at_bound=False, held=True)
+    return pd.concat([fit.parameters().assign(held=False), more], ignore_index=True).assign(
+        log_likelihood=fit.optimum.log_likelihood,
+        log_likelihood_simulation_error=fit.simulation.log_likelihood,
+        left_out=likelihood.design.left_out,
+    )
+
+
+def fit_entry(
+    folder: Path | None, title: str, key: Any, likelihood: Likelihood
+) -> Entry[tuple[Fit, list[str]]]:
+    """Return the place of a fit and its warnings; the likelihood is not stored, but made again."""
+
+    def pack(kept: tuple[Fit, list[str]]) -> Arrays:
+        width_s = kept[0].optimum.likelihood.design.grid.width_s
+        optimum = replace(kept[0].optimum, likelihood=None)  # type: ignore[arg-type]
+        return packed((replace(kept[0], optimum=optimum), kept[1], width_s))
+
+    def unpack(arrays: Arrays) -> tuple[Fit, list[str]]:
+        fit, cautions, width_s = unpacked(arrays)
+        fitted = likelihood
+        while fitted.design.grid.width_s > width_s:  # bins that a fit has made narrower
+            fitted = finer(fitted)
+        return replace(fit, optimum=replace(fit.optimum, likelihood=fitted)), cautions
+
+    return Entry(folder, __version__, key, pack, unpack, title)
+
+
+def report(fit: Fit, name: str) -> str:
+    """Return priors, trade-offs, errors and residuals of a fit as text; ``name`` begins lines."""
+    names, cells = fit.directions.names, fit.cells()
+    cosines = pd.DataFrame(fit.directions.cosines, names, names).round(2)
+    priors, error_nats = told_priors(fit.priors), fit.simulation.log_likelihood
+    lines = [f"\n{name}: {priors}"] if priors else []
+    lines += [f"\n{name}: parameter trade-offs (cosine similarity)", cosines.to_string()]
+    if error_nats:
+        lines.append(f"{name}: log likelihood {fit.optimum.log_likelihood:.1f}, with a simulation "
+                     f"error of {error_nats:.1f} nats")  # fmt: skip
+    in_whole_ms = dict.fromkeys(("data_ms", "model_ms", "residual_ms"), 0)
+    worst = residuals(cells)[:WORST].round({**in_whole_ms, "se_ms": 1, "z": 1})
+    if len(worst):
+        lines.append(f"\n{name}: largest differences between quantiles of data and model")
+        lines.append(worst.to_string(index=False, float_format="{:g}".format))
+    lines += filter(None, [too_few(cells)])
+    if fit.posterior is not None and fit.posterior.long_enough:
+        lines.append(f"{name}: effective sample size {fit.posterior.effective:.0f}")
+    return "\n".join(lines)
+
+
+@dataclass(frozen=True, repr=False)
+class GroupFits(Facts):
+    """Fits of one or several models to a group of people, with distributions of the group."""
+
+    fits: dict[str, GroupFit]  # by model
+    comparison: ModelComparison | None = None  # if it was asked for
+
+    @property
+    def people(self) -> list[str]:
+        """Names of the participants."""
+        return next(iter(self.fits.values())).people
+
+    def facts(self) -> dict[str, str]:
+        """Return each model's group, and how well they predict, if they were compared."""
+        facts = {name: repr(fit) for name, fit in self.fits.items()}
+        return facts | ({} if self.comparison is None else self.comparison.facts())
+
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """Return each table of ``GroupFit``, of all models, by name; empty ones are left out."""
+        tables = {
+            "group": self.to_dataframe(),
+            "people": _all({name: fit.to_dataframe() for name, fit in self.fits.items()}),
+            "people_cells": _all({name: fit.cells() for name, fit in self.fits.items()}),
+            "group_effects": self.effects(),
+            "group_correlations": self.correlations(),
+        }
+        return {name: table for name, table in tables.items() if not table.empty}
+
+    def effects(self) -> pd.DataFrame:
+        """Return ``GroupFit.effects`` of each model."""
+        return _all({name: fit.effects().reset_index() for name, fit in self.fits.items()})
+
+    def correlations(self) -> pd.DataFrame:
+        """Return ``GroupFit.correlations`` of each model."""
+        return _all({name: fit.correlations().reset_index() for name, fit in self.fits.items()})
+
+    def summary(self) -> pd.DataFrame:
+        """Return the parameters of each model's group, with effects, priors and correlations."""
+        table = self.to_dataframe().set_index(["model", "parameter"]).round(4)
+        return Readable(table).with_note(self.notes())
+
+    def notes(self) -> str:
+        """Return effects of predictors, priors and correlations as text."""
+        effects = self.effects()
+        notes = [] if effects.empty else [effects.round(4).to_string(index=False)]
+        notes += [f"{name}, {fit.notes()}" for name, fit in self.fits.items() if fit.notes()]
+        return "\n\n".join(notes)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return ``GroupFit.summary`` of each model."""
+        return _all({name: fit.summary().reset_index() for name, fit in self.fits.items()})
+
+    def figures(self) -> dict[str, Drawn]:
+        """Return what draws each model's parameters, and its cells, by the name of a file."""
+        drawn: dict[str, Drawn] = {}
+        for name, fit in self.fits.items():
+            drawn |= {stem(name): fit.plot, f"{stem(name)} cells": fit.plot_cells}
+        return drawn
+
+    def plot(self, model: str | None = None) -> Figure:
+        """Draw the parameters of a model, by default the first; see ``GroupFit.plot``."""
+        return next(iter(self.fits.values())).plot() if model is None else self.fits[model].plot()
+
+
+def _all(parts: Mapping[str, Any]) -> pd.DataFrame:
+    """Return the tables of all models as one, with a first column of their names."""
+    every = [part.assign(model=name) for name, part in parts.items()]
+    table: pd.DataFrame = pd.concat(every, ignore_index=True)
+    table.insert(0, "model", table.pop("model"))
+    return table
+
+
+def stem(model: str) -> str:
+    """Return the name of a model, which may be a .toml file, as part of the name of a file."""
+    return Path(model).stem if model.endswith(".toml") else model
