@@ -166,6 +166,7 @@ def test_what_an_argument_cannot_be_is_refused_by_name(call, tmp_path, monkeypat
     monkeypatch.setattr(Space, "shipped", lambda: Space(d_prime=(1.0,)))
     monkeypatch.setattr(fits, "fit_likelihood", lambda *_, **__: None)
     monkeypatch.setattr(fits, "fit_group", lambda *_, **__: None)
+    monkeypatch.setattr(fits, "report", lambda *_: "")
     absent = Decoder.load
     monkeypatch.setattr(Decoder, "load", lambda p: None if str(p) == "nothing.onnx" else absent(p))
     (tmp_path / "e.csv").write_text("trial,step,ll_a,ll_b,truth\n1,1,-1,-2,a\n1,2,-1,-3,a\n")
