@@ -498,7 +498,8 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         raise InputError(f"{name} {reason}", name)
     kept = None if folder is None else path_of(folder, "folder")
     several = isinstance(model, (list, tuple))
-    models: Any = list(model) if isinstance(model, (list, tuple)) else model and [model]
+    models: Any = list(model) if isinstance(model, (list, tuple)) else [model]
+    models = None if model is None else models
     one = question(asked, data, models, kept and kept / SIMULATED, alone=not several)
     if people is None and len(one.people) > 1:
         raise InputError(

@@ -1,6 +1,7 @@
 """Every argument of the front door, given what it can't be: one sentence that names it."""
 
 import inspect
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -115,6 +116,7 @@ LEGAL = {
     **{f"Columns {name}": ["text"] for name in NAMES_OF_COLUMNS},
     "Columns deadline_s": ["huge"],
     "discriminate workers": ["huge"],
+    "fit workers": ["huge"],
     "names": ODD,
     "check_seed": ["huge"],
 }
@@ -164,9 +166,8 @@ def called(call, argument, odd):
 def test_what_an_argument_cannot_be_is_refused_by_name(call, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(Space, "shipped", lambda: Space(d_prime=(1.0,)))
-    monkeypatch.setattr(fits, "fit_likelihood", lambda *_, **__: None)
+    monkeypatch.setattr(fits, "fit_entry", lambda *_: SimpleNamespace(get=lambda: (None, ())))
     monkeypatch.setattr(fits, "fit_group", lambda *_, **__: None)
-    monkeypatch.setattr(fits, "report", lambda *_: "")
     absent = Decoder.load
     monkeypatch.setattr(Decoder, "load", lambda p: None if str(p) == "nothing.onnx" else absent(p))
     (tmp_path / "e.csv").write_text("trial,step,ll_a,ll_b,truth\n1,1,-1,-2,a\n1,2,-1,-3,a\n")

@@ -98,7 +98,8 @@ class FitSettings:
         for name in ("draws", "compare"):
             check_flag(name, getattr(self, name))
         ways = get_args(People)
-        require(self.people in ways, "people", f"must be one of {', '.join(ways)}", self.people)
+        known = isinstance(self.people, str) and self.people in ways
+        require(known, "people", f"must be one of {', '.join(ways)}", self.people)
         require(isinstance(self.columns, Columns), "columns", "must be Columns(...)", self.columns)
         whole("trials", self.trials, 1)
         whole("seed", self.seed, 0)
