@@ -3,7 +3,7 @@
 import pytest
 
 from bgmodel.fitting.exact.algorithms import EXPONENTIAL, HYPERBOLIC, WEIBULL
-from tests.test_against_pyddm import compared
+from tests.test_against_other_tools import compared
 
 pytestmark = pytest.mark.validate
 

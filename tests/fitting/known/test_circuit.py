@@ -35,7 +35,7 @@ def test_the_lowest_out_after_a_reading_lasts_until_the_next():
 def test_an_exact_circuit_without_noise_is_the_test(trials):
     exact = KnownCircuit(load_circuit("spiking_msprt", 2), engine="algebra", runs=8)
     outputs = exact.on(trials, SPAN)
-    gain = float(exact.gains[2])
+    gain = float(outputs.gains[2])
     expected = EXACT["msprt"].on(trials, SPAN).out({"gain": gain, "leak_hz": 0.0})
     # Above its rest and near 0, OUT of this circuit is flat.
     below = (expected[0] > 0.2) & (expected[0] < 0.6)

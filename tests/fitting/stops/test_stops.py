@@ -87,9 +87,8 @@ def test_simulated_trials_have_the_probabilities_and_the_go_times():
     assert (made.stop == one.stop).all()
 
 
-@pytest.mark.parametrize("times", [False, True])
-def test_known_parameters_are_found_and_the_model_fits(times):
-    fit = fit_likelihood(likelihood(replace(ALIKE, times=times), raced(3, 3000)))
+def test_known_parameters_are_found_and_the_model_fits():
+    fit = fit_likelihood(likelihood(ALIKE, raced(3, 3000)))
     table = fit.parameters().set_index("parameter")
     for name, value in TRUE.items():
         assert abs(table.loc[name, "value"] - value) < 3.5 * table.loc[name, "standard_error"]
