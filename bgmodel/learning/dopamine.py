@@ -13,7 +13,6 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq
 
 from bgmodel.deciding.calibration import against_evidence
 from bgmodel.deciding.decision import any_crossing
@@ -64,6 +63,8 @@ def working_range(circuit: Circuit, threshold_nats: float) -> tuple[float, float
     already below, so that the circuit decides without evidence, unless the range ends at 2, the
     highest level allowed. Spiking noise blurs both limits.
     """
+    from scipy.optimize import brentq
+
     circuit = checked_circuit(circuit)
     require(is_number(threshold_nats), "threshold_nats", "must be a number", threshold_nats)
     odds = _odds(circuit)
@@ -139,6 +140,8 @@ def stopping_posterior(circuit: Circuit, level: float, threshold_nats: float, ga
 
     ``gain`` is in nats of drive per nat of evidence. A level outside ``working_range`` raises.
     """
+    from scipy.optimize import brentq
+
     check_positive(gain=gain)
     circuit = checked_circuit(circuit)
     odds = _odds(circuit)
