@@ -562,7 +562,7 @@ def _fitted(
     """Fit every model to everyone."""
     # Build all before any is fitted, so that errors are raised at once.
     by_model = {name: one.likelihoods(name) for name in one.versions}
-    # Nothing says whether the code of a model of one's own has changed.
+    # A model that a user wrote may have changed in code that no key contains.
     own = any(
         not type(model).__module__.startswith("bgmodel.") for _, model, _ in one.versions.values()
     )

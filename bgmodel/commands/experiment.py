@@ -71,14 +71,14 @@ def experiment(
         Experiment.from_toml(file)  # its error lists the names
         print(shipped_text(file), end="")
         return
-    beside = output.save and output.save.with_stem(f"{output.save.stem}_trials")
+    trials_file = output.save and output.save.with_stem(f"{output.save.stem}_trials")
     asked = Experiment.from_toml(file)
     if trials is not None:
         asked = replace(asked, task=asked.task.changed(trials=trials))
     asked = replace(asked, seed=asked.seed if seed is None else seed, engine=engine or asked.engine)
     asked.check_differs()
     read: dict[str, Any] = {"file": Path(file), "task.evidence": asked.task.file}
-    output.check(more={"trials": beside} if beside else {}, **read)
+    output.check(more={"trials": trials_file} if trials_file else {}, **read)
     given = asked.given()
     evidence = given.evidence
     check_trials(evidence.trials)
@@ -96,7 +96,7 @@ def experiment(
     }  # fmt: skip
     output.show(done.text(), done.rows(), **facts)
     output.note(f"{evidence.trials} trials")
-    if beside is not None:
+    if trials_file is not None:
         behind = {
             "seed": asked.seed,
             "experiment": files.recorded(replace(asked, gain=control.gain)),
@@ -104,6 +104,6 @@ def experiment(
             "manipulation": identity(manipulation.circuit),
         }
         output.write(done.rows(), **behind)
-        files.write_table(done.trials, beside, **behind)
-        output.note(f"-> {beside}")
+        files.write_table(done.trials, trials_file, **behind)
+        output.note(f"-> {trials_file}")
     output.draw(done.plot)

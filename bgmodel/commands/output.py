@@ -49,7 +49,7 @@ class Files:
     ) -> None:
         """Raise ValueError, before anything is run, if a result cannot be written.
 
-        ``save`` has one of the endings, or must be absent if there are none; ``more`` are files
+        ``save`` has one of the endings; without endings it must be absent. ``more`` are files
         that no option names; other options name files that are read, unless in ``OUTPUTS``. No
         result may be the file of another one or of an input.
         """

@@ -162,7 +162,7 @@ def checksum_entry(path: Path, key: Any) -> Entry[str]:
 
 
 def made_once(path: Path, key: Any, make: Callable[[], object]) -> bool:
-    """Make a file, unless it is there as it was made with the same key; return whether it was."""
+    """Make a file unless the same key made the one that is there; return whether it was made."""
     entry = checksum_entry(path, key)
     if path.is_file() and entry.get() == checksum(path):
         return False

@@ -118,8 +118,9 @@ class Sweep:
             _, missing = self.status(folder, part)
             if workers > 1:
                 stored.compute_all(missing, folder, stack.enter_context(processes(workers)))
-            for shard in missing:
-                stored.compute(shard, folder)
+            else:
+                for shard in missing:
+                    stored.compute(shard, folder)
 
     def run(self, folder: str | Path | None = None, *, workers: int = 1) -> SweepOutcome:
         """Compute every missing point, and return the measures of all.

@@ -100,7 +100,7 @@ channels share changes. A nucleus that a silent SNr sets free silences it furthe
 D1 and D2 themselves in the default circuit.
 """
 FEW = 8
-"""Up to so many numbers are listed by name."""
+"""Largest number of answers that are listed by name; more are counted."""
 
 
 def examinees() -> dict[str, Model]:
