@@ -47,6 +47,9 @@ class Piece:
         CPU time, about: an estimate that is printed before it starts.
     make : function
         Computes it.
+    of_circuit : bool
+        Whether a circuit takes part. A piece without one, such as a fit of the test, is kept when
+        the score's circuits change.
     """
 
     kind: str
@@ -54,6 +57,7 @@ class Piece:
     trials: int
     seconds: float
     make: Callable[[], pd.DataFrame]
+    of_circuit: bool = True
 
 
 @dataclass(frozen=True)
@@ -109,6 +113,8 @@ class Score:
         title = f"{self.name} {piece.kind} {piece.name}"
         key = {"piece": title, "seed": self.seed, **self.behind([piece.trials], fast)}
         key["arguments"] = _arguments(piece.make)
+        if not piece.of_circuit:
+            del key["circuits"]
         # As text, so that tables are made from the numbers that are written. A new version of the
         # package does not make them again.
         return Entry(

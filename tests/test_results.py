@@ -4,6 +4,7 @@ import re
 import sys
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -145,6 +146,16 @@ def test_a_piece_is_made_again_where_its_arguments_changed(score, arguments, aga
         of = partial(make, **{"size": 1, "workers": 2} | given)
         pieces.main(replace(one, pieces=lambda *_, of=of: [Piece("kind", "one", 10, 1, of)]))
     assert len(made) == 1 + again
+
+
+@pytest.mark.parametrize("of_circuit", [True, False])
+def test_only_pieces_of_a_circuit_are_made_again_where_it_changes(score, of_circuit):
+    one, _, _ = score
+    piece = Piece("kind", "one", 10, 1, dict, of_circuit)
+    keys = [
+        replace(one, circuit=name).entry(piece, Path(), False).key for name in ("", pieces.TABLE)
+    ]
+    assert (keys[0] != keys[1]) == of_circuit
 
 
 def test_a_score_goes_on_where_it_was_stopped(score, capsys):

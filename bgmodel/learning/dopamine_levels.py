@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -24,7 +24,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
-from circuits.engines import Ensemble, Population, Rate
+from circuits.engines import Engine, Ensemble, Population, Rate
 
 STEPS = {2: 120, 4: 160}
 """Numbers of alternatives, and largest number of readings in a trial."""
@@ -89,24 +89,30 @@ def _between(at: Array, x: Array, y: Array) -> Array:
     return np.array([np.interp(*row, np.nan, np.nan) for row in zip(at, x, y, strict=True)])
 
 
-def levels_against_msprt(seed: int, trials: int, spiking_every: int = 1) -> pd.DataFrame:
-    """Return ``level_table`` for 2 and 4 alternatives and all engines, and the tests' curves.
+def levels_against_msprt(
+    seed: int,
+    trials: int,
+    spiking_every: int = 1,
+    alternatives: Sequence[int] = tuple(STEPS),
+    engines: Sequence[Engine] = ENGINES,
+) -> pd.DataFrame:
+    """Return ``level_table`` for some numbers of alternatives and engines, and the tests' curves.
 
     The spiking engine runs every ``spiking_every``-th level. Rows with the measure "curve" are
     those of a test: level is its posterior, value its mean time, ms.
     """
     parts = []
-    for channels, steps in STEPS.items():
+    for channels in alternatives:
         table = load_circuit(DEFAULT, channels)
         gain = gain_of(table)
         low, high = working_range(table, THRESHOLD_NATS)
         levels = levels_between(LOWEST_SHARE * low, 0.98 * high, LEVELS)
         rng = stream(seed, "figD2", channels)
         evidence = separated_evidence(
-            trials, steps, 0.5 / np.sqrt(2), rng=rng, hypotheses=channels, step_ms=50.0
+            trials, STEPS[channels], 0.5 / np.sqrt(2), rng=rng, hypotheses=channels, step_ms=50.0
         )
         tests = msprt_tradeoffs(evidence, gain)
-        for engine in ENGINES:
+        for engine in engines:
             model = BasalGanglia(table, engine, gain, seed)
             played = levels[::spiking_every] if engine.spiking else levels
             decided = evidence[: round(SPIKING_SHARE * trials)] if engine.spiking else evidence

@@ -204,15 +204,16 @@ def compared_models(fast: bool, workers: int) -> pd.DataFrame:
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Go through the models of the test, then those of the circuit."""
-    for by, seconds in (("test", 900), ("circuit", 3000)):
+    for by, seconds, of_circuit in (("test", 900, False), ("circuit", 3000, True)):
         for terms in TERMS:
             make = partial(effects, by, terms, fast, workers)
-            yield Piece("effects", f"{by} {terms}", TRIALS_OF_ALL, seconds, make)
+            yield Piece("effects", f"{by} {terms}", TRIALS_OF_ALL, seconds, make, of_circuit)
         make = partial(compared_terms, by, fast, workers)
-        yield Piece("terms", by, TRIALS_OF_ALL, 200, make)
+        yield Piece("terms", by, TRIALS_OF_ALL, 200, make, of_circuit)
     make = partial(compared_models, fast, workers)
     yield Piece("models", "interaction", TRIALS_OF_ALL, 200, make)
-    yield Piece("theta", "high conflict", TRIALS_OF_ALL, 2000, partial(theta, fast, workers))
+    make = partial(theta, fast, workers)
+    yield Piece("theta", "high conflict", TRIALS_OF_ALL, 2000, make, of_circuit=False)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:

@@ -15,14 +15,14 @@ import pandas as pd
 
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
 from bgmodel.deciding.tradeoff import MARGIN
-from bgmodel.learning.dopamine_levels import LATENCY_MS, levels_against_msprt
+from bgmodel.learning.dopamine_levels import ENGINES, LATENCY_MS, STEPS, levels_against_msprt
 from circuits.anatomy import DEFAULT
 from figures.pieces import Made, Piece, Score, main
 
 SCORING_SEED = 40_007
 TRIALS, COARSE_TRIALS, COARSE_EVERY = 2000, 200, 2
-SECONDS = 1.0
-"""CPU time of a trial at all levels, about."""
+SECONDS = {"rate": 0.1, "population": 0.1, "ensemble": 0.2}
+"""CPU time of a trial at all levels, about, per alternative."""
 ASKED = (0.75, 0.99)
 """Posteriors that dopamine should span."""
 NOISE = 0.02
@@ -31,10 +31,15 @@ REFERENCES = {"": MSPRT, "own_": MSPRT_AT_GAIN}
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Yield the one piece; its threads are the engine's own."""
+    """Yield numbers of alternatives by engine; threads are the engine's own."""
     trials, every = (COARSE_TRIALS, COARSE_EVERY) if fast else (TRIALS, 1)
-    make = partial(levels_against_msprt, SCORING_SEED, trials, every)
-    yield Piece("levels", "all", trials, SECONDS * trials, make)
+    for channels in STEPS:
+        for engine in ENGINES:
+            make = partial(
+                levels_against_msprt, SCORING_SEED, trials, every, (channels,), (engine,)
+            )
+            seconds = SECONDS[engine.id] * trials * channels
+            yield Piece("levels", f"N = {channels}, {engine.id}", trials, seconds, make)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:

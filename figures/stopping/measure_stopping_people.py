@@ -286,20 +286,23 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     people = COARSE if fast else 126
     trials = 128 * people
     for kind in KINDS:
-        yield Piece("people", kind, trials, 3, partial(estimates, kind, people))
-        yield Piece("delays", kind, trials, 2, partial(violated, kind, people))
+        make = partial(estimates, kind, people)
+        yield Piece("people", kind, trials, 3, make, of_circuit=False)
+        make = partial(violated, kind, people)
+        yield Piece("delays", kind, trials, 2, make, of_circuit=False)
     for name, kind in (*((name, "restored") for name in FITS), ("test", "recorded")):
         make = partial(fitted, name, kind, people)
-        yield Piece("fits", f"{name} {kind}", trials, 360, make)
+        yield Piece("fits", f"{name} {kind}", trials, 100, make, name == "circuit")
     for name, kind in (*((name, "restored") for name in FITS), ("test", "simulated")):
         make = partial(predicted, name, kind, people)
-        yield Piece("predicted", f"{name} {kind}", trials, 600, make)
+        yield Piece("predicted", f"{name} {kind}", trials, 200, make, name == "circuit")
     make = partial(refitted, people, 2 if fast else SETS)
-    yield Piece("refitted", "test", trials, 1500, make)
+    yield Piece("refitted", "test", trials, 1500, make, of_circuit=False)
     some = COARSE if fast else SIMULATED
     for failures in (0.0, 0.1):
         make = partial(recovered, failures, some)
-        yield Piece("simulated", f"failures {failures:g}", some * (GO + STOPS), 20, make)
+        name = f"failures {failures:g}"
+        yield Piece("simulated", name, some * (GO + STOPS), 20, make, of_circuit=False)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
