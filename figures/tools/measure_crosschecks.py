@@ -23,7 +23,6 @@ from bgmodel.deciding.decision import first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.arrays import Array
-from circuits.anatomy import DEFAULT
 from figures.pieces import Made, Piece, Score, main
 from figures.tools.other_tools import (
     Accumulators,
@@ -199,7 +198,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     return by_name
 
 
-SCORE = Score("crosschecks", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
+SCORE = Score("crosschecks", SCORING_SEED, (), pieces, tables, circuit="")
 
 if __name__ == "__main__":
     main(SCORE)
