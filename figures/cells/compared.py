@@ -11,7 +11,7 @@ import argparse
 import itertools
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -23,7 +23,7 @@ from scipy.optimize import minimize
 from bgmodel.fits import question
 from bgmodel.fitting.cells.grid import SUMS, chosen, p_right, read_by, variance
 from bgmodel.fitting.cells.model import SHARED, CellsLikelihood, numbers_of
-from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, Session, sessions_of
+from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, LAG_S, Session, sessions_of
 from bgmodel.fitting.model_comparison import FOLDS
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.settings import FitSettings
@@ -49,6 +49,8 @@ CHOICES_ALONE = "choices alone"
 OF_CHOICE = ("deciding_noise", "deciding_leak_per_s", "bias", "lapse")
 """Parameters of the choices without regard to spikes."""
 REGRESSIONS = ("psth", "clicks", "choice", "clicks and choice")
+LATER = range(4)
+"""Bins by which cells are tried to read the sum of clicks later."""
 
 
 @cache
@@ -192,16 +194,21 @@ def _given_choice(session: Session, values: dict[str, float], nodes: Array) -> t
     return now[None], chosen(p_right(session, values, now[None], rest_s), session)
 
 
-def regressed(folder: str, past: bool = True) -> pd.DataFrame:
-    """Return held-out nats of the regressions, a row per cell and regression."""
+def regressed(
+    folder: str, past: bool = True, names: Sequence[str] = REGRESSIONS, later: int = 0
+) -> pd.DataFrame:
+    """Return held-out nats of the regressions, a row per cell and regression.
+
+    Cells read the sum of clicks ``later`` bins later than ``LAG_S``.
+    """
     likelihood = likelihood_of(trials_of(folder), REFERENCE)
     rows = []
     for fold in folds(likelihood):
         kept, left = likelihood.part(fold.kept), likelihood.part(fold.left)
         for fitted, tested in zip(kept.sessions, left.sessions, strict=True):
-            for name in REGRESSIONS:
+            for name in names:
                 for k, cell in enumerate(fitted.names):
-                    train, test = (_columns(one, name, k if past else None)
+                    train, test = (_columns(one, name, k if past else None, later)
                                    for one in (fitted, tested))  # fmt: skip
                     log = test @ _regression(train, fitted.counts[k][fitted.on])
                     nats = float((tested.counts[k][tested.on] * log - np.exp(log)).sum())
@@ -209,11 +216,23 @@ def regressed(folder: str, past: bool = True) -> pd.DataFrame:
     return pd.DataFrame(rows).groupby(["model", "cell"], as_index=False).sum().assign(past=past)
 
 
-def _columns(session: Session, name: str, cell: int | None) -> Array:
+def delayed(folder: str) -> pd.DataFrame:
+    """Return held-out nats of the regression on clicks, a row per cell and delay."""
+    base = regressed(folder, names=("psth",)).set_index("cell")["apart"]
+    rows = [
+        regressed(folder, names=("clicks",), later=later).assign(delay_s=LAG_S + later * BIN_S)
+        for later in LATER
+    ]
+    table = pd.concat(rows, ignore_index=True)
+    return table.assign(nats=table["apart"] - base.loc[table["cell"]].to_numpy())
+
+
+def _columns(session: Session, name: str, cell: int | None, later: int) -> Array:
     """Return the predictors of a regression in each bin, with the recent rate of a cell if any."""
     on, parts = session.on, [np.broadcast_to(session.basis, (*session.on.shape, KNOTS))]
     if "clicks" in name:
-        parts.append(session.sums(*LEAK.values())[:, :-1, None])
+        sums = session.sums(*LEAK.values())[:, :-1]
+        parts.append(np.pad(sums, ((0, 0), (later, 0)))[:, : sums.shape[1], None])
     if "choice" in name:
         parts.append((2 * session.choice - 1)[:, None, None] * parts[0])
     if cell is not None:

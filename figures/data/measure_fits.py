@@ -26,12 +26,15 @@ from bgmodel.fitting.simulated.circuit import (
 from bgmodel.fitting.trials.design import Design, design_of
 from bgmodel.trials.reading import read_trials
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.circuit import Circuit
 from figures.data.means import fit_means
 from figures.pieces import Made, Piece, Score, main
 from figures.rooms import OUT
 
 TRIALS, COARSE_TRIALS = 128_000, 400
 """Trials that a fitted circuit is simulated with, at each drift."""
+SECONDS = 3.0
+"""Length of a simulated trial."""
 FEWER = 0.0234375
 """Share of them where it is simulated at many values of its mechanism."""
 PREDICTED = [
@@ -41,45 +44,55 @@ PREDICTED = [
 
 
 def fitted_circuit(
-    mechanism: Mechanism, trials: int, seconds: float, noise_nats: float = 2.0
-) -> CircuitModel:
-    """Return the default circuit as a model; its simulations are stored with the pieces."""
+    mechanism: Mechanism, trials: int, seconds: float, noise_nats: float = 2.0,
+    circuit: Circuit | None = None,
+) -> CircuitModel:  # fmt: skip
+    """Return a circuit, the default one, as a model; its simulations are stored with the pieces."""
     return CircuitModel(
-        load_circuit(DEFAULT, 2), mechanism=mechanism, seconds=seconds, trials=trials,
+        circuit or load_circuit(DEFAULT, 2), mechanism=mechanism, seconds=seconds, trials=trials,
         noise_nats=noise_nats, folder=OUT / "stored",
     )  # fmt: skip
 
 
-def models(trials: int, seconds: float) -> dict[str, Model]:
+def models(trials: int) -> dict[str, Model]:
     """Return the models by the names that tables have for them."""
     fewer = round(FEWER * trials)
     return {
         "constant gap": GapModel(),
         "falling gap": GapModel(EXPONENTIAL),
-        "circuit": fitted_circuit(NONE, trials, seconds),
-        "circuit, rising dopamine": fitted_circuit(MECHANISMS["rising_dopamine"], fewer, seconds),
-        "circuit, STN driven at onset": fitted_circuit(MECHANISMS["onset_stn"], fewer, seconds),
+        "circuit": fitted_circuit(NONE, trials, SECONDS),
+        "circuit, rising dopamine": fitted_circuit(MECHANISMS["rising_dopamine"], fewer, SECONDS),
+        "circuit, STN driven at onset": fitted_circuit(MECHANISMS["onset_stn"], fewer, SECONDS),
     }
 
 
 def person(data: str, who: str, trials: int) -> pd.DataFrame:
     """Return the fits to one person: parameters, cells, and predictions of left-out trials."""
-    choices = read_trials(data, strength="coherence", participant=who)
-    design = design_of(choices)
-    parts = [_means(design).assign(model="closed form", kind="cells")]
-    left_out = {}
-    for name, model in models(trials, 3.0).items():
+    design = design_of(read_trials(data, strength="coherence", participant=who))
+    means = _means(design).assign(model="closed form", kind="cells")
+    table = pd.concat([means, fitted(design, models(trials))], ignore_index=True)
+    return table.assign(data=data, participant=who)
+
+
+def fitted(design: Design, every: Mapping[str, Model]) -> pd.DataFrame:
+    """Return the fits of models to one person; left-out trials are compared with the first."""
+    parts, left_out = [], {}
+    first = next(iter(every))
+    for name, model in every.items():
         likelihood = likelihood_of(model, design)
         made = fit_likelihood(likelihood)
         left_out[name] = predicted(likelihood, start=made.optimum.vector)
         parts.append(made.parameters().assign(model=name, kind="parameters"))
         parts.append(made.cells().assign(model=name, kind="cells"))
-        better = better_by(left_out[name], left_out["constant gap"])
-        row = {"model": name, "kind": "predicted", **difference(better)}
+        row = {
+            "model": name,
+            "kind": "predicted",
+            **difference(better_by(left_out[name], left_out[first])),
+        }
         row["log_likelihood"] = made.optimum.log_likelihood
         row["log_likelihood_simulation_error"] = made.simulation.log_likelihood
         parts.append(pd.DataFrame([row]))
-    return pd.concat(parts, ignore_index=True).assign(data=data, participant=who)
+    return pd.concat(parts, ignore_index=True)
 
 
 def difference(better: Better) -> dict[str, float]:
@@ -107,11 +120,16 @@ def _means(design: Design) -> pd.DataFrame:
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Yield the pieces of the score."""
     trials = COARSE_TRIALS if fast else TRIALS
+    for data, who, count in people():
+        yield Piece("people", who, count, 600, partial(person, data, who, trials))
+
+
+def people() -> Iterator[tuple[str, str, int]]:
+    """Go through monkeys and people: name of the data, of the participant, number of trials."""
     for data in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005"):
         choices = read_trials(data, strength="coherence")
         for who in choices.people():
-            count = int((choices.participant == who).sum())
-            yield Piece("people", who, count, 600, partial(person, data, who, trials))
+            yield data, who, int((choices.participant == who).sum())
 
 
 def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
