@@ -30,7 +30,6 @@ from bgmodel.fitting.exact.responses import BIN_S
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.compiling import compiled, inlined
 from bgmodel.support.seeds import stream
-from circuits.errors import InputError
 
 
 @compiled
@@ -213,18 +212,21 @@ def read(
     sides, *shape = weighed[0][0].decided.shape
     never = np.sum([weight * counts.never for counts, weight in weighed], axis=0)
     read_s = (np.arange(shape[0]) + 1) * BIN_S
-    # Drift in favour of the choice, and against it: without a bias, the first for a stored trial
-    # and the second for its mirror image; with one, the first for choice 0, the second for 1.
-    read_so_far = _evidence(shape[1])
-    moved = _moved(np.abs(v) * read_so_far[-1])
-    towards = np.exp(read_so_far[:, None] * np.concatenate([v, -v]) - np.tile(moved, 2))
     seen, box = _seen(weighed)
     seen *= _unmixed(drifts, *shape)[box]
+    read_so_far = _evidence(shape[1])[box[1]]
     mass = np.zeros((shape[0], 2, len(v)))
-    each = np.split(towards[box[1]], sides, axis=1)
-    weighted = np.concatenate([one @ ways for one, ways in zip(seen, each, strict=True)], axis=1)
-    mass[box[0]] = weighted.reshape(-1, 2, len(v))
-    mass *= np.exp(moved - np.outer(read_s, v**2) / 2)[:, None]
+    for times, moved in _offsets(seen, read_so_far, v):
+        # Drift in favour of the choice, and against it: without a bias, the first for a stored
+        # trial and the second for its mirror image; with one, the first for choice 0, the second
+        # for 1.
+        towards = read_so_far[:, None] * np.concatenate([v, -v]) - np.tile(moved, 2)
+        towards = np.exp(np.minimum(towards, LARGEST_EXPONENT))  # larger where there are no trials
+        each = np.split(towards, sides, axis=1)
+        parts = [one[times] @ ways for one, ways in zip(seen, each, strict=True)]
+        weighted = np.concatenate(parts, axis=1).reshape(-1, 2, len(v))
+        scale = np.exp(moved - np.outer(read_s[box[0]][times], v**2) / 2)
+        mass[box[0]][times] = weighted * scale[:, None]
     last_s, evidence = float(read_s[_ends(settings) - 1]), _evidence(len(never))[:, None]
     apart = v * evidence - v**2 * last_s / 2 - _mixed(drifts, last_s, len(never))
     undecided = never @ np.exp(apart)
@@ -244,15 +246,25 @@ def _seen(weighed: Sequence[tuple[Counts, float]]) -> tuple[Array, tuple[slice, 
     return seen, box
 
 
-def _moved(largest: Array) -> Array:
-    """Return the offset moved from the exponents of evidence, which would overflow, to time."""
-    if largest.max() > 2 * LARGEST_EXPONENT:
-        raise InputError(
-            f"a circuit that still decides after {largest.max():.0f} nats of evidence cannot be "
-            f"reweighted: at most {2 * LARGEST_EXPONENT:.0f}. Simulate shorter trials (seconds)",
-            "seconds",
-        )
-    return np.where(largest > LARGEST_EXPONENT, largest / 2, 0.0)
+def _offsets(seen: Array, read: Array, v: Array) -> list[tuple[slice | Truths, Array]]:
+    """Return groups of times with the offset that is moved from exponents of evidence to time.
+
+    ``seen`` are weighed trials (sides, times, evidence), and ``read`` is their evidence. Without an
+    offset exponents would overflow. Where a single one is too small, times with so much evidence
+    that they need a larger one are apart: trials whose weights it makes 0 weigh nothing there,
+    since evidence that lies so far below v t has not come from a drift v.
+    """
+    largest = np.abs(v) * np.abs(read).max(initial=0.0)
+    if largest.max() <= 2 * LARGEST_EXPONENT:
+        return [(slice(None), np.where(largest > LARGEST_EXPONENT, largest / 2, 0.0))]
+    far = (seen.any(axis=0) * np.abs(read)).max(axis=1, initial=0.0)
+    late = far * np.abs(v).max() > 2 * LARGEST_EXPONENT
+    early = np.abs(v) * far[~late].max(initial=0.0)
+    largest = np.abs(v) * far[late].max(initial=0.0)
+    return [
+        (~late, np.where(early > LARGEST_EXPONENT, early / 2, 0.0)),
+        (late, np.maximum(largest - LARGEST_EXPONENT, 0.0)),
+    ]
 
 
 def log_mixture(drifts: npt.ArrayLike, read_s: npt.ArrayLike, evidence: npt.ArrayLike) -> Array:

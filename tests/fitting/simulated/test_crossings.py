@@ -15,11 +15,11 @@ from bgmodel.fitting.simulated.crossings import (
     FirstPassageTimes,
     interpolated,
     log_mixture,
+    read,
     simulated,
 )
 from bgmodel.theory.first_passage import Gaussian, walk
 from tests.drawn import GAIN, ideal
-from tests.helpers import refused
 
 GRID = Grid(300)
 THRESHOLDS = np.log1p(np.exp(-np.linspace(2.8, 0.3, 26)))
@@ -213,5 +213,12 @@ def test_a_circuit_that_decides_late_on_strong_evidence_has_finite_weights():
     (mass,) = decided([(late, 1.0)], THRESHOLDS[8], [15.0], GRID)
     assert mass[:, :280].sum() == pytest.approx(0, abs=1e-6)
     assert mass[1].sum() == pytest.approx(1, abs=1e-6)
-    with refused("seconds"):
-        decided([(late, 1.0)], THRESHOLDS[8], [30.0], GRID)
+
+
+@pytest.mark.parametrize("v", [30.0, 33.0])
+def test_weights_that_one_offset_would_let_overflow_are_those_of_trials_one_by_one(v):
+    late = simulated(waits, THRESHOLDS, seconds=3.0, trials=100, seed=7)
+    (mass,) = read([(late, 1.0)], [(8, 1.0)], np.array([v])).transpose(2, 1, 0)
+    assert mass == pytest.approx(each_alone(late, 8, v, len(mass[0])), rel=5e-3, abs=1e-6)
+    both = read([(late, 1.0)], [(8, 1.0)], np.array([v, 2.0]))
+    assert both[..., 1] == pytest.approx(read([(late, 1.0)], [(8, 1.0)], np.array([2.0]))[..., 0])
