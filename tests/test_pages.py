@@ -61,7 +61,6 @@ PARSED = {
 # their imports.
 LONG = {
     'for model in ("constant_gap", "falling_gap"):': "two fits to a monkey; tests of gaps fit less",
-    'fit("roitman_shadlen_2002", "macaque"': "it simulates 150 trials a drift; tests take fewer",
     '["rest.stn", "rest.snr"]': "it simulates rates at rest; tests of tuning compute them",
     "noise_ceiling=True": "three circuits are run; a test of the comparison does less",
 }
