@@ -35,7 +35,7 @@ MADE = DOCS / "gallery.md"
 PARSED = {
     "bgmodel explore": "it serves a page until it is interrupted; tests of the explorer do so",
     "bgmodel demo": "it takes half a minute; a test of the demo does the same",
-    "bgmodel learn --task period_mm=2 --xi 50 --start 0.5 --save gaps": "the guide to evidence",
+    "bgmodel learn --task period_mm=2": "it takes many seconds; a test of the command learns less",
     "bgmodel touch": "it takes minutes or waits for images; tests of the commands do less",
     "bgmodel decide --task edge-turn": "there is no table of decoded taps",
     "bgmodel fit trials.csv --strength contrast --formula": "tests of formulas fit one",
