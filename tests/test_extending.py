@@ -82,5 +82,5 @@ def test_a_recipe_works_as_it_stands(recipe, tmp_path):
 
 def test_every_kind_of_thing_has_its_recipe():
     kinds = ("cell type", "transfer function", "engine", "circuit", "baseline model")
-    kinds = (*kinds, "model of trials", "task", "figure")
+    kinds = (*kinds, "model of trials", "figure")
     assert list(RECIPES) == [f"A{'n' if kind[0] == 'e' else ''} {kind}" for kind in kinds]
