@@ -259,8 +259,7 @@ def _stop(
     output: Output,
 ) -> None:  # fmt: skip
     """Let the circuit decide with stop signals in a share of the trials."""
-    from bgmodel.stopping.drawing import draw
-    from bgmodel.stopping.estimates import reported
+    from bgmodel.stopping.estimates import draw, reported
 
     with bar((len(stop.delays_ms) if stop.staircases else 1) * evidence.trials):
         trials = stop.decide(model, evidence, threshold=level, seed=made.seed)

@@ -22,8 +22,7 @@ from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.trials.design import design_of
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.stopping.circuit import step_response
-from bgmodel.stopping.inputs import StopSignal
+from bgmodel.stopping.inputs import StopSignal, step_response
 from bgmodel.stopping.people import AFTER, slowing
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array, Integers

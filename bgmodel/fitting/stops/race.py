@@ -200,7 +200,7 @@ class StopLikelihood(TrialLikelihood):
         self, cells: Mapping[str, pd.DataFrame], peaks: Mapping[str, Peak], title: str
     ) -> Figure:
         """Draw the inhibition function and times of responses, data and models."""
-        from bgmodel.stopping.drawing import draw
+        from bgmodel.stopping.estimates import draw
 
         models = {}
         for name, (likelihood, vector) in peaks.items():

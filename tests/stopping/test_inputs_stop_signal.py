@@ -8,13 +8,14 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.deciding.decision import first_crossing
-from bgmodel.stopping.circuit import (
+from bgmodel.stopping.inputs import (
+    StopSignal,
     closed_form,
     decide_with_stop,
     step_response,
     with_observed_stop,
+    with_stop,
 )
-from bgmodel.stopping.inputs import StopSignal, with_stop
 from bgmodel.stopping.observer import StopMsprt, gaussian_stop_evidence
 from bgmodel.stopping.trials import drawn_delays, stop_trials
 from circuits import engines
