@@ -26,17 +26,18 @@ from bgmodel.bootstrap import (
 from bgmodel.conditions import Observed, seen_from
 from bgmodel.deciding.measures import OF_DECIDED, OF_STOP, Behaviour
 from bgmodel.deciding.tradeoff import decides_without_evidence
-from bgmodel.experiments.expected import FEWEST_DECIDED, PERCENT, RELATIVE
+from bgmodel.experiments.expected import FEWEST_DECIDED, PERCENT, RELATIVE, forest
 from bgmodel.experiments.outcomes import beside_published, outcomes, page
 from bgmodel.experiments.record import (
     CONDITIONS,
     MANY_MISSED,
     UNCHANGED,
     ExperimentRecord,
+    python_text,
+    toml_text,
     uncalibrated,
     unchanged,
 )
-from bgmodel.experiments.writing import python_text, toml_text
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support import toml_files
 from bgmodel.support.checks import path_of
@@ -308,8 +309,6 @@ class Outcome(Facts):
         on the right give the verdict; between them are the values of both conditions. Published
         effects in the unit of the measure are shown as diamonds.
         """
-        from bgmodel.experiments.drawing import forest
-
         trials = self.given.evidence.trials
         title = (
             f"{self.experiment.name}: manipulation minus control with 95 % intervals, "
