@@ -39,8 +39,8 @@ from circuits.errors import DataWarning, FitWarning, InputError, collected, requ
 if TYPE_CHECKING:
     import pandas as pd
 
+    from bgmodel.fitting.design import Design
     from bgmodel.fitting.formulas import Formula
-    from bgmodel.fitting.trials.design import Design
 
 ModelName = str | Path | Circuit | TrialModel
 

@@ -9,6 +9,7 @@ from scipy.special import expit
 
 import bgmodel as bg
 from bgmodel.fits import question
+from bgmodel.fitting.design import FAVOURS, design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import responded
 from bgmodel.fitting.known.likelihood import known_likelihood
@@ -17,7 +18,6 @@ from bgmodel.fitting.known.trials import known_trials
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.model_comparison import predicted
 from bgmodel.fitting.settings import settings_of
-from bgmodel.fitting.trials.design import FAVOURS, design_of
 from bgmodel.learning.values.models import LAPSES, MODELS, likelihood
 from circuits.errors import DataWarning, FitWarning
 from tests.drawn import choices, drawn

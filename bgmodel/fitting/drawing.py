@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from bgmodel.fitting.design import FAVOURS
 from bgmodel.fitting.quantiles import PERCENT, SIDES, conditions_of, too_few
-from bgmodel.fitting.trials.design import FAVOURS
 from bgmodel.plots import wilson
 from bgmodel.support.arrays import Array
 from circuits.plots import GREY, PALETTE, Look, panels, styled

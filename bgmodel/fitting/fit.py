@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.checks.cautions import cautions, resolved, warn_of_slow
-from bgmodel.fitting.checks.misfit import Misfit, misfit
+from bgmodel.fitting.cautions import cautions, resolved, warn_of_slow
+from bgmodel.fitting.design import Design
 from bgmodel.fitting.exact.responses import QUANTILES, TINY, moments
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.likelihood import Likelihood
+from bgmodel.fitting.misfit import Misfit, misfit
 from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.parameters import told_priors
 from bgmodel.fitting.posterior import Posterior, posterior
@@ -27,7 +28,6 @@ from bgmodel.fitting.quantiles import (
     too_few,
 )
 from bgmodel.fitting.simulated.error import Simulation, simulation_error, without_parts
-from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.saved import Facts
 from bgmodel.support.tables import Readable

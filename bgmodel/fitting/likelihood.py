@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkab
 
 import numpy as np
 
+from bgmodel.fitting.design import Design, mirrored
 from bgmodel.fitting.exact.algorithms import SENSITIVITY, SIDED, Model
 from bgmodel.fitting.exact.responses import TINY, Grid, responded
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.parameters import ADDED, RESPONSE, Parameter, ParameterSpace, freedom
-from bgmodel.fitting.trials.design import Design, mirrored
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials

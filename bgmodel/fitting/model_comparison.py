@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.checks.cautions import resolved
+from bgmodel.fitting.cautions import resolved
 from bgmodel.fitting.fit import Fit
 from bgmodel.fitting.hierarchy.fit import GroupFit
 from bgmodel.fitting.hierarchy.labels import each_trial

@@ -11,6 +11,7 @@ from typing import Any, Literal, Self, get_args
 import numpy as np
 import pandas as pd
 
+from bgmodel.fitting.design import Design, design_of
 from bgmodel.fitting.exact.algorithms import GAPS, SIDED, GapModel
 from bgmodel.fitting.exact.responses import ENDS_S
 from bgmodel.fitting.formulas import Formula, formula_of
@@ -18,7 +19,6 @@ from bgmodel.fitting.hierarchy.group import Predictors
 from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel, likelihood_of
 from bgmodel.fitting.parameters import ADDED, Parameter
 from bgmodel.fitting.simulated.mechanisms import MECHANISMS
-from bgmodel.fitting.trials.design import Design, design_of
 from bgmodel.support.checks import check_flag, check_positive, whole
 from bgmodel.tables.columns import named_participant
 from bgmodel.trials.reading import OURS, Columns, read_trials

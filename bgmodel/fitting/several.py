@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from bgmodel.fitting.checks.cautions import finer
+from bgmodel.fitting.cautions import finer
 from bgmodel.fitting.fit import Fit
 from bgmodel.fitting.hierarchy.fit import GroupFit
 from bgmodel.fitting.likelihood import Likelihood

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import QUANTILES
 from bgmodel.fitting.exact.responses import moments as of_density
@@ -14,7 +15,6 @@ from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.posterior import Posterior
 from bgmodel.fitting.quantiles import phrase, too_few
 from bgmodel.fitting.simulated.error import Simulation
-from bgmodel.fitting.trials.design import design_of
 from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn
 

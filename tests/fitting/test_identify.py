@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.likelihood import BinnedLikelihood, likelihood_of
 from bgmodel.fitting.parameters import Parameter, freedom
-from bgmodel.fitting.trials.design import design_of
 from tests.drawn import TRUTH, drawn
 
 MODEL = GapModel()

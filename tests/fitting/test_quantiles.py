@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import BIN_S, QUANTILES
 from bgmodel.fitting.fit import cells_of
@@ -17,7 +18,6 @@ from bgmodel.fitting.quantiles import (
     residuals,
     too_few,
 )
-from bgmodel.fitting.trials.design import design_of
 from tests.drawn import TRUTH, drawn
 
 MODEL, VALUES = GapModel(), {"sensitivity": 8.0, "bound": 0.6}

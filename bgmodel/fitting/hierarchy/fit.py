@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.checks.misfit import GroupMisfit, group_misfit
 from bgmodel.fitting.fit import SHARE as SHARE
 from bgmodel.fitting.fit import cells_with_misfit
 from bgmodel.fitting.hierarchy.approximation import Person, estimates, started
@@ -29,6 +28,7 @@ from bgmodel.fitting.hierarchy.labels import draw_group, labelled, pooled, write
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.identify import directions
 from bgmodel.fitting.likelihood import Likelihood
+from bgmodel.fitting.misfit import GroupMisfit, group_misfit
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.parameters import told_priors
 from bgmodel.support.arrays import Array, Truths

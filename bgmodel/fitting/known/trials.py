@@ -8,8 +8,8 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from bgmodel.fitting.design import ALONE, Design
 from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
-from bgmodel.fitting.trials.design import ALONE, Design
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.tables.columns import EVERYONE
 from bgmodel.trials.readings import Readings

@@ -17,10 +17,10 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.special import log_ndtr, ndtr
 
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import CONSTANT, GAPS, GapModel
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.trials.design import design_of
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stopping.inputs import StopSignal, step_response
 from bgmodel.stopping.people import AFTER, slowing

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.special import ndtr
 
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.responses import EVERY_TIME
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.likelihood import (
@@ -42,7 +43,6 @@ from bgmodel.fitting.stops.model import (
     raised_bound,
     stop_model,
 )
-from bgmodel.fitting.trials.design import design_of
 from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array, Integers

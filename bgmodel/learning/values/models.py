@@ -18,12 +18,12 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.passage import standard_at_rest
 from bgmodel.fitting.exact.responses import EVERY_TIME
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.likelihood import TrialLikelihood, likelihood_of
 from bgmodel.fitting.parameters import SCALES, Parameter
-from bgmodel.fitting.trials.design import design_of
 from bgmodel.learning.values.learners import Confidence, Learner, LogitQ, Opal, QLearning
 from bgmodel.learning.values.people import Pairs, pairs_of
 from bgmodel.support.arrays import Array, Integers

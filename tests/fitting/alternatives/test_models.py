@@ -6,9 +6,9 @@ import pytest
 
 from bgmodel.fits import fit
 from bgmodel.fitting.alternatives.msprt import MsprtModel
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.settings import settings_of
-from bgmodel.fitting.trials.design import design_of
 from bgmodel.trials.reading import Columns, read_trials
 from circuits.anatomy import load_circuit
 from circuits.errors import DataWarning

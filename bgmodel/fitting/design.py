@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.fitting.exact.responses import BIN_S, ENDS_S, EVERY_TIME, Grid, Observed
-from bgmodel.fitting.trials.sides import check_sides, name_of
+from bgmodel.fitting.sides import check_sides, name_of
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import reals
 from bgmodel.tables.columns import EVERYONE, FEWEST

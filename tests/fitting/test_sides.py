@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import hypergeom
 
-from bgmodel.fitting.trials.design import design_of
-from bgmodel.fitting.trials.sides import lean
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.sides import lean
 from circuits.errors import DataWarning
 from tests.drawn import choices
-from tests.fitting.trials.test_design import SIGNED
+from tests.fitting.test_design import SIGNED
 from tests.helpers import refused
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from bgmodel.fitting import model_comparison
 from bgmodel.fitting.alternatives.race import RaceModel
-from bgmodel.fitting.checks.cautions import PARTS, finer, moved_by_bins, of_bins, resolved
+from bgmodel.fitting.cautions import PARTS, finer, moved_by_bins, of_bins, resolved
 from bgmodel.fitting.exact import passage
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import Grid, moments, responded

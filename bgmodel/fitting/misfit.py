@@ -20,11 +20,11 @@ from operator import add
 import numpy as np
 import pandas as pd
 
+from bgmodel.fitting.design import Design
 from bgmodel.fitting.exact.responses import QUANTILES
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.simulated.error import jackknifed
-from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array, Truths
 
 BEYOND_CHANCE = 0.003

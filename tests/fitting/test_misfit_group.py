@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from bgmodel.fitting.checks.misfit import TOGETHER, Excess, group_misfit
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.misfit import TOGETHER, Excess, group_misfit
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.simulated.error import jackknifed
-from bgmodel.fitting.trials.design import design_of
 from tests.drawn import TRUTH, drawn
-from tests.fitting.checks.test_misfit import FREE
+from tests.fitting.test_misfit import FREE
 
 STRENGTHS, SEED = [0.0, 0.1, 0.2, 0.4], 24_391
 PEOPLE = {"anna": 8.0, "ben": 9.0, "cleo": 10.0, "dora": 11.0, "eve": 12.0, "finn": 13.0}
