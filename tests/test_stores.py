@@ -11,10 +11,10 @@ from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import Fit
 from bgmodel.fitting.hierarchy.chains import chains_entry
-from bgmodel.fitting.identify import Directions
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.misfit import Misfit
 from bgmodel.fitting.optimum import Optimum
+from bgmodel.fitting.posterior import Directions
 from bgmodel.fitting.several import fit_entry
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes

@@ -13,12 +13,11 @@ import pandas as pd
 from bgmodel.fitting.cautions import cautions, resolved, warn_of_slow
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.exact.responses import QUANTILES, TINY, moments
-from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.misfit import Misfit, misfit
 from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.parameters import told_priors
-from bgmodel.fitting.posterior import Posterior, posterior
+from bgmodel.fitting.posterior import Directions, Posterior, directions, posterior
 from bgmodel.fitting.quantiles import (
     SIDES,
     observed_quantiles,

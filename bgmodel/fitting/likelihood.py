@@ -114,7 +114,7 @@ class Likelihood:
         self, cells: Mapping[str, pd.DataFrame], peaks: Mapping[str, Peak], title: str
     ) -> Figure:
         """Draw the cells of each fit and its optimum, by name; see ``Fit.plot``."""
-        from bgmodel.fitting.drawing import draw_fits
+        from bgmodel.fitting.quantiles import draw_fits
 
         return draw_fits(dict(cells), title)
 

@@ -20,10 +20,9 @@ from bgmodel import stream
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import widened
-from bgmodel.fitting.identify import directions
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.posterior import posterior
+from bgmodel.fitting.posterior import directions, posterior
 from bgmodel.fitting.simulated.circuit import NONE
 from bgmodel.fitting.simulated.error import simulation_error
 from bgmodel.support.arrays import Array

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import Optimum, optimum
-from bgmodel.fitting.posterior import posterior
+from bgmodel.fitting.posterior import directions, posterior
 from bgmodel.learning.values.models import (
     ValueLikelihood,
     ValueModel,

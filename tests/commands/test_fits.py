@@ -65,7 +65,7 @@ def brief(request, monkeypatch):
         monkeypatch.setattr(optimum, "TOLERANCE_NATS", 0.5)
         monkeypatch.setattr(optimum, "POPULATION", 8)
         monkeypatch.setattr("bgmodel.fitting.folder.save_figure", lambda figure, path: path.touch())
-        monkeypatch.setattr("bgmodel.fitting.drawing.draw_fits", lambda *_: None)
+        monkeypatch.setattr("bgmodel.fitting.quantiles.draw_fits", lambda *_: None)
 
 
 def fails(capsys, *arguments):

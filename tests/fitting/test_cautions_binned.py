@@ -12,9 +12,9 @@ from bgmodel.fitting.cautions import PARTS, finer, moved_by_bins, of_bins, resol
 from bgmodel.fitting.exact import passage
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import Grid, moments, responded
-from bgmodel.fitting.identify import directions
 from bgmodel.fitting.model_comparison import crossvalidated
 from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.settings import settings_of
 from bgmodel.support.seeds import stream
 

@@ -155,7 +155,7 @@ def test_the_error_of_simulated_trials_is_part_of_the_z_scores():
     model = CircuitModel(load_circuit("bogacz_gurney", 2), "algebra", seconds=1.0, trials=16)
     likelihood = likelihood_of(model, design_of(seen), free=["threshold_nats"])
     best = Optimum(likelihood, np.array([0.25]), 0.0, 0)
-    from bgmodel.fitting.identify import directions
+    from bgmodel.fitting.posterior import directions
 
     left = without_parts(likelihood, directions(likelihood, best.vector))
     alone, with_error = misfit(best), misfit(best, left)

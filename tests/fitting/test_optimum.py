@@ -11,10 +11,10 @@ import pytest
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import EXPONENTIAL, GapModel
 from bgmodel.fitting.exact.responses import moments
-from bgmodel.fitting.identify import directions
 from bgmodel.fitting.likelihood import BinnedLikelihood, likelihood_of
 from bgmodel.fitting.optimum import TOLERANCE_NATS, Optimum, _scales, _slid, optimum
 from bgmodel.fitting.parameters import Parameter, freedom
+from bgmodel.fitting.posterior import directions
 from bgmodel.trials.reading import read_trials
 from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn

@@ -14,8 +14,8 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.fitting.identify import Directions
 from bgmodel.fitting.likelihood import STEP, Likelihood
+from bgmodel.fitting.posterior import Directions
 from bgmodel.support.arrays import Array, Truths
 
 HALVED = 8

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.exact.algorithms import EXPONENTIAL, SENSITIVITY, GapModel
-from bgmodel.fitting.identify import Directions, directions
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.parameters import RESPONSE, Parameter
+from bgmodel.fitting.posterior import Directions, directions
 from bgmodel.fitting.simulated.control import decided
 from bgmodel.fitting.simulated.crossings import simulated
 from bgmodel.fitting.simulated.error import jackknifed, simulation_error, without_parts
