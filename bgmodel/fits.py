@@ -267,15 +267,15 @@ def _of_learners(asked: FitSettings, one: Question, model: Any) -> dict[str, Lik
 
 def _stop_process(one: Question, name: Any, folder: Path | None) -> AnyModel:
     """Return a model of stop-signal trials, conditional on the go times."""
-    from bgmodel.fitting.stops.model import stop_model
-    from bgmodel.fitting.stops.race import StopRace
+    from bgmodel.fitting.stop_process import stop_model
+    from bgmodel.fitting.stop_race import StopRace
 
     return StopRace(stop_model(name, one.asked.noise_nats))
 
 
 def _of_stops(asked: FitSettings, one: Question, model: Any) -> dict[str, Likelihood]:
     """Return the likelihood of each person who has enough stop trials; warn of the others."""
-    from bgmodel.fitting.stops.race import likelihood
+    from bgmodel.fitting.stop_race import likelihood
 
     likelihoods: dict[str, Likelihood] = {}
     for who, some in one.people.items():

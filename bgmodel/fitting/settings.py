@@ -320,7 +320,7 @@ class FitSettings:
         alternatives: int | None = None,
     ) -> AnyModel:
         """Return a model by its name, as a circuit, or a ``TrialModel``; see ``fits.fit``."""
-        from bgmodel.fitting.alternatives.models import MODELS, check_many, circuit_model
+        from bgmodel.fitting.simulated.alternatives import MODELS, check_many, circuit_model
         from circuits.anatomy import CIRCUITS, checked_circuit
         from circuits.declaration.table_writer import is_path
 

@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 from bgmodel.fitting import model_comparison
-from bgmodel.fitting.alternatives.race import RaceModel
 from bgmodel.fitting.cautions import PARTS, finer, moved_by_bins, of_bins, resolved
 from bgmodel.fitting.exact import passage
 from bgmodel.fitting.exact.algorithms import GapModel
@@ -16,6 +15,7 @@ from bgmodel.fitting.model_comparison import crossvalidated
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.settings import settings_of
+from bgmodel.fitting.simulated.race import RaceModel
 from bgmodel.support.seeds import stream
 
 SEED = 24_611

@@ -1,4 +1,4 @@
-"""What can be told apart, against the score of drawn data; the sampler on densities that are known."""
+"""What can be told apart, against the score of drawn data; the sampler on known densities."""
 
 from dataclasses import dataclass
 

@@ -5,13 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from bgmodel.fitting.alternatives.circuit import ManyCircuitModel
-from bgmodel.fitting.alternatives.msprt import MsprtModel
-from bgmodel.fitting.alternatives.race import LcaModel, RaceModel
 from bgmodel.fitting.exact.algorithms import GAPS, GapModel
 from bgmodel.fitting.exact.responses import Grid
+from bgmodel.fitting.simulated.alternatives import ManyCircuitModel
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.error import PARTS
+from bgmodel.fitting.simulated.msprt import MsprtModel
+from bgmodel.fitting.simulated.race import LcaModel, RaceModel
 from circuits.anatomy import load_circuit
 
 GRID = Grid(100)

@@ -9,7 +9,7 @@ from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.hierarchy.fit import fit_group
 from bgmodel.fitting.hierarchy.group import ALMOST
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.stops.model import (
+from bgmodel.fitting.stop_process import (
     GO,
     TEST,
     StopModel,
@@ -17,7 +17,7 @@ from bgmodel.fitting.stops.model import (
     laid,
     stop_model,
 )
-from bgmodel.fitting.stops.race import StopRace, likelihood
+from bgmodel.fitting.stop_race import StopRace, likelihood
 from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.trials import StopTrials, drawn_delays
 from tests.helpers import refused

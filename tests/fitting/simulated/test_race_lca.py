@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.alternatives.race import LcaModel, RaceModel
 from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
+from bgmodel.fitting.simulated.race import LcaModel, RaceModel
 
 GRID = Grid(150)
 TRIALS = 3000

@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import invgauss
 
-from bgmodel.fitting.alternatives.race import RaceModel, arrived
 from bgmodel.fitting.exact.responses import BIN_S, Grid
+from bgmodel.fitting.simulated.race import RaceModel, arrived
 
 GRID = Grid(400)
 VALUES = {"sensitivity": 2.0, "input": 1.0, "bound": 0.8}

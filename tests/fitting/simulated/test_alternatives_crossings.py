@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bgmodel.fitting.alternatives.circuit import ManyCircuitModel, simulated_many
-from bgmodel.fitting.alternatives.msprt import MsprtModel
 from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
+from bgmodel.fitting.simulated.alternatives import ManyCircuitModel, simulated_many
+from bgmodel.fitting.simulated.msprt import MsprtModel
 from circuits.anatomy import load_circuit
 from tests.drawn import GAIN, ideal
 from tests.helpers import refused
@@ -48,7 +48,7 @@ def model(folder=None, channels=3):
 
 def test_stored_files_are_read_back_as_they_were(tmp_path, monkeypatch):
     first = model(tmp_path)._crossings
-    monkeypatch.setattr("bgmodel.fitting.alternatives.circuit.simulated_many", None)
+    monkeypatch.setattr("bgmodel.fitting.simulated.alternatives.simulated_many", None)
     again = model(tmp_path)._crossings
     for name in ARRAYS:
         one, other = getattr(first, name), getattr(again, name)

@@ -1,4 +1,7 @@
-"""A circuit of N channels as a model of choices: its stored crossings, reweighted to any drift.
+"""Models of choices between any number of alternatives, by name, and a circuit of N channels.
+
+By symmetry a response is correct or wrong: which of the wrong ones it is says nothing, since they
+are equally likely.
 
 As for two channels (``simulated.crossings``), a trial simulated at one drift represents trials of
 any other. With drift v of the correct channel c minus the others, and noise of variance 1/2 per
@@ -12,15 +15,16 @@ counted on a grid of t and z_c, separately for correct and for wrong choices.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any, ClassVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.fitting.exact.algorithms import SENSITIVITY
+from bgmodel.fitting.exact.algorithms import BIAS, DRIFT_SD, GAPS, SENSITIVITY, SPREAD, START
 from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.simulated.circuit import LEVELS, LOWEST_LOG_ODDS, THRESHOLD, CircuitModel
@@ -33,10 +37,17 @@ from bgmodel.fitting.simulated.crossings import (
     log_odds,
     sharpened,
 )
+from bgmodel.fitting.simulated.msprt import MsprtModel
+from bgmodel.fitting.simulated.race import LcaModel, RaceModel
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.compiling import compiled
 from bgmodel.support.seeds import stream
 from bgmodel.tables.alternatives import MOST
+from circuits.errors import InputError
+
+if TYPE_CHECKING:
+    from bgmodel.fitting.exact.algorithms import Model
+    from circuits.circuit import Circuit
 
 DRIFTS = (0.0, 1.0, 2.0, 4.0, 7.0, 11.0)
 """Drifts at which trials are simulated, 1/sqrt(s)."""
@@ -209,3 +220,42 @@ class ManyCircuitModel(CircuitModel):
             run, self.thresholds_nats, self.circuit.channels,
             seconds=self.seconds, trials=self.trials, seed=self.seed,
         ))  # fmt: skip
+
+
+MODELS: dict[str, Callable[[int, int, int, float], Model]] = {
+    "msprt": lambda number, trials, seed, seconds: MsprtModel(number, trials, seed),
+    "race": lambda number, trials, seed, seconds: RaceModel(number),
+    "lca": LcaModel,
+}
+"""Models by name, from a number of alternatives, simulated trials, their seed and length, s."""
+OF_TWO = {
+    START.name: "a bias to one of two responses",
+    BIAS.name: "a bias to one of two responses",
+    SPREAD.name: "the spread of a bias between two responses",
+    DRIFT_SD.name: "a parameter of the test between two alternatives",
+}
+"""Parameters that models of more than two alternatives do not have."""
+
+
+def circuit_model(alternatives: int) -> type[CircuitModel]:
+    """Return the model of a circuit that chooses between some number of alternatives."""
+    return CircuitModel if alternatives == 2 else ManyCircuitModel
+
+
+def check_many(
+    model: str | Path | Circuit, mechanism: str, named: Iterable[str], alternatives: int
+) -> None:
+    """Raise ValueError for models, mechanisms and named parameters of two alternatives only."""
+    if isinstance(model, str) and model in GAPS:
+        allowed = ", ".join(MODELS)
+        must = f"must be of {allowed} or a circuit with {alternatives} alternatives"
+        raise InputError.of("models", must, model)
+    if mechanism != "threshold":
+        must = f"must be threshold with {alternatives} alternatives"
+        raise InputError.of("mechanism", must, mechanism)
+    for name in sorted(set(named) & set(OF_TWO)):
+        raise InputError(
+            f"{name} is {OF_TWO[name]} and has no meaning with {alternatives} alternatives: "
+            "leave it out",
+            name,
+        )

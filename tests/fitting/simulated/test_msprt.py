@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.alternatives.msprt import MsprtModel
 from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
+from bgmodel.fitting.simulated.msprt import MsprtModel
 
 TRIALS, SEED = 2000, 11
 PATHS = 4 * TRIALS

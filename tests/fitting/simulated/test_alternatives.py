@@ -5,14 +5,14 @@ import pandas as pd
 import pytest
 
 from bgmodel.fits import fit
-from bgmodel.fitting.alternatives.msprt import MsprtModel
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.settings import settings_of
+from bgmodel.fitting.simulated.msprt import MsprtModel
 from bgmodel.trials.reading import Columns, read_trials
 from circuits.anatomy import load_circuit
 from circuits.errors import DataWarning
-from tests.fitting.alternatives.drawn import TRUTH, design, table
+from tests.fitting.simulated.drawn import TRUTH, design, table
 from tests.helpers import refused
 
 SMALL = {"trials": 1000, "columns": Columns(stimulus="shown")}

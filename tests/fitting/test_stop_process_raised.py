@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bgmodel.fitting.exact.passage import accuracy
-from bgmodel.fitting.stops.model import crossed_later, raised_bound, threshold_nats
+from bgmodel.fitting.stop_process import crossed_later, raised_bound, threshold_nats
 
 
 def test_the_threshold_is_that_of_the_posterior_at_the_bound():

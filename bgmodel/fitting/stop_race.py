@@ -33,7 +33,7 @@ from bgmodel.fitting.likelihood import (
     likelihood_of,
 )
 from bgmodel.fitting.parameters import Parameter
-from bgmodel.fitting.stops.model import (
+from bgmodel.fitting.stop_process import (
     KEPT,
     TEST,
     StopModel,
