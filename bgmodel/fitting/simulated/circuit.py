@@ -17,7 +17,6 @@ from bgmodel.deciding.trace import Trace
 from bgmodel.fitting.exact.algorithms import BIAS, SENSITIVITY, distinct
 from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.parameters import RESPONSE, Parameter
-from bgmodel.fitting.simulated.control import BOUNDS, decided, ideal, matched
 from bgmodel.fitting.simulated.crossings import (
     DRIFTS,
     FirstPassageTimes,
@@ -25,7 +24,7 @@ from bgmodel.fitting.simulated.crossings import (
     interpolated,
     simulated,
 )
-from bgmodel.fitting.simulated.error import PARTS, InParts
+from bgmodel.fitting.simulated.error import BOUNDS, PARTS, InParts, decided, ideal, matched
 from bgmodel.fitting.simulated.mechanisms import MECHANISMS, NONE, Axis, Mechanism
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
 from bgmodel.support.arrays import Array, Truths

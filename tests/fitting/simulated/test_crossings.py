@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from bgmodel.fitting.exact import passage
 from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
-from bgmodel.fitting.simulated.control import decided
 from bgmodel.fitting.simulated.crossings import (
     DRIFTS,
     FirstPassageTimes,
@@ -18,6 +17,7 @@ from bgmodel.fitting.simulated.crossings import (
     read,
     simulated,
 )
+from bgmodel.fitting.simulated.error import decided
 from bgmodel.theory.first_passage import Gaussian, walk
 from tests.drawn import GAIN, ideal
 

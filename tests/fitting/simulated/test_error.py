@@ -13,9 +13,8 @@ from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.posterior import Directions, directions
-from bgmodel.fitting.simulated.control import decided
 from bgmodel.fitting.simulated.crossings import simulated
-from bgmodel.fitting.simulated.error import jackknifed, simulation_error, without_parts
+from bgmodel.fitting.simulated.error import decided, jackknifed, simulation_error, without_parts
 from tests.drawn import TRUTH, drawn, ideal
 
 pytestmark = pytest.mark.usefixtures("brief_search")

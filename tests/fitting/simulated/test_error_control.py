@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bgmodel.fitting.exact.responses import BIN_S, Grid
-from bgmodel.fitting.simulated.control import Control, decided, exact, ideal, matched
 from bgmodel.fitting.simulated.crossings import simulated
+from bgmodel.fitting.simulated.error import Control, decided, exact, ideal, matched
 from bgmodel.theory.first_passage import Gaussian, walk
 from tests import drawn
 
