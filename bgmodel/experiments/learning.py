@@ -109,9 +109,8 @@ class Learning:
 
     def learned(self, task: Task, model: BasalGanglia, seed: int) -> LearnedWeights:
         """Return the weights of each run."""
-        from bgmodel.learning.weights.deciders import FixedPoint
-        from bgmodel.learning.weights.in_circuit import InCircuit, learn_weights_in_circuit
-        from bgmodel.learning.weights.learn import learn_weights
+        from bgmodel.learning.weights.deciders import FixedPoint, InCircuit
+        from bgmodel.learning.weights.learn import learn_weights, learn_weights_in_circuit
 
         same: dict[str, Any] = {
             "seed": seed, "rule": self.rule, "critic": self.critic, "runs": self.runs,

@@ -26,9 +26,8 @@ from bgmodel.learning.dopamine_learner import (
 from bgmodel.learning.gap import check_start, increments, learn_gap
 from bgmodel.learning.reinforce import GaussianPolicy, Learner
 from bgmodel.learning.weights.critics import critic_of
-from bgmodel.learning.weights.deciders import Feedback, FixedPoint, WeightLearner
-from bgmodel.learning.weights.in_circuit import InCircuit, learn_weights_in_circuit
-from bgmodel.learning.weights.learn import learn_weights
+from bgmodel.learning.weights.deciders import Feedback, FixedPoint, InCircuit, WeightLearner
+from bgmodel.learning.weights.learn import learn_weights, learn_weights_in_circuit
 from bgmodel.learning.weights.learned import LearnedWeights
 from bgmodel.learning.weights.rules import rule_of
 from bgmodel.learning.weights.sources import GaussianFeatures, tap_features

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.learning.weights.critics import Affine, Critic, Trial, critic_of
-from bgmodel.learning.weights.deciders import Decider, Feedback, FixedPoint, Trials, WeightLearner
+from bgmodel.learning.weights.critics import Affine, Critic, ReadOutConfidence, Trial, critic_of
+from bgmodel.learning.weights.deciders import (
+    Decider,
+    Feedback,
+    FixedPoint,
+    InCircuit,
+    Trials,
+    WeightLearner,
+)
 from bgmodel.learning.weights.features import Features, FeatureSource, check_learnable
 from bgmodel.learning.weights.learned import LearnedWeights, WeightCourse
 from bgmodel.learning.weights.rules import Rule, rule_of
@@ -198,6 +206,18 @@ def learn_weights(
     loop = Loop(source, rule, critic, feedback, learner, decider, runs, seed, name)
     course = run_loop(loop)
     return LearnedWeights(course.final, loop.names, decider.gain, course)
+
+
+def learn_weights_in_circuit(
+    source: FeatureSource, decider: InCircuit, *, critic: Critic | str | None = None, **options: Any
+) -> LearnedWeights:
+    """Learn weights with a circuit in the loop, in several independent runs side by side.
+
+    The default critic is the posterior read from SNr, up to the highest that the circuit can
+    express; ``options`` are those of ``learn_weights``.
+    """
+    critic = ReadOutConfidence(decider.ceiling) if critic is None else critic
+    return learn_weights(source, critic=critic, decider=decider, **options)
 
 
 def run_loop(loop: Loop) -> WeightCourse:

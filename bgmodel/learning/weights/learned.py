@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bgmodel.deciding.tradeoff import curve, time_at, tradeoff
-from bgmodel.evidence import Evidence
+from bgmodel.evidence import Evidence, needed_truth
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import Race
+from bgmodel.integrators.criterion import deciding_thresholds
+from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.weights.features import Features
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
@@ -198,6 +201,20 @@ def time_at_accuracy(evidence: Evidence, accuracy: float, *, stn: bool = True) -
     swept = tradeoff(trace, evidence, thresholds)
     # The proportion correct, because learned posteriors need not be calibrated.
     right = (swept.choice == evidence.truth).astype(np.float64)
+    curves = curve(replace(swept, posterior=right), np.ones((1, evidence.trials)))
+    return float(time_at([accuracy], curves)[0, 0])
+
+
+def circuit_time_at_accuracy(model: BasalGanglia, evidence: Evidence, accuracy: float) -> float:
+    """Return the mean decision time of a circuit at a proportion correct, ms.
+
+    The threshold is set accordingly; NaN if no threshold that the circuit can use reaches it.
+    """
+    truth = needed_truth(evidence)
+    low = model.circuit.readable_nats[0]
+    levels = deciding_thresholds(model.circuit, np.geomspace(low, np.log(evidence.hypotheses), 60))
+    swept = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
+    right = (swept.choice == truth).astype(np.float64)
     curves = curve(replace(swept, posterior=right), np.ones((1, evidence.trials)))
     return float(time_at([accuracy], curves)[0, 0])
 

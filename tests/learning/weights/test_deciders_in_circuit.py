@@ -5,13 +5,13 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.learning.weights.deciders import WeightLearner
-from bgmodel.learning.weights.in_circuit import (
-    InCircuit,
+from bgmodel.learning.weights.deciders import InCircuit, WeightLearner
+from bgmodel.learning.weights.learn import learn_weights_in_circuit
+from bgmodel.learning.weights.learned import (
     circuit_time_at_accuracy,
-    learn_weights_in_circuit,
+    counted_weights,
+    time_at_accuracy,
 )
-from bgmodel.learning.weights.learned import counted_weights, time_at_accuracy
 from bgmodel.learning.weights.sources import tap_features
 from bgmodel.tactile.source import held_out_taps
 from bgmodel.tactile.task import SameDifferent
