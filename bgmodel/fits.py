@@ -250,14 +250,14 @@ def _of_cells(asked: FitSettings, one: Question, model: Any) -> dict[str, Likeli
 
 def _learner(one: Question, name: Any, folder: Path | None) -> AnyModel:
     """Return a model of people who learn values."""
-    from bgmodel.learning.values.models import model_of
+    from bgmodel.learning.value_models import model_of
 
     return model_of(name)
 
 
 def _of_learners(asked: FitSettings, one: Question, model: Any) -> dict[str, Likelihood]:
     """Return the likelihood of each person's trials, who learns values."""
-    from bgmodel.learning.values.models import likelihood
+    from bgmodel.learning.value_models import likelihood
 
     made = {
         who: likelihood(model, some, **asked.freedom(model)) for who, some in one.people.items()
@@ -405,7 +405,7 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         msprt, race, lca (two or more), or a circuit with a channel for each alternative: its name,
         .toml file or Circuit. With evidence: msprt, leaky_sum, run or a circuit. Of stop-signal
         trials: constant_gap or a circuit. Of rewarded choices: a learner
-        (``learning.values.models.MODELS``). Of any: your own model of trials
+        (``learning.value_models.MODELS``). Of any: your own model of trials
         (``fitting.likelihood.TrialModel``). By default macaque, for rewarded choices "q, two
         rates"; an empty list is all models that the command compares by default.
     people : str, optional

@@ -18,7 +18,7 @@ from bgmodel.fitting.known.trials import known_trials
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.model_comparison import predicted
 from bgmodel.fitting.settings import settings_of
-from bgmodel.learning.values.models import LAPSES, MODELS, likelihood
+from bgmodel.learning.value_models import LAPSES, MODELS, likelihood
 from circuits.errors import DataWarning, FitWarning
 from tests.drawn import choices, drawn
 from tests.helpers import refused, refusing, told, unwarned

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.learning.values.people import read_pairs
+from bgmodel.learning.value_learners import read_pairs
 from bgmodel.stopping.people import read_people
 from bgmodel.trials.reading import read_trials
 from circuits.errors import DataWarning

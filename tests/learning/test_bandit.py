@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import expit, logit
 
-from bgmodel.learning.values.bandit import Bandit, IdealLearner, ideal_of, play, relative_regret
-from bgmodel.learning.values.learners import (
+from bgmodel.learning.bandit import Bandit, IdealLearner, ideal_of, play, relative_regret
+from bgmodel.learning.value_learners import (
     LEARNERS,
     Confidence,
     LogitQ,

@@ -11,8 +11,8 @@ from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.likelihood import TrialLikelihood, TrialModel
 from bgmodel.fitting.optimum import optimum
-from bgmodel.learning.values.learners import QLearning
-from bgmodel.learning.values.models import (
+from bgmodel.learning.value_learners import QLearning, pairs_of, read_pairs
+from bgmodel.learning.value_models import (
     LAPSES,
     LONGEST_S,
     MODELS,
@@ -23,7 +23,6 @@ from bgmodel.learning.values.models import (
     simulated,
     value_differences,
 )
-from bgmodel.learning.values.people import pairs_of, read_pairs
 from tests.helpers import refused, refusing
 
 TRUE = {"rate": 0.3, "rate_minus": 0.15, "scale": 2.5, "bound": 0.9, "t0_s": 0.35,

@@ -24,8 +24,15 @@ from bgmodel.fitting.exact.responses import EVERY_TIME
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.likelihood import TrialLikelihood, likelihood_of
 from bgmodel.fitting.parameters import SCALES, Parameter
-from bgmodel.learning.values.learners import Confidence, Learner, LogitQ, Opal, QLearning
-from bgmodel.learning.values.people import Pairs, pairs_of
+from bgmodel.learning.value_learners import (
+    Confidence,
+    Learner,
+    LogitQ,
+    Opal,
+    Pairs,
+    QLearning,
+    pairs_of,
+)
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import whole
 from bgmodel.support.seeds import stream

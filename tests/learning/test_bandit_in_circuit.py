@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import bgmodel as bg
-from bgmodel.learning.values.bandit import Bandit, ValueCircuit, play
-from bgmodel.learning.values.learners import QBoth
+from bgmodel.learning.bandit import Bandit, ValueCircuit, play
+from bgmodel.learning.value_learners import QBoth
 from tests.helpers import refusing
 
 

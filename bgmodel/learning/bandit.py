@@ -12,7 +12,7 @@ import numpy.typing as npt
 from bgmodel.deciding.decision import Decision
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.learning.values.learners import Learner, Number, check_option, learner_of
+from bgmodel.learning.value_learners import Learner, Number, check_option, learner_of
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import check_finite, check_positive, check_range, reals, whole
 from bgmodel.support.seeds import stream

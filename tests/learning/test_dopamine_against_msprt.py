@@ -6,8 +6,8 @@ import pytest
 
 from bgmodel import Msprt, stream
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
-from bgmodel.learning import dopamine_levels as levels
-from bgmodel.learning.dopamine_levels import level_table
+from bgmodel.learning import dopamine as levels
+from bgmodel.learning.dopamine import level_table
 from tests.helpers import ROOT
 from tests.levels import GAIN, MODEL, SEED
 
