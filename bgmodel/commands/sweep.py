@@ -64,9 +64,9 @@ def sweep(
     folder = folder or Path("sweeps") / file.stem
     asked.check(folder)
     if on != "processes":
-        from bgmodel.sweeps.jobs import run_jobs
+        from bgmodel.sweeps.shards import run_jobs
 
-        run_jobs(asked, file, folder, parts=parts, workers=workers, profile=profile,
+        run_jobs(asked.shards, file, folder, parts=parts, workers=workers, profile=profile,
                  slurm=on == "slurm", dry_run=dry_run)  # fmt: skip
         return
     status, missing = asked.status(folder, part)
