@@ -15,6 +15,7 @@ from bgmodel.bootstrap import shown
 from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import threshold_from_posterior
+from bgmodel.integrators.sprt_theory import reward_curve
 from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.dopamine_learner import (
     CRITERION,
@@ -40,7 +41,6 @@ from bgmodel.support.tables import Readable
 from bgmodel.tables.given import EvidenceTable, read_once, trials_of
 from bgmodel.tactile.source import Source, Tactile, load_taps
 from bgmodel.task import Drawn, Gaussian, Task
-from bgmodel.theory.sprt import reward_curve
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import engine_of
 from circuits.errors import InputError, require

@@ -87,7 +87,7 @@ def listed() -> tuple[str, pd.DataFrame]:
 
 def shipped_table(name: str) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Return a shipped table, and the description stored in its file."""
-    with resources.as_file(resources.files("bgmodel.data") / f"{name}.parquet") as path:
+    with resources.as_file(resources.files("bgmodel") / "data" / f"{name}.parquet") as path:
         return read_table(path), read_provenance(path)["parameters"]
 
 

@@ -7,6 +7,7 @@ from scipy.stats import norm
 from bgmodel import Sprt, stream
 from bgmodel.deciding.decision import crossing_of_each
 from bgmodel.deciding.reward import reward, reward_of
+from bgmodel.integrators.sprt_theory import gaussian_pair, optimal_separation, reward_curve
 from bgmodel.learning.reinforce import (
     GaussianPolicy,
     Learner,
@@ -17,7 +18,6 @@ from bgmodel.learning.reinforce import (
 )
 from bgmodel.learning.worlds import trials_of
 from bgmodel.simulated_evidence import separated_evidence
-from bgmodel.theory.sprt import gaussian_pair, optimal_separation, reward_curve
 from tests.helpers import refusing
 from tests.learning.helpers import SEPARATION, T_MAX, XI, D, draw
 from tests.levels import SEED

@@ -42,7 +42,10 @@ def test_a_set_says_where_it_comes_from_and_its_licence_lies_beside_it(name):
     assert about["note"] == "No repository states a licence for the data apart from its code."
     assert about["source"].startswith("https://github.com/")
     assert about["licence"] in ("BSD-3-Clause", "BSD-2-Clause")
-    assert "Redistribution" in (resources.files("bgmodel.data") / about["licence_file"]).read_text()
+    assert (
+        "Redistribution"
+        in (resources.files("bgmodel") / "data" / about["licence_file"]).read_text()
+    )
     assert len(about["made_from"]["sha256"]) == 64
 
 
@@ -140,7 +143,7 @@ def test_learned_pairs_are_as_accurate_and_fast_as_published_and_rewarded_as_des
 def test_striatal_cells_are_read_with_their_clicks_and_choices():
     about = every_set()["striatum_clicks"]
     assert about.licence == "Apache-2.0"
-    text = (resources.files("bgmodel.data") / about.licence_file).read_text()
+    text = (resources.files("bgmodel") / "data" / about.licence_file).read_text()
     assert "Apache License" in text
     read = read_trials("striatum_clicks")
     assert (read.kind, read.trials, len(read.spikes.names)) == ("spikes and choices", 8601, 48)

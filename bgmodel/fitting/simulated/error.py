@@ -137,7 +137,7 @@ def ideal(read: Array, first: int) -> Trace:
 @lru_cache(maxsize=256)
 def _walk(bound: float, bins: int) -> tuple[Array, Array]:
     """Return nodes between the bounds, and the mass at each after k readings without drift."""
-    from bgmodel.theory.first_passage import Gaussian, gaussian_chain
+    from bgmodel.integrators.first_passage import Gaussian, gaussian_chain
 
     sd = np.sqrt(BIN_S)
     chain = gaussian_chain(Gaussian(0.0, sd), -bound, bound, 0.0, bins)

@@ -18,7 +18,7 @@ from bgmodel.fitting.simulated.crossings import (
     simulated,
 )
 from bgmodel.fitting.simulated.error import decided
-from bgmodel.theory.first_passage import Gaussian, walk
+from bgmodel.integrators.first_passage import Gaussian, walk
 from tests.drawn import GAIN, ideal
 
 GRID = Grid(300)

@@ -6,7 +6,7 @@ import pytest
 from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.simulated.crossings import simulated
 from bgmodel.fitting.simulated.error import Control, decided, exact, ideal, matched
-from bgmodel.theory.first_passage import Gaussian, walk
+from bgmodel.integrators.first_passage import Gaussian, walk
 from tests import drawn
 
 BOUNDS = np.linspace(1.2, 0.1, 23)

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import ndtr, ndtri
 
-from bgmodel.theory.first_passage import _gradient_adjoint, _share, empirical_chain
-from bgmodel.theory.sprt import Empirical, Gaussian, gaussian_pair, sprt, walk
+from bgmodel.integrators.first_passage import _gradient_adjoint, _share, empirical_chain
+from bgmodel.integrators.sprt_theory import Empirical, Gaussian, gaussian_pair, sprt, walk
 from tests.helpers import refused
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr, ndtri
 
-from bgmodel.theory.sprt import (
+from bgmodel.integrators.sprt_theory import (
     Empirical,
     Gaussian,
     gaussian_pair,

@@ -15,8 +15,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bgmodel.deciding.reward import reward_of
+from bgmodel.integrators.first_passage import (
+    Empirical,
+    Gaussian,
+    Increments,
+    Walk,
+    gaussian_pair,
+    walk,
+)
 from bgmodel.support.arrays import Array
-from bgmodel.theory.first_passage import Empirical, Gaussian, Increments, Walk, gaussian_pair, walk
 from circuits.errors import require
 
 __all__ = [
