@@ -1,16 +1,84 @@
-"""The command that draws the figures."""
+"""Commands that show: the whole chain on one page, the interactive explorer, and the figures."""
 
 from __future__ import annotations
 
 import os
+import sys
+import threading
+import webbrowser
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Annotated
 
-from bgmodel.commands.options import Workers
-from bgmodel.commands.output import check_whole
+from bgmodel.commands.options import OFF, Workers
+from bgmodel.commands.output import Files, check_whole, say
 from bgmodel.support.files import remove_partial_files
 from bgmodel.support.processes import run_snakemake
 from bgmodel.tactile.recordings import find_recordings
 from circuits.errors import require
+
+
+def demo(*, seed: int = 1, plot: Path = Path("demo.png"), force: bool = False) -> None:
+    """Decide on shipped taps by spikes and by the optimal test, and let reward set the threshold.
+
+    Example: bgmodel demo
+
+    Parameters
+    ----------
+    seed
+        Seed of the evidence and of the noise of cells.
+    plot
+        File for the picture, .png, .pdf or .svg.
+    force
+        Overwrite an existing picture.
+    """
+    output = Files(plot=plot, force=force)
+    output.check(())
+    say("decisions of some 40 000 spiking cells")
+    from bgmodel import demo as whole
+
+    chain = whole.demo(seed)
+    print(chain.summary())
+    output.draw(lambda: whole.draw(chain))
+
+
+def explore(file: str = "", /, *, port: int = 5006, browser: Annotated[bool, OFF] = True) -> None:
+    """Open a circuit in the browser: edit it, and watch its spikes, decisions and behaviour.
+
+    The page is served to this machine only, at an address that contains a secret; Ctrl-C ends it.
+
+    Examples: bgmodel explore; bgmodel explore mine.toml; bgmodel explore stn_conflict --port 0
+
+    Parameters
+    ----------
+    file
+        A circuit or an included experiment by name, a .toml file of either, or a link from the
+        explorer; by default the macaque circuit.
+    port
+        Port of the page; 0 for any that is free.
+    browser
+        Whether to open the page in the browser.
+    """
+    if find_spec("panel") is None:
+        raise ImportError('the explorer needs Panel: pip install "bgmodel[explore]"')
+    from bgmodel.explorer.state import opened
+
+    state = opened(file)
+    state.check()
+    from bgmodel.explorer.server import Served
+
+    served = Served(state, port)
+    print(f"bgmodel explorer: {served.address}", flush=True)
+    print("It is for this machine only; Ctrl-C ends it.", file=sys.stderr, flush=True)
+
+    def show() -> None:
+        if not webbrowser.open(served.address):
+            say("no browser was found: open the address above")
+
+    if browser:
+        threading.Thread(target=show, daemon=True).start()
+    served.run()
+
 
 LOCKS = Path(".snakemake/locks")
 """Where Snakemake locks the files of a run; a killed run leaves its locks behind."""

@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 from bgmodel.cli import main
-from bgmodel.commands import figures
+from bgmodel.commands import pictures
 from tests.helpers import ROOT
 
 
@@ -25,7 +25,7 @@ from tests.helpers import ROOT
 )
 def test_what_is_no_figure_is_refused_before_snakemake_starts(monkeypatch, capsys, arguments, says):
     monkeypatch.chdir(ROOT)
-    monkeypatch.setattr(figures, "run_snakemake", None)
+    monkeypatch.setattr(pictures, "run_snakemake", None)
     assert main(["figures", *arguments]) == 2
     error = capsys.readouterr().err
     assert error.startswith("bgmodel: targets must be among fig1, 2b, 3, ")
@@ -50,7 +50,7 @@ def test_what_is_asked_for_is_drawn_and_nothing_else_and_all_without_a_word(
     for name in ("Snakefile", "room/draw_2.py", "room/draw_3.py", "room/draw_4.py"):
         (tmp_path / "figures" / name).touch()
     ran = []
-    monkeypatch.setattr(figures, "run_snakemake", lambda targets: ran.append(targets) or 0)
+    monkeypatch.setattr(pictures, "run_snakemake", lambda targets: ran.append(targets) or 0)
     assert main(["figures", *arguments]) == 0
     (command,) = ran
     assert command[command.index("--") + 1 :] == asked

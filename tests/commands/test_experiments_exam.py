@@ -31,7 +31,7 @@ def test_a_circuit_takes_the_exam_and_its_marks_are_written(tmp_path, capsys, mo
         taken.append(take(*arguments, **named) if not taken else taken[0])
         return taken[0]
 
-    monkeypatch.setattr("bgmodel.commands.exam.Exam.take", once)
+    monkeypatch.setattr("bgmodel.commands.experiments.Exam.take", once)
     files = [tmp_path / "exam.json", tmp_path / "exam.csv"]
     picture = tmp_path / "exam.png"
     assert run("exam", "macaque", "--save", files[0], "--plot", picture, *FEW, "--json") == 0

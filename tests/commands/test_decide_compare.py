@@ -52,7 +52,7 @@ def test_a_comparison_says_before_it_starts_what_runs(tmp_path, refusal, capsys,
     def stop(*arguments, **named):
         raise ValueError("started")
 
-    monkeypatch.setattr("bgmodel.commands.compare.comparing.compare", stop)
+    monkeypatch.setattr("bgmodel.commands.decide.comparing.compare", stop)
     assert run("compare", "--task", "channels=4") == 2
     announced = capsys.readouterr().err
     assert re.search(r"bgmodel: comparing macaque on population, .*1000 trials of up", announced)
