@@ -46,7 +46,7 @@ COMMANDS: dict[str, str | dict[str, str]] = {
     "circuit": {"show": "circuit:show", "run": "circuit:run", "export": "circuit:export"},
     "decide": "decide:decide",
     "compare": "decide:compare",
-    "learn": "learn:learn",
+    "learn": "decide:learn",
     "fit": "fits:fit",
     "experiment": "experiments:experiment",
     "sweep": "experiments:sweep",
