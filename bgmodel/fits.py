@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from bgmodel.fitting.fit import Fit, fit_likelihood
-from bgmodel.fitting.folder import EACH, GROUP, FitFolder, settings_shared
 from bgmodel.fitting.hierarchy.chains import MOST, chains_entry
 from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, GroupFit, fit_group
 from bgmodel.fitting.hierarchy.group import ALIKE, Predictors
@@ -26,7 +25,17 @@ from bgmodel.fitting.settings import (
     settings_of,
     shared_ranges,
 )
-from bgmodel.fitting.several import Fits, GroupFits, fit_entry, report, stem
+from bgmodel.fitting.several import (
+    EACH,
+    GROUP,
+    FitFolder,
+    Fits,
+    GroupFits,
+    fit_entry,
+    report,
+    settings_shared,
+    stem,
+)
 from bgmodel.support.checks import path_of, whole
 from bgmodel.support.files import checksum
 from bgmodel.support.seeds import stream

@@ -28,8 +28,8 @@ from bgmodel.learning.reinforce import (
     exhaustive_search,
     learn,
     smoothed,
+    trials_of,
 )
-from bgmodel.learning.worlds import trials_of
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.likelihood import Density

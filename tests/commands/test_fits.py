@@ -11,8 +11,8 @@ import pytest
 
 from bgmodel.fitting import optimum
 from bgmodel.fitting.exact.algorithms import DRIFT_SD, SPREAD, START, GapModel
-from bgmodel.fitting.folder import EACH, ESTIMATES, FitFolder
 from bgmodel.fitting.parameters import RESPONSE
+from bgmodel.fitting.several import EACH, ESTIMATES, FitFolder
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.support.files import read_provenance, read_table
 from circuits.errors import FitWarning
@@ -64,7 +64,9 @@ def brief(request, monkeypatch):
     if "thorough" not in request.fixturenames:
         monkeypatch.setattr(optimum, "TOLERANCE_NATS", 0.5)
         monkeypatch.setattr(optimum, "POPULATION", 8)
-        monkeypatch.setattr("bgmodel.fitting.folder.save_figure", lambda figure, path: path.touch())
+        monkeypatch.setattr(
+            "bgmodel.fitting.several.save_figure", lambda figure, path: path.touch()
+        )
         monkeypatch.setattr("bgmodel.fitting.quantiles.draw_fits", lambda *_: None)
 
 
