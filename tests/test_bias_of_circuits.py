@@ -7,8 +7,8 @@ import pytest
 
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.settings import FitSettings
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.crossings import log_odds

@@ -8,8 +8,8 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.experiments.expected import Expected
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.sides import check_sides

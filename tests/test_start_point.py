@@ -5,11 +5,11 @@ import pandas as pd
 import pytest
 
 import bgmodel as bg
+from bgmodel.fitting.algorithms import GAPS, GapModel
 from bgmodel.fitting.design import FAVOURS, design_of
-from bgmodel.fitting.exact.algorithms import GAPS, GapModel
-from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.fitting.settings import FitSettings
 from bgmodel.trials.reading import read_trials
 from circuits.errors import DataWarning

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import Fit
 from bgmodel.fitting.hierarchy.chains import chains_entry
 from bgmodel.fitting.likelihood import likelihood_of

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bgmodel.fitting.exact.responses import Grid
 from bgmodel.fitting.likelihood import STEP, BinnedLikelihood, Likelihood
 from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.posterior import ENOUGH, Directions, Posterior, directions
+from bgmodel.fitting.responses import Grid
 from bgmodel.fitting.simulated.error import Simulation
 from bgmodel.support.arrays import Array
 from circuits.errors import FitWarning

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.fitting.exact.responses import BIN_S, ENDS_S, EVERY_TIME, Grid, Observed
+from bgmodel.fitting.responses import BIN_S, ENDS_S, EVERY_TIME, Grid, Observed
 from bgmodel.fitting.sides import check_sides, name_of
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import reals

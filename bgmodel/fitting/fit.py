@@ -12,7 +12,6 @@ import pandas as pd
 
 from bgmodel.fitting.cautions import cautions, resolved, warn_of_slow
 from bgmodel.fitting.design import Design
-from bgmodel.fitting.exact.responses import QUANTILES, TINY, moments
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.misfit import Misfit, misfit
 from bgmodel.fitting.optimum import Optimum, optimum
@@ -26,6 +25,7 @@ from bgmodel.fitting.quantiles import (
     residuals,
     too_few,
 )
+from bgmodel.fitting.responses import QUANTILES, TINY, moments
 from bgmodel.fitting.simulated.error import Simulation, simulation_error, without_parts
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.saved import Facts

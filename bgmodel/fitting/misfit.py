@@ -21,9 +21,9 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.fitting.design import Design
-from bgmodel.fitting.exact.responses import QUANTILES
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.optimum import Optimum
+from bgmodel.fitting.responses import QUANTILES
 from bgmodel.fitting.simulated.error import jackknifed
 from bgmodel.support.arrays import Array, Truths
 

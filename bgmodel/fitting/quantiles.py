@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.fitting.design import FAVOURS
-from bgmodel.fitting.exact.responses import QUANTILES
+from bgmodel.fitting.responses import QUANTILES
 from bgmodel.plots import wilson
 from bgmodel.support.arrays import Array, Integers
 from circuits.plots import GREY, PALETTE, Look, panels, styled

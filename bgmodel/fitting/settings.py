@@ -11,13 +11,13 @@ from typing import Any, Literal, Self, get_args
 import numpy as np
 import pandas as pd
 
+from bgmodel.fitting.algorithms import GAPS, SIDED, GapModel
 from bgmodel.fitting.design import Design, design_of
-from bgmodel.fitting.exact.algorithms import GAPS, SIDED, GapModel
-from bgmodel.fitting.exact.responses import ENDS_S
 from bgmodel.fitting.formulas import Formula, formula_of
 from bgmodel.fitting.hierarchy.group import Predictors
 from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel, likelihood_of
 from bgmodel.fitting.parameters import ADDED, Parameter
+from bgmodel.fitting.responses import ENDS_S
 from bgmodel.fitting.simulated.mechanisms import MECHANISMS
 from bgmodel.support.checks import check_flag, check_positive, whole
 from bgmodel.tables.columns import named_participant

@@ -17,8 +17,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.special import log_ndtr, ndtr
 
+from bgmodel.fitting.algorithms import CONSTANT, GAPS, GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.exact.algorithms import CONSTANT, GAPS, GapModel
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.integrators.basal_ganglia import BasalGanglia

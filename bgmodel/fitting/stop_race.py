@@ -23,7 +23,6 @@ import numpy as np
 from scipy.special import ndtr
 
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.exact.responses import EVERY_TIME
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.likelihood import (
     REPLICAS,
@@ -33,6 +32,7 @@ from bgmodel.fitting.likelihood import (
     likelihood_of,
 )
 from bgmodel.fitting.parameters import Parameter
+from bgmodel.fitting.responses import EVERY_TIME
 from bgmodel.fitting.stop_process import (
     KEPT,
     TEST,

@@ -6,7 +6,7 @@ Stickiness is a starting point towards the last choice of the same pair, a share
 tendency known before the evidence comes is a prior. Lapses are independent of the evidence.
 
 Noise has unit variance per second, bounds are at +-A and the start at z; see
-``bgmodel.fitting.exact.passage``.
+``bgmodel.fitting.passage``.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.exact.passage import standard_at_rest
-from bgmodel.fitting.exact.responses import EVERY_TIME
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.likelihood import TrialLikelihood, likelihood_of
 from bgmodel.fitting.parameters import SCALES, Parameter
+from bgmodel.fitting.passage import standard_at_rest
+from bgmodel.fitting.responses import EVERY_TIME
 from bgmodel.learning.value_learners import (
     Confidence,
     Learner,

@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import Design
-from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
+from bgmodel.fitting.responses import BIN_S, Grid, Observed
 from bgmodel.fitting.simulated.circuit import NONE
 from bgmodel.fitting.simulated.crossings import simulated
 from bgmodel.support.arrays import Array, Integers

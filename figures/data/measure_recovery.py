@@ -17,8 +17,8 @@ import pandas as pd
 from scipy.stats import kstest
 
 from bgmodel import stream
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import Design
-from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import widened
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.optimum import optimum

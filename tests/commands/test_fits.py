@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from bgmodel.fitting import optimum
-from bgmodel.fitting.exact.algorithms import DRIFT_SD, SPREAD, START, GapModel
+from bgmodel.fitting.algorithms import DRIFT_SD, SPREAD, START, GapModel
 from bgmodel.fitting.parameters import RESPONSE
 from bgmodel.fitting.several import EACH, ESTIMATES, FitFolder
 from bgmodel.fitting.simulated.circuit import CircuitModel

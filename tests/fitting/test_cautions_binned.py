@@ -6,14 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.fitting import model_comparison
+from bgmodel.fitting import model_comparison, passage
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.cautions import PARTS, finer, moved_by_bins, of_bins, resolved
-from bgmodel.fitting.exact import passage
-from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.responses import Grid, moments, responded
 from bgmodel.fitting.model_comparison import crossvalidated
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.posterior import directions
+from bgmodel.fitting.responses import Grid, moments, responded
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.simulated.race import RaceModel
 from bgmodel.support.seeds import stream

@@ -4,9 +4,9 @@ import warnings
 
 import pytest
 
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.cautions import slow_trials
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
 from tests.drawn import drawn, slowed

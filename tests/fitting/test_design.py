@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.exact.responses import BIN_S
+from bgmodel.fitting.responses import BIN_S
 from circuits.errors import DataWarning
 from tests.drawn import choices
 from tests.helpers import refused, unwarned

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of, fence_s
-from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.responses import BIN_S, Grid, Observed
 from circuits.errors import DataWarning
 from tests.drawn import drawn
 from tests.helpers import refused

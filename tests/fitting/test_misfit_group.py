@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.misfit import TOGETHER, Excess, group_misfit
 from bgmodel.fitting.optimum import Optimum

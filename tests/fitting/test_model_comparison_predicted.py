@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.model_comparison import Better, Predicted, _divided, better_by, predicted
 from tests.drawn import TRUTH, drawn

@@ -5,9 +5,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.responses import BIN_S, QUANTILES
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.quantiles import (
@@ -20,6 +19,7 @@ from bgmodel.fitting.quantiles import (
     residuals,
     too_few,
 )
+from bgmodel.fitting.responses import BIN_S, QUANTILES
 from tests.drawn import TRUTH, drawn
 
 MODEL, VALUES = GapModel(), {"sensitivity": 8.0, "bound": 0.6}

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from bgmodel.fits import fit, question
+from bgmodel.fitting.algorithms import GAPS, GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.exact.algorithms import GAPS, GapModel
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.settings import FitSettings, settings_of

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.exact.passage import accuracy
+from bgmodel.fitting.passage import accuracy
 from bgmodel.fitting.stop_process import crossed_later, raised_bound, threshold_nats
 
 

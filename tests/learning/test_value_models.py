@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.fitting.exact import passage
+from bgmodel.fitting import passage
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.likelihood import TrialLikelihood, TrialModel

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bgmodel.fitting.algorithms import Model
 from bgmodel.fitting.design import Design
-from bgmodel.fitting.exact.algorithms import Model
 from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD, Scale
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.support.arrays import Array

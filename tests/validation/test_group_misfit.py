@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, kstest
 
-from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.misfit import BEYOND_CHANCE, group_misfit
 from bgmodel.fitting.optimum import Optimum

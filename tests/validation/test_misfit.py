@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.misfit import misfit
 from bgmodel.fitting.optimum import optimum

@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from bgmodel.fitting.design import ALONE, Design
-from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
+from bgmodel.fitting.responses import BIN_S, Grid, Observed
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.tables.columns import EVERYONE
 from bgmodel.trials.readings import Readings

@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.fitting.exact.algorithms import BIAS, DRIFT_SD, GAPS, SENSITIVITY, SPREAD, START
-from bgmodel.fitting.exact.responses import BIN_S, Grid
+from bgmodel.fitting.algorithms import BIAS, DRIFT_SD, GAPS, SENSITIVITY, SPREAD, START
 from bgmodel.fitting.parameters import Parameter
+from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.simulated.circuit import LEVELS, LOWEST_LOG_ODDS, THRESHOLD, CircuitModel
 from bgmodel.fitting.simulated.crossings import (
     BATCH,
@@ -46,7 +46,7 @@ from bgmodel.tables.alternatives import MOST
 from circuits.errors import InputError
 
 if TYPE_CHECKING:
-    from bgmodel.fitting.exact.algorithms import Model
+    from bgmodel.fitting.algorithms import Model
     from circuits.circuit import Circuit
 
 DRIFTS = (0.0, 1.0, 2.0, 4.0, 7.0, 11.0)

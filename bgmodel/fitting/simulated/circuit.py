@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.deciding.trace import Trace
-from bgmodel.fitting.exact.algorithms import BIAS, SENSITIVITY, distinct
-from bgmodel.fitting.exact.responses import BIN_S, Grid
+from bgmodel.fitting.algorithms import BIAS, SENSITIVITY, distinct
 from bgmodel.fitting.parameters import RESPONSE, Parameter
+from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.simulated.crossings import (
     DRIFTS,
     FirstPassageTimes,

@@ -23,9 +23,9 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.deciding.trace import Trace
-from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.likelihood import STEP, Likelihood
 from bgmodel.fitting.posterior import Directions
+from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes, interpolated, log_odds, read
 from bgmodel.support.arrays import Array, Truths
 

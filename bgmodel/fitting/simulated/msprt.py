@@ -17,9 +17,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.fitting.exact.algorithms import SENSITIVITY
-from bgmodel.fitting.exact.responses import Grid
+from bgmodel.fitting.algorithms import SENSITIVITY
 from bgmodel.fitting.parameters import RESPONSE, Parameter
+from bgmodel.fitting.responses import Grid
 from bgmodel.fitting.simulated.circuit import SIMULATION_SEED, THRESHOLD, TRIALS
 from bgmodel.fitting.simulated.crossings import interpolated, log_odds
 from bgmodel.fitting.simulated.error import PARTS, InParts

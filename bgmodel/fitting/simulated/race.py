@@ -11,9 +11,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.fitting.exact.algorithms import BOUND, SENSITIVITY, Model, distinct
-from bgmodel.fitting.exact.responses import BIN_S, Grid
+from bgmodel.fitting.algorithms import BOUND, SENSITIVITY, Model, distinct
 from bgmodel.fitting.parameters import RESPONSE, Parameter
+from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.simulated.circuit import SIMULATION_SEED, TRIALS
 from bgmodel.fitting.simulated.error import PARTS, InParts
 from bgmodel.integrators.sprt_theory import OVERSHOOT

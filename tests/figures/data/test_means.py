@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import cells_of
 from bgmodel.trials.reading import read_trials
 from figures.data.means import fit_means

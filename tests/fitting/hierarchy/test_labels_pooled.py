@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.exact.algorithms import GapModel
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.hierarchy.labels import pooled
 from bgmodel.fitting.likelihood import likelihood_of

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
+from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
 

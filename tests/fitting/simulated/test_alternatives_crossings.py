@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
+from bgmodel.fitting.responses import BIN_S, Grid, moments
 from bgmodel.fitting.simulated.alternatives import ManyCircuitModel, simulated_many
 from bgmodel.fitting.simulated.msprt import MsprtModel
 from circuits.anatomy import load_circuit

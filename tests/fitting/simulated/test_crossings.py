@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel.fitting.exact import passage
-from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
+from bgmodel.fitting import passage
+from bgmodel.fitting.responses import BIN_S, Grid, moments
 from bgmodel.fitting.simulated.crossings import (
     DRIFTS,
     FirstPassageTimes,

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bgmodel.fitting.algorithms import EXPONENTIAL, SENSITIVITY, GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.exact.algorithms import EXPONENTIAL, SENSITIVITY, GapModel
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.parameters import RESPONSE, Parameter

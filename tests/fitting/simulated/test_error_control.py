@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.exact.responses import BIN_S, Grid
+from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.simulated.crossings import simulated
 from bgmodel.fitting.simulated.error import Control, decided, exact, ideal, matched
 from bgmodel.integrators.first_passage import Gaussian, walk

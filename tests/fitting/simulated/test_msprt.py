@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.responses import BIN_S, Grid, moments
 from bgmodel.fitting.simulated.msprt import MsprtModel
 
 TRIALS, SEED = 2000, 11

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bgmodel import stream
-from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
+from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.crossings import DRIFTS
 from bgmodel.fitting.simulated.error import decided

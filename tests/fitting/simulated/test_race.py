@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import invgauss
 
-from bgmodel.fitting.exact.responses import BIN_S, Grid
+from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.simulated.race import RaceModel, arrived
 
 GRID = Grid(400)

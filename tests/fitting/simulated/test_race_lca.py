@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
+from bgmodel.fitting.responses import BIN_S, Grid, moments
 from bgmodel.fitting.simulated.race import LcaModel, RaceModel
 
 GRID = Grid(150)

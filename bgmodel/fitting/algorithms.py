@@ -14,9 +14,9 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from bgmodel.fitting.exact import passage
-from bgmodel.fitting.exact.responses import Grid
+from bgmodel.fitting import passage
 from bgmodel.fitting.parameters import RESPONSE, Parameter
+from bgmodel.fitting.responses import Grid
 from bgmodel.support.arrays import Array, Integers, Truths
 
 FALL = Parameter("fall_per_s", 0.0, 10.0, 1.0, "rate at which the gap falls, 1/s; 0 is constant")

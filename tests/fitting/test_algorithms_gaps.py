@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel.fitting.exact.algorithms import (
+from bgmodel.fitting.algorithms import (
     CONSTANT,
     EXPONENTIAL,
     FALL,
@@ -15,7 +15,7 @@ from bgmodel.fitting.exact.algorithms import (
     WEIBULL,
     GapModel,
 )
-from bgmodel.fitting.exact.responses import Grid
+from bgmodel.fitting.responses import Grid
 from bgmodel.support.saved import packed, unpacked
 
 pytestmark = pytest.mark.usefixtures("brief_search")

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel.fitting.exact import algorithms, passage
-from bgmodel.fitting.exact.algorithms import (
+from bgmodel.fitting import algorithms, passage
+from bgmodel.fitting.algorithms import (
     BOUND,
     EXPONENTIAL,
     FALL,
@@ -15,7 +15,7 @@ from bgmodel.fitting.exact.algorithms import (
     WEIBULL,
     GapModel,
 )
-from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
+from bgmodel.fitting.responses import BIN_S, Grid, moments
 
 GRID = Grid(300)
 CONSTANT, FALLING = GapModel(), GapModel(EXPONENTIAL)

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from bgmodel.fitting.exact.algorithms import GAPS, GapModel
-from bgmodel.fitting.exact.responses import Grid
+from bgmodel.fitting.algorithms import GAPS, GapModel
+from bgmodel.fitting.responses import Grid
 from bgmodel.fitting.simulated.alternatives import ManyCircuitModel
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.error import PARTS

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2, gamma, norm
 
-from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed, moments, responded
+from bgmodel.fitting.responses import BIN_S, Grid, Observed, moments, responded
 
 GRID = Grid(300)
 T0 = st.floats(0.2, 0.6)

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel.fitting.exact import passage
-from bgmodel.fitting.exact.algorithms import EXPONENTIAL
+from bgmodel.fitting import passage
+from bgmodel.fitting.algorithms import EXPONENTIAL
 
 DRIFT = st.floats(-6.0, 6.0)
 BOUND = st.floats(0.2, 1.5)
