@@ -28,8 +28,8 @@ from bgmodel.names import MACAQUE, CircuitName, EngineName
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import files
 from bgmodel.support.checks import whole
-from bgmodel.tables import named as tables
 from bgmodel.task import Gaussian
+from bgmodel.trials import named as tables
 from circuits.activity import RateMeans
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits

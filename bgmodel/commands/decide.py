@@ -37,10 +37,10 @@ from bgmodel.names import MACAQUE, CircuitName, EngineName
 from bgmodel.support.checks import whole
 from bgmodel.support.files import recorded
 from bgmodel.support.processes import check_evidence_memory
-from bgmodel.tables import named as tables
-from bgmodel.tables.given import trials_of
 from bgmodel.tactile.task import SameDifferent
 from bgmodel.task import Gaussian, Task
+from bgmodel.trials import named as tables
+from bgmodel.trials.given import trials_of
 from circuits.declaration.edits import Edits
 from circuits.declaration.table import NATS
 from circuits.declaration.table_writer import identity

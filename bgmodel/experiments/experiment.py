@@ -44,7 +44,7 @@ from bgmodel.support.checks import path_of
 from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
-from bgmodel.tables.named import NamedEvidence, trial_table
+from bgmodel.trials.named import NamedEvidence, trial_table
 from circuits.declaration.table_writer import digest
 from circuits.errors import CalibrationWarning, DeadlineWarning, EditWarning, InputError
 from circuits.store import Latest
@@ -237,7 +237,7 @@ class Outcome(Facts):
         Measures of decisions also have a condition "percent", the change in per cent of the
         control's value.
     trials : DataFrame
-        One row per trial and condition, as from ``tables.trial_table``, and anticipatory: whether
+        One row per trial and condition, as from ``named.trial_table``, and anticipatory: whether
         the foreperiod before it, simulated separately, ended in a response; with stop signals also
         ssd_ms, the stop-signal delay.
     """

@@ -19,9 +19,9 @@ from bgmodel.experiments.expected import Expected
 from bgmodel.experiments.learning import Learning, heard
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support.arrays import Integers
-from bgmodel.tables.given import EvidenceTable
-from bgmodel.tables.named import NamedEvidence
 from bgmodel.task import Gaussian, Task
+from bgmodel.trials.given import EvidenceTable
+from bgmodel.trials.named import NamedEvidence
 from circuits.declaration.edits import Edits
 from circuits.errors import InputError, NoiseWarning, require
 

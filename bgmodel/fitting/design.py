@@ -15,7 +15,7 @@ from bgmodel.fitting.responses import BIN_S, ENDS_S, EVERY_TIME, Grid, Observed
 from bgmodel.fitting.sides import check_sides, name_of
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import reals
-from bgmodel.tables.columns import EVERYONE, FEWEST
+from bgmodel.trials.columns import EVERYONE, FEWEST
 from bgmodel.trials.record import Trials, is_covariate
 from circuits.errors import DataWarning, InputError, require
 

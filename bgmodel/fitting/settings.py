@@ -20,7 +20,7 @@ from bgmodel.fitting.parameters import ADDED, Parameter
 from bgmodel.fitting.responses import ENDS_S
 from bgmodel.fitting.simulated.mechanisms import MECHANISMS
 from bgmodel.support.checks import check_flag, check_positive, whole
-from bgmodel.tables.columns import named_participant
+from bgmodel.trials.columns import named_participant
 from bgmodel.trials.reading import OURS, Columns, read_trials
 from bgmodel.trials.readings import Source
 from bgmodel.trials.record import Trials, is_covariate

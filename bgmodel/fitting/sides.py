@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from bgmodel.deciding.calibration import STANDARD_ERRORS
-from bgmodel.tables.cautions import check_signs
-from bgmodel.tables.columns import EVERYONE
+from bgmodel.trials.cautions import check_signs
+from bgmodel.trials.columns import EVERYONE
 from bgmodel.trials.record import Trials
 from circuits.errors import DataWarning, InputError
 

@@ -38,9 +38,9 @@ from bgmodel.support.processes import check_learning_memory, check_memory
 from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
-from bgmodel.tables.given import EvidenceTable, read_once, trials_of
 from bgmodel.tactile.source import Source, Tactile, load_taps
 from bgmodel.task import Drawn, Gaussian, Task
+from bgmodel.trials.given import EvidenceTable, read_once, trials_of
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import engine_of
 from circuits.errors import InputError, require
@@ -167,7 +167,7 @@ def learn(
     Parameters
     ----------
     task : Task
-        What is decided. The trials of a table, ``bgmodel.tables.given.EvidenceTable("mine.csv")``,
+        What is decided. The trials of a table, ``bgmodel.trials.given.EvidenceTable("mine.csv")``,
         are halved for a circuit, which learns from one half; for the test its readings are drawn
         independently, as those of a task.
     model : BasalGanglia, optional

@@ -10,9 +10,9 @@ from bgmodel.experiments.learning import Learning, heard
 from bgmodel.experiments.record import Changes
 from bgmodel.learning.weights import learn
 from bgmodel.learning.weights.learned import LearnedWeights
-from bgmodel.tables.given import EvidenceTable
 from bgmodel.tactile.task import SameDifferent
 from bgmodel.task import Gaussian
+from bgmodel.trials.given import EvidenceTable
 from circuits.declaration.edits import Edits
 from circuits.errors import NoiseWarning
 from tests.helpers import refusing

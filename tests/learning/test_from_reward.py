@@ -20,9 +20,9 @@ from bgmodel.learning.from_reward import (
 from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learner
 from bgmodel.learning.weights.deciders import WeightLearner
-from bgmodel.tables.given import EvidenceTable, read_once
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from bgmodel.task import Gaussian
+from bgmodel.trials.given import EvidenceTable, read_once
 from tests.helpers import long_table, refused, refusing
 
 SHORT = Learner(episodes=1500)

@@ -42,7 +42,7 @@ from bgmodel.fitting.simulated.race import LcaModel, RaceModel
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.compiling import compiled
 from bgmodel.support.seeds import stream
-from bgmodel.tables.alternatives import MOST
+from bgmodel.trials.alternatives import MOST
 from circuits.errors import InputError
 
 if TYPE_CHECKING:

@@ -9,15 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bgmodel.support.seeds import stream
-from bgmodel.tables.cautions import (
+from bgmodel.trials.cautions import (
     STEPS_S,
     check_deadline,
     check_signs,
     check_times,
     without_rounding,
 )
-from bgmodel.tables.shipped import shipped
 from bgmodel.trials.reading import read_trials
+from bgmodel.trials.shipped import shipped
 from circuits.errors import DataWarning
 from tests.helpers import refused, unwarned
 from tests.read import read

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from bgmodel.support.seeds import stream
-from bgmodel.tables.named import NamedEvidence
 from bgmodel.task import Drawn, Task
+from bgmodel.trials.named import NamedEvidence
 from circuits.errors import require
 
 
@@ -60,7 +60,7 @@ class EvidenceTable(Task):
 @cache
 def read_once(task: EvidenceTable) -> NamedEvidence:
     """Return the trials of an evidence table, which is read only once (cached)."""
-    from bgmodel.tables.evidence import read_evidence_table
+    from bgmodel.trials.evidence import read_evidence_table
 
     return read_evidence_table(task.evidence, step_ms=task.step_ms)
 
@@ -70,7 +70,7 @@ def trials_of(
 ) -> NamedEvidence:
     """Return a task's trials: drawn with the stream of ``seed`` and ``name``, or of a table."""
     if isinstance(task, EvidenceTable):
-        from bgmodel.tables.evidence import read_evidence_table
+        from bgmodel.trials.evidence import read_evidence_table
 
         return read_evidence_table(task.evidence, prior=prior, step_ms=task.step_ms)
     assert isinstance(task, Drawn)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.support.arrays import Array
-from bgmodel.tables.columns import (
+from bgmodel.trials.columns import (
     FEWEST,
     NO_RESPONSE,
     OURS,

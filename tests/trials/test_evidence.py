@@ -12,9 +12,9 @@ from bgmodel.evidence import Evidence
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.files import write_table
 from bgmodel.support.seeds import stream
-from bgmodel.tables.evidence import read_evidence_table, trials_from_table
-from bgmodel.tables.named import trial_table
 from bgmodel.tactile.task import Orientation, SameDifferent
+from bgmodel.trials.evidence import read_evidence_table, trials_from_table
+from bgmodel.trials.named import trial_table
 from circuits.errors import CalibrationWarning, DataWarning
 from tests.helpers import long_table, refused, unwarned
 

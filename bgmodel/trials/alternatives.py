@@ -8,7 +8,7 @@ import pandas as pd
 
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole
-from bgmodel.tables.columns import (
+from bgmodel.trials.columns import (
     NO_RESPONSE,
     check_alike,
     names_of,

@@ -12,7 +12,7 @@ import pandas as pd
 
 from bgmodel.support.files import read_table, unreadable
 from bgmodel.support.processes import check_table_memory
-from bgmodel.tables.columns import names_of, names_once
+from bgmodel.trials.columns import names_of, names_once
 from circuits.errors import InputError, require, within
 
 PYDDM = ({"RT": "rt", "choice": "response"}, {"rt": "rt", "choice": "response"})

@@ -17,9 +17,9 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.checks import path_of
 from bgmodel.support.files import read_table
 from bgmodel.support.processes import check_evidence_memory
-from bgmodel.tables.columns import check_alike, check_numeric, check_spelt, names_once
-from bgmodel.tables.foreign import DECIMAL_SIGN, SEPARATORS, read_text
-from bgmodel.tables.named import RESULT, NamedEvidence
+from bgmodel.trials.columns import check_alike, check_numeric, check_spelt, names_once
+from bgmodel.trials.foreign import DECIMAL_SIGN, SEPARATORS, read_text
+from bgmodel.trials.named import RESULT, NamedEvidence
 from circuits.errors import DataWarning, InputError, within
 
 KEYS = ("participant_id", "trial")
