@@ -10,8 +10,8 @@ from bgmodel.commands.output import Output, check_whole, say, stages
 from bgmodel.fits import SIMULATED, fit_all, question
 from bgmodel.fitting.settings import FitSettings, need_fit
 from bgmodel.fitting.several import GroupFits
+from bgmodel.trials.files import listed
 from bgmodel.trials.reading import OURS
-from bgmodel.trials.shipped import listed
 
 OF_EVIDENCE = ("step_ms", "forced", "runs")
 """Settings of known evidence, given by --evidence."""

@@ -20,7 +20,7 @@ from bgmodel.exam.numbers import ExamTask
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import path_of
-from bgmodel.trials.foreign import read_rows
+from bgmodel.trials.files import read_rows
 from circuits.errors import DataWarning, InputError, require
 
 OF_TRIALS = {

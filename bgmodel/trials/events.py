@@ -20,7 +20,7 @@ import pandas as pd
 
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.trials.columns import MISSING, refuse
-from bgmodel.trials.foreign import read_rows
+from bgmodel.trials.files import read_rows
 from bgmodel.trials.record import Trials
 from circuits.errors import DataWarning, InputError, require, within
 

@@ -51,10 +51,9 @@ from bgmodel.trials.columns import (
     withholding,
 )
 from bgmodel.trials.events import is_events, read_events, restored_delays
-from bgmodel.trials.foreign import read_rows, renamed
+from bgmodel.trials.files import CELLS_SET, SETS, STOP_SET, read_rows, renamed, shipped_table
 from bgmodel.trials.readings import Source, answered, read_readings, seen_sums
 from bgmodel.trials.record import Trials, is_covariate
-from bgmodel.trials.shipped import CELLS_SET, SETS, STOP_SET, shipped_table
 from bgmodel.trials.spikes import clicks_of, in_sessions, is_nwb, read_nwb, spikes_of
 from circuits.errors import DataWarning, InputError, require, within
 

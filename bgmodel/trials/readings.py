@@ -16,7 +16,7 @@ from bgmodel.support.checks import check_positive, path_of
 from bgmodel.trials.cautions import ENOUGH
 from bgmodel.trials.columns import names_once, numbers, refuse
 from bgmodel.trials.evidence import KEYS, read_csv_table, trials_from_table
-from bgmodel.trials.foreign import SEPARATORS, read_rows
+from bgmodel.trials.files import SEPARATORS, read_rows
 from circuits.errors import DataWarning, InputError, quiet, within
 
 FORMS = (

@@ -13,7 +13,7 @@ import pandas as pd
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import path_of
 from bgmodel.trials.columns import check_columns, numbers, refuse
-from bgmodel.trials.foreign import read_rows
+from bgmodel.trials.files import read_rows
 from bgmodel.trials.readings import Source, as_written
 from circuits.errors import DataWarning, InputError, require, within
 

@@ -16,8 +16,8 @@ from bgmodel.trials.cautions import (
     check_times,
     without_rounding,
 )
+from bgmodel.trials.files import shipped
 from bgmodel.trials.reading import read_trials
-from bgmodel.trials.shipped import shipped
 from circuits.errors import DataWarning
 from tests.helpers import refused, unwarned
 from tests.read import read

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bgmodel.support.files import read_provenance
+from bgmodel.trials.files import SIMON_SET, every_set, shipped
 from bgmodel.trials.reading import read_trials
 from bgmodel.trials.record import statistics
-from bgmodel.trials.shipped import SIMON_SET, every_set, shipped
 from tests.helpers import ROOT
 
 SHIPPED = shipped()
