@@ -29,10 +29,10 @@ from bgmodel.integrators.baselines import BASELINES, baselines_on
 from bgmodel.integrators.deciding import sample_ms
 from bgmodel.integrators.sprt import Msprt, Sprt, threshold_from_posterior
 from bgmodel.learning import from_reward
+from bgmodel.learning.deciders import Feedback, WeightLearner
 from bgmodel.learning.dopamine_learner import LEVELS, CircuitLearned
 from bgmodel.learning.from_reward import DOPAMINE, WEIGHTS, planned
 from bgmodel.learning.reinforce import Learner, LearningStopped, course
-from bgmodel.learning.weights.deciders import Feedback, WeightLearner
 from bgmodel.names import MACAQUE, CircuitName, EngineName
 from bgmodel.support.checks import whole
 from bgmodel.support.files import recorded

@@ -9,6 +9,7 @@ import bgmodel as bg
 from bgmodel.integrators.sprt_theory import Gaussian as GaussianSteps
 from bgmodel.integrators.sprt_theory import optimal_separation
 from bgmodel.learning import from_reward
+from bgmodel.learning.deciders import WeightLearner
 from bgmodel.learning.from_reward import (
     DOPAMINE,
     THRESHOLD,
@@ -19,7 +20,6 @@ from bgmodel.learning.from_reward import (
 )
 from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learner
-from bgmodel.learning.weights.deciders import WeightLearner
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from bgmodel.task import Gaussian
 from bgmodel.trials.given import EvidenceTable, read_once

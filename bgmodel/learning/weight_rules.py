@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from bgmodel.learning.weights.critics import Trial, made
+from bgmodel.learning.critics import Trial, made
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_positive, check_range
 

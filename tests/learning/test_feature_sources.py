@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from bgmodel.learning.weights.deciders import WeightLearner
-from bgmodel.learning.weights.learn import learn_weights
-from bgmodel.learning.weights.sources import DriftingSensor, GaussianFeatures, tap_features
+from bgmodel.learning.deciders import WeightLearner
+from bgmodel.learning.feature_sources import DriftingSensor, GaussianFeatures, tap_features
+from bgmodel.learning.weights import learn_weights
 from bgmodel.tactile.source import held_out_taps
 from bgmodel.tactile.task import SameDifferent
 from tests.helpers import refused

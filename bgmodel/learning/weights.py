@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.learning.weights.critics import Affine, Critic, ReadOutConfidence, Trial, critic_of
-from bgmodel.learning.weights.deciders import (
+from bgmodel.learning.critics import Affine, Critic, ReadOutConfidence, Trial, critic_of
+from bgmodel.learning.deciders import (
     Decider,
     Feedback,
     FixedPoint,
@@ -17,10 +17,10 @@ from bgmodel.learning.weights.deciders import (
     Trials,
     WeightLearner,
 )
-from bgmodel.learning.weights.features import Features, FeatureSource, check_learnable
-from bgmodel.learning.weights.learned import LearnedWeights, WeightCourse
-from bgmodel.learning.weights.rules import Rule, rule_of
-from bgmodel.learning.weights.sources import source_at
+from bgmodel.learning.feature_sources import source_at
+from bgmodel.learning.features import Features, FeatureSource, check_learnable
+from bgmodel.learning.learned_weights import LearnedWeights, WeightCourse
+from bgmodel.learning.weight_rules import Rule, rule_of
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole
 from bgmodel.support.processes import advance

@@ -5,14 +5,14 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.learning.weights.deciders import InCircuit, WeightLearner
-from bgmodel.learning.weights.learn import learn_weights_in_circuit
-from bgmodel.learning.weights.learned import (
+from bgmodel.learning.deciders import InCircuit, WeightLearner
+from bgmodel.learning.feature_sources import tap_features
+from bgmodel.learning.learned_weights import (
     circuit_time_at_accuracy,
     counted_weights,
     time_at_accuracy,
 )
-from bgmodel.learning.weights.sources import tap_features
+from bgmodel.learning.weights import learn_weights_in_circuit
 from bgmodel.tactile.source import held_out_taps
 from bgmodel.tactile.task import SameDifferent
 from tests.helpers import refused

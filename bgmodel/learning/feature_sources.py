@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.learning.weights.features import Features, FeatureSource, even_centres, soft_histogram
+from bgmodel.learning.features import Features, FeatureSource, even_centres, soft_histogram
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import check_finite, check_positive, check_range, whole
 from bgmodel.support.seeds import generator

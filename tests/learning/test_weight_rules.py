@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.learning.weights.critics import (
+from bgmodel.learning.critics import (
     Affine,
     Confidence,
     ReadOutConfidence,
     RunningMean,
     Trial,
 )
-from bgmodel.learning.weights.rules import (
+from bgmodel.learning.weight_rules import (
     RULES,
     ChosenRule,
     ConfidenceRule,

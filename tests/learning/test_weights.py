@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.learning.weights.critics import Trial
-from bgmodel.learning.weights.deciders import Feedback, FixedPoint, WeightLearner
-from bgmodel.learning.weights.features import Features
-from bgmodel.learning.weights.learn import learn_weights
-from bgmodel.learning.weights.learned import LearnedWeights, counted_weights
-from bgmodel.learning.weights.rules import rule_of
-from bgmodel.learning.weights.sources import PoissonFeatures, tap_features
+from bgmodel.learning.critics import Trial
+from bgmodel.learning.deciders import Feedback, FixedPoint, WeightLearner
+from bgmodel.learning.feature_sources import PoissonFeatures, tap_features
+from bgmodel.learning.features import Features
+from bgmodel.learning.learned_weights import LearnedWeights, counted_weights
+from bgmodel.learning.weight_rules import rule_of
+from bgmodel.learning.weights import learn_weights
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.source import held_out_taps
 from bgmodel.tactile.task import SameDifferent

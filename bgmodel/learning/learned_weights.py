@@ -14,7 +14,7 @@ from bgmodel.integrators.baselines import Race
 from bgmodel.integrators.criterion import deciding_thresholds
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.learning.weights.features import Features
+from bgmodel.learning.features import Features
 from bgmodel.support.arrays import Array, Integers, Reals, Truths
 from bgmodel.support.checks import check_positive, check_range, is_whole
 from bgmodel.support.saved import Facts, span

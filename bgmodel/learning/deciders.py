@@ -12,7 +12,7 @@ from bgmodel.deciding.readout import threshold_from_posterior
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence, minus_log_softmax
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.learning.weights.features import Features
+from bgmodel.learning.features import Features
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import (
     check_finite,

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.stats import poisson
 
-from bgmodel.learning.weights.features import (
+from bgmodel.learning.feature_sources import GaussianFeatures, PoissonFeatures, tap_features
+from bgmodel.learning.features import (
     Features,
     check_learnable,
     even_centres,
     soft_histogram,
 )
-from bgmodel.learning.weights.sources import GaussianFeatures, PoissonFeatures, tap_features
 from bgmodel.tactile.source import held_out_taps, source
 from bgmodel.tactile.task import SameDifferent
 from tests.helpers import refused, refusing
