@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.simulated.mechanisms import MECHANISMS, NONE
+from bgmodel.fitting.simulated.circuit import MECHANISMS, NONE
 from circuits.anatomy import load_circuit
 from circuits.declaration.table_writer import digest
 
