@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from functools import partial
 
 import pandas as pd
-from bgmodel.fitting.trials.design import design_of
 
 from bgmodel.fitting.algorithms import EXPONENTIAL, GapModel, Model
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.simulated.circuit import NONE, SIMULATION_SEED
 from bgmodel.trials.reading import read_trials
 from circuits.anatomy import DEFAULT, load_circuit
