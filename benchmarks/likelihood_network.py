@@ -23,9 +23,9 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import stream
-from bgmodel.fitting.exact.responses import Grid, responded
+from bgmodel.fitting.responses import Grid, responded
 from bgmodel.fitting.simulated.circuit import CircuitModel
-from bgmodel.fitting.simulated.control import decided
+from bgmodel.fitting.simulated.error import decided
 from bgmodel.fitting.simulated.network import LikelihoodNetwork, shipped_path
 from bgmodel.support.arrays import Array
 from bgmodel.support.files import read_table, write_table

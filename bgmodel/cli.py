@@ -35,24 +35,24 @@ ABOUT = (
     "`bgmodel --completion bash` (zsh, fish) prints a script that completes names and options."
 )
 COMMANDS: dict[str, str | dict[str, str]] = {
-    "demo": "demo:demo",
+    "demo": "pictures:demo",
     "touch": {
         "": "touch:touch",
         "simulate": "touch_steps:simulate",
         "train": "touch_steps:train",
         "decode": "touch_steps:decode",
-        "watch": "watch:watch",
+        "watch": "touch:watch",
     },
     "circuit": {"show": "circuit:show", "run": "circuit:run", "export": "circuit:export"},
     "decide": "decide:decide",
-    "compare": "compare:compare",
-    "learn": "learn:learn",
+    "compare": "decide:compare",
+    "learn": "decide:learn",
     "fit": "fits:fit",
-    "experiment": "experiment:experiment",
-    "sweep": "sweep:sweep",
-    "exam": "exam:exam",
-    "explore": "explore:explore",
-    "figures": "figures:figures",
+    "experiment": "experiments:experiment",
+    "sweep": "experiments:sweep",
+    "exam": "experiments:exam",
+    "explore": "pictures:explore",
+    "figures": "pictures:figures",
 }
 """Each command: the module within ``bgmodel.commands`` and the function; of a group, those of its
 commands, and under "" of the group itself."""

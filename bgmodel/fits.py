@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from bgmodel.fitting.fit import Fit, fit_likelihood
-from bgmodel.fitting.folder import EACH, GROUP, FitFolder, settings_shared
 from bgmodel.fitting.hierarchy.chains import MOST, chains_entry
 from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, GroupFit, fit_group
 from bgmodel.fitting.hierarchy.group import ALIKE, Predictors
@@ -26,7 +25,17 @@ from bgmodel.fitting.settings import (
     settings_of,
     shared_ranges,
 )
-from bgmodel.fitting.several import Fits, GroupFits, fit_entry, report, stem
+from bgmodel.fitting.several import (
+    EACH,
+    GROUP,
+    FitFolder,
+    Fits,
+    GroupFits,
+    fit_entry,
+    report,
+    settings_shared,
+    stem,
+)
 from bgmodel.support.checks import path_of, whole
 from bgmodel.support.files import checksum
 from bgmodel.support.seeds import stream
@@ -39,8 +48,8 @@ from circuits.errors import DataWarning, FitWarning, InputError, collected, requ
 if TYPE_CHECKING:
     import pandas as pd
 
+    from bgmodel.fitting.design import Design
     from bgmodel.fitting.formulas import Formula
-    from bgmodel.fitting.trials.design import Design
 
 ModelName = str | Path | Circuit | TrialModel
 
@@ -250,14 +259,14 @@ def _of_cells(asked: FitSettings, one: Question, model: Any) -> dict[str, Likeli
 
 def _learner(one: Question, name: Any, folder: Path | None) -> AnyModel:
     """Return a model of people who learn values."""
-    from bgmodel.learning.values.models import model_of
+    from bgmodel.learning.value_models import model_of
 
     return model_of(name)
 
 
 def _of_learners(asked: FitSettings, one: Question, model: Any) -> dict[str, Likelihood]:
     """Return the likelihood of each person's trials, who learns values."""
-    from bgmodel.learning.values.models import likelihood
+    from bgmodel.learning.value_models import likelihood
 
     made = {
         who: likelihood(model, some, **asked.freedom(model)) for who, some in one.people.items()
@@ -267,15 +276,15 @@ def _of_learners(asked: FitSettings, one: Question, model: Any) -> dict[str, Lik
 
 def _stop_process(one: Question, name: Any, folder: Path | None) -> AnyModel:
     """Return a model of stop-signal trials, conditional on the go times."""
-    from bgmodel.fitting.stops.model import stop_model
-    from bgmodel.fitting.stops.race import StopRace
+    from bgmodel.fitting.stop_process import stop_model
+    from bgmodel.fitting.stop_race import StopRace
 
     return StopRace(stop_model(name, one.asked.noise_nats))
 
 
 def _of_stops(asked: FitSettings, one: Question, model: Any) -> dict[str, Likelihood]:
     """Return the likelihood of each person who has enough stop trials; warn of the others."""
-    from bgmodel.fitting.stops.race import likelihood
+    from bgmodel.fitting.stop_race import likelihood
 
     likelihoods: dict[str, Likelihood] = {}
     for who, some in one.people.items():
@@ -405,7 +414,7 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         msprt, race, lca (two or more), or a circuit with a channel for each alternative: its name,
         .toml file or Circuit. With evidence: msprt, leaky_sum, run or a circuit. Of stop-signal
         trials: constant_gap or a circuit. Of rewarded choices: a learner
-        (``learning.values.models.MODELS``). Of any: your own model of trials
+        (``learning.value_models.MODELS``). Of any: your own model of trials
         (``fitting.likelihood.TrialModel``). By default macaque, for rewarded choices "q, two
         rates"; an empty list is all models that the command compares by default.
     people : str, optional

@@ -10,7 +10,7 @@ import argparse
 from importlib import import_module
 from pathlib import Path
 
-from bgmodel.commands.figures import figures as draw
+from bgmodel.commands.pictures import figures as draw
 from figures import pages, pieces
 from figures.pieces import Score
 from figures.rooms import FOLDER, Room, rooms

@@ -7,7 +7,7 @@ import pandas as pd
 
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
+from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning.dopamine import playable_levels
-from bgmodel.learning.worlds import LevelOutcomes
+from bgmodel.learning.reinforce import LevelOutcomes
 from bgmodel.support.seeds import stream
 from circuits.anatomy import load_circuit
 from circuits.engines import Rate

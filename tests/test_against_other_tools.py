@@ -5,12 +5,12 @@ import pytest
 
 from bgmodel import stream
 from bgmodel.deciding.decision import first_crossing
-from bgmodel.fitting.exact.algorithms import EXPONENTIAL, WEIBULL, GapModel
-from bgmodel.fitting.exact.responses import BIN_S
+from bgmodel.fitting.algorithms import EXPONENTIAL, WEIBULL, GapModel
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.hierarchy.approximation import Person, estimates
 from bgmodel.fitting.hierarchy.group import Scale
 from bgmodel.fitting.likelihood import likelihood_of
-from bgmodel.fitting.trials.design import design_of
+from bgmodel.fitting.responses import BIN_S
 from bgmodel.trials.reading import read_trials
 from figures.tools import measure_crosschecks as crosschecks
 from figures.tools import measure_samplers, other_tools

@@ -7,12 +7,12 @@ import pytest
 
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.fitting.exact.responses import BIN_S, Grid
 from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.settings import FitSettings
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.crossings import log_odds
-from bgmodel.theory.first_passage import Gaussian, walk
+from bgmodel.integrators.first_passage import Gaussian, walk
 from circuits.anatomy import load_circuit
 from tests.helpers import unwarned
 from tests.test_start_point import RESPONSES, drawn

@@ -36,8 +36,8 @@ from bgmodel import (
 from bgmodel.cli import main
 from bgmodel.commands.options import record_of, task_of
 from bgmodel.support.files import read_provenance, read_table
-from bgmodel.tables.given import EvidenceTable
 from bgmodel.task import Task
+from bgmodel.trials.given import EvidenceTable
 from bgmodel.trials.reading import OURS
 from tests.helpers import GOOD, ROOT, run
 

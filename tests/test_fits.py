@@ -14,8 +14,8 @@ from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
 from bgmodel.fitting.known.trials import known_trials
 from bgmodel.fitting.settings import settings_of
-from bgmodel.fitting.stops.race import likelihood as stop_likelihood
-from bgmodel.learning.values.models import likelihood
+from bgmodel.fitting.stop_race import likelihood as stop_likelihood
+from bgmodel.learning.value_models import likelihood
 from bgmodel.trials.record import joined
 from circuits.errors import DataWarning, FitWarning
 from tests.helpers import refused

@@ -8,17 +8,17 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.experiments.expected import Expected
-from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
-from bgmodel.fitting.trials.design import design_of
-from bgmodel.fitting.trials.sides import check_sides
+from bgmodel.fitting.sides import check_sides
 from bgmodel.support.files import write_table
 from bgmodel.sweeps.plan import Plan
-from bgmodel.tables.evidence import read_evidence_table, trials_from_table
 from bgmodel.tactile.source import load_taps, source
 from bgmodel.tactile.task import EdgeDirection
 from bgmodel.task import Gaussian
+from bgmodel.trials.evidence import read_evidence_table, trials_from_table
 from bgmodel.trials.reading import Columns, read_trials
 from circuits.engines import run
 from circuits.errors import DataWarning, EditWarning, NoiseWarning

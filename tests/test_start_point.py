@@ -5,12 +5,12 @@ import pandas as pd
 import pytest
 
 import bgmodel as bg
-from bgmodel.fitting.exact.algorithms import GAPS, GapModel
-from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
+from bgmodel.fitting.algorithms import GAPS, GapModel
+from bgmodel.fitting.design import FAVOURS, design_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.fitting.settings import FitSettings
-from bgmodel.fitting.trials.design import FAVOURS, design_of
 from bgmodel.trials.reading import read_trials
 from circuits.errors import DataWarning
 from tests.helpers import refused, unwarned

@@ -7,18 +7,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.fitting.checks.misfit import Misfit
-from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.fit import Fit
 from bgmodel.fitting.hierarchy.chains import chains_entry
-from bgmodel.fitting.identify import Directions
 from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.misfit import Misfit
 from bgmodel.fitting.optimum import Optimum
+from bgmodel.fitting.posterior import Directions
 from bgmodel.fitting.several import fit_entry
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes
 from bgmodel.fitting.simulated.error import Simulation
-from bgmodel.fitting.trials.design import design_of
 from bgmodel.support.files import checksum_entry
 from bgmodel.sweeps import shards
 from bgmodel.sweeps.plan import Plan

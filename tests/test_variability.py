@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from bgmodel.fitting.exact import passage
-from bgmodel.fitting.exact.algorithms import CONSTANT, EXPONENTIAL, GapModel
-from bgmodel.fitting.exact.responses import Grid
+from bgmodel.fitting import passage
+from bgmodel.fitting.algorithms import CONSTANT, EXPONENTIAL, GapModel
+from bgmodel.fitting.responses import Grid
 from tests.test_start_point import drawn, fitted
 
 GRID = Grid(1500)

@@ -9,16 +9,16 @@ from scipy.special import expit
 
 import bgmodel as bg
 from bgmodel.fits import question
-from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.responses import responded
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import FAVOURS, design_of
 from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
 from bgmodel.fitting.known.trials import known_trials
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.model_comparison import predicted
+from bgmodel.fitting.responses import responded
 from bgmodel.fitting.settings import settings_of
-from bgmodel.fitting.trials.design import FAVOURS, design_of
-from bgmodel.learning.values.models import LAPSES, MODELS, likelihood
+from bgmodel.learning.value_models import LAPSES, MODELS, likelihood
 from circuits.errors import DataWarning, FitWarning
 from tests.drawn import choices, drawn
 from tests.helpers import refused, refusing, told, unwarned

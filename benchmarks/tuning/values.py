@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from bgmodel.learning.values.bandit import Bandit, ideal_of, play, relative_regret
-from bgmodel.learning.values.learners import (
+from bgmodel.learning.bandit import Bandit, ideal_of, play, relative_regret
+from bgmodel.learning.value_learners import (
     Confidence,
     Learner,
     LogitQ,

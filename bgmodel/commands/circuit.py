@@ -28,8 +28,8 @@ from bgmodel.names import MACAQUE, CircuitName, EngineName
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import files
 from bgmodel.support.checks import whole
-from bgmodel.tables import named as tables
 from bgmodel.task import Gaussian
+from bgmodel.trials import named as tables
 from circuits.activity import RateMeans
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
@@ -259,8 +259,7 @@ def _stop(
     output: Output,
 ) -> None:  # fmt: skip
     """Let the circuit decide with stop signals in a share of the trials."""
-    from bgmodel.stopping.drawing import draw
-    from bgmodel.stopping.estimates import reported
+    from bgmodel.stopping.estimates import draw, reported
 
     with bar((len(stop.delays_ms) if stop.staircases else 1) * evidence.trials):
         trials = stop.decide(model, evidence, threshold=level, seed=made.seed)

@@ -10,7 +10,7 @@ from bgmodel.commands.output import Output, check_whole, say, stages
 from bgmodel.fits import SIMULATED, fit_all, question
 from bgmodel.fitting.settings import FitSettings, need_fit
 from bgmodel.fitting.several import GroupFits
-from bgmodel.tables.shipped import listed
+from bgmodel.trials.files import listed
 from bgmodel.trials.reading import OURS
 
 OF_EVIDENCE = ("step_ms", "forced", "runs")

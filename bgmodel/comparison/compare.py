@@ -22,6 +22,7 @@ from bgmodel.comparison.matched import (
     warn_of_missed,
     warn_of_readings,
 )
+from bgmodel.comparison.page import draw
 from bgmodel.comparison.thresholds import (
     MSPRT,
     references,
@@ -121,8 +122,6 @@ class Comparison(Facts):
         point per trial, or their density if there are more than 2000. Panel c: share of trials
         with the same choice at each accuracy, and by chance, with 95 % intervals.
         """
-        from bgmodel.comparison.drawing import draw
-
         return draw(self.curves, self.pairs, self.table, 1 / self.model.circuit.channels)
 
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from bgmodel.support.arrays import Array, Integers, Reals
 from bgmodel.support.compiling import compiled, inlined
 
-# Sums of readings that differ by less count as equal, as in ``theory``: 0.1 + 0.2 reaches 0.3.
+# Sums of readings that differ by less count as equal, as in ``first_passage``: 0.1 + 0.2 is 0.3.
 ROUNDING = 1e-10
 CELLS = 4096
 """Number of cells of |Z| up to the highest bar, the lookup table of ``tally_odds``."""

@@ -11,10 +11,10 @@ from bgmodel.bootstrap import Z95
 from bgmodel.discriminating.designs import Design, Direction, TaskInformation, informed, shares_of
 from bgmodel.discriminating.information import Information
 from bgmodel.discriminating.trials import Trials
+from bgmodel.integrators.first_passage import Empirical, walk
+from bgmodel.integrators.sprt_theory import OVERSHOOT
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
-from bgmodel.theory.first_passage import Empirical, walk
-from bgmodel.theory.sprt import OVERSHOOT
 from circuits.errors import InputError
 
 FACTOR = 10.0
@@ -63,7 +63,7 @@ def exit_median(mean: float, variance: float, bound: float = BOUND_NATS) -> floa
 def median_trials(values: Array, weights: Array, bound: float = BOUND_NATS) -> float:
     """Return the median number of trials until a Bayes factor reaches its bound on either side.
 
-    Small numbers are those of the exact Markov chain (``theory.first_passage``), larger ones those
+    Small numbers are those of the exact Markov chain (``first_passage``), larger ones those
     of the diffusion.
     """
     mean = float(weights @ values)

@@ -17,8 +17,17 @@ from bgmodel.deciding.measures import Behaviour
 from bgmodel.deciding.tradeoff import Tradeoff, decides_without_evidence
 from bgmodel.evidence import Evidence
 from bgmodel.exam.numbers import READINGS, ExamTask
-from bgmodel.exam.tables import NAMES, OF_TRIALS, Failed, NotApplicable, Tables
-from bgmodel.exam.windows import STOP_DELAY_MS, STOP_NATS, rate_rows, rest_rows
+from bgmodel.exam.tables import (
+    NAMES,
+    OF_TRIALS,
+    STOP_DELAY_MS,
+    STOP_NATS,
+    Failed,
+    NotApplicable,
+    Tables,
+    rate_rows,
+    rest_rows,
+)
 from bgmodel.experiments.models import Model, stopped
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.deciding import behaviour_of, refined

@@ -26,24 +26,25 @@ from bgmodel.bootstrap import (
 from bgmodel.conditions import Observed, seen_from
 from bgmodel.deciding.measures import OF_DECIDED, OF_STOP, Behaviour
 from bgmodel.deciding.tradeoff import decides_without_evidence
-from bgmodel.experiments.expected import FEWEST_DECIDED, PERCENT, RELATIVE
+from bgmodel.experiments.expected import FEWEST_DECIDED, PERCENT, RELATIVE, forest
 from bgmodel.experiments.outcomes import beside_published, outcomes, page
 from bgmodel.experiments.record import (
     CONDITIONS,
     MANY_MISSED,
     UNCHANGED,
     ExperimentRecord,
+    python_text,
+    toml_text,
     uncalibrated,
     unchanged,
 )
-from bgmodel.experiments.writing import python_text, toml_text
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support import toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
-from bgmodel.tables.named import NamedEvidence, trial_table
+from bgmodel.trials.named import NamedEvidence, trial_table
 from circuits.declaration.table_writer import digest
 from circuits.errors import CalibrationWarning, DeadlineWarning, EditWarning, InputError
 from circuits.store import Latest
@@ -236,7 +237,7 @@ class Outcome(Facts):
         Measures of decisions also have a condition "percent", the change in per cent of the
         control's value.
     trials : DataFrame
-        One row per trial and condition, as from ``tables.trial_table``, and anticipatory: whether
+        One row per trial and condition, as from ``named.trial_table``, and anticipatory: whether
         the foreperiod before it, simulated separately, ended in a response; with stop signals also
         ssd_ms, the stop-signal delay.
     """
@@ -308,8 +309,6 @@ class Outcome(Facts):
         on the right give the verdict; between them are the values of both conditions. Published
         effects in the unit of the measure are shown as diamonds.
         """
-        from bgmodel.experiments.drawing import forest
-
         trials = self.given.evidence.trials
         title = (
             f"{self.experiment.name}: manipulation minus control with 95 % intervals, "

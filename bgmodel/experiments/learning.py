@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from bgmodel.learning.weights.critics import CRITICS
-from bgmodel.learning.weights.deciders import Feedback, WeightLearner
-from bgmodel.learning.weights.rules import RULES
-from bgmodel.learning.weights.sources import UNITS, GaussianFeatures, tap_features
+from bgmodel.learning.critics import CRITICS
+from bgmodel.learning.deciders import Feedback, WeightLearner
+from bgmodel.learning.feature_sources import UNITS, GaussianFeatures, tap_features
+from bgmodel.learning.weight_rules import RULES
 from bgmodel.support import toml_files
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.processes import check_memory
@@ -23,8 +23,8 @@ from circuits.errors import InputError, require
 if TYPE_CHECKING:
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
-    from bgmodel.learning.weights.features import Features, FeatureSource
-    from bgmodel.learning.weights.learned import LearnedWeights
+    from bgmodel.learning.features import Features, FeatureSource
+    from bgmodel.learning.learned_weights import LearnedWeights
 
 
 @dataclass(frozen=True)
@@ -109,9 +109,8 @@ class Learning:
 
     def learned(self, task: Task, model: BasalGanglia, seed: int) -> LearnedWeights:
         """Return the weights of each run."""
-        from bgmodel.learning.weights.deciders import FixedPoint
-        from bgmodel.learning.weights.in_circuit import InCircuit, learn_weights_in_circuit
-        from bgmodel.learning.weights.learn import learn_weights
+        from bgmodel.learning.deciders import FixedPoint, InCircuit
+        from bgmodel.learning.weights import learn_weights, learn_weights_in_circuit
 
         same: dict[str, Any] = {
             "seed": seed, "rule": self.rule, "critic": self.critic, "runs": self.runs,

@@ -14,8 +14,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import BASELINES
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.sprt import Integrator, Msprt
-from bgmodel.stopping.circuit import receiving
-from bgmodel.stopping.inputs import StopSignal, with_stop
+from bgmodel.stopping.inputs import StopSignal, receiving, with_stop
 from circuits.anatomy import checked_circuit
 from circuits.circuit import Circuit
 from circuits.declaration.edits import Edits

@@ -11,7 +11,7 @@ import panel as pn
 
 from bgmodel.bootstrap import FEWEST_TRIALS
 from bgmodel.experiments.experiment import shipped_names
-from bgmodel.explorer import rows
+from bgmodel.explorer import circuit
 from bgmodel.explorer.state import MOST_TRIALS, State, opened
 from circuits.anatomy import CIRCUITS
 
@@ -122,11 +122,11 @@ class Controls:
     def _edits(self) -> None:
         line = _text("New edit (then Enter)", "lesion STN 10%")
         self._add("line", line, lambda _: "", lambda s, x: s.edited(x) if x.strip() else s)
-        table = pd.DataFrame(rows.EXAMPLES.items(), columns=["Edit", "Effect"])
+        table = pd.DataFrame(circuit.EXAMPLES.items(), columns=["Edit", "Effect"])
         examples = pn.pane.DataFrame(table, **TABLE)
         self.examples = _card("Examples of edits", examples, collapsed=True)
         dopamine = pn.widgets.FloatInput(name="Dopamine level (1 is normal)", step=0.05, **WIDE)
-        self._add("dopamine", dopamine, rows.dopamine, rows.with_dopamine)
+        self._add("dopamine", dopamine, circuit.dopamine, circuit.with_dopamine)
         self.edits = pn.Column(**WIDE)
         self.control = pn.widgets.Button(name="Use the edited circuit as the control")
         self.control.on_click(lambda _: self._change(State.as_control, self.control))
@@ -146,13 +146,13 @@ class Controls:
     # ---- what widgets of the chosen row read and write
 
     def _amount(self, verb: str, state: State) -> float:
-        return rows.amount(state, verb, self.row.value)
+        return circuit.amount(state, verb, self.row.value)
 
     def _with_amount(self, verb: str, state: State, number: float | None) -> State:
-        return rows.with_amount(state, verb, self.row.value, number)
+        return circuit.with_amount(state, verb, self.row.value, number)
 
     def _field_value(self, state: State) -> str:
-        return rows.values(state.circuit.row(self.row.value)).get(self.field.value, "")
+        return circuit.values(state.circuit.row(self.row.value)).get(self.field.value, "")
 
     def _with_field(self, state: State, text: str) -> State:
         return state.edited(f"set {self.row.value}.{self.field.value} {text}")
@@ -163,7 +163,7 @@ class Controls:
         """Set every widget to a state, without changing it."""
         self._state, self._showing = state, True
         try:
-            groups = rows.names(state)
+            groups = circuit.names(state)
             if self.row.groups != groups:
                 known = [name for names in groups.values() for name in names]
                 kept = next(n for n in (self.row.value, "STN", known[0]) if n in known)
@@ -193,8 +193,8 @@ class Controls:
         state, name = self._state, self.row.value
         self._showing = True
         try:
-            self.about_row.object = rows.table(state, name)
-            fields = list(rows.values(state.circuit.row(name)))
+            self.about_row.object = circuit.table(state, name)
+            fields = list(circuit.values(state.circuit.row(name)))
             if self.field.options != fields:
                 usual = next(one for one in ("weight", "bias_nats", *fields) if one in fields)
                 self.field.param.update(options=fields, value=usual)

@@ -12,7 +12,7 @@ import matplotlib.style  # noqa: F401
 import numpy as np
 import pandas as pd
 
-from bgmodel.explorer.trial import WITHOUT_EVIDENCE, Shown
+from bgmodel.explorer.circuit import WITHOUT_EVIDENCE, Shown
 from bgmodel.plots import BINS, CORRECT, ERROR
 from bgmodel.support.arrays import Array
 from circuits.checks import place_of

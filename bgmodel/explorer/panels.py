@@ -17,11 +17,11 @@ from bgmodel.experiments.experiment import Outcome
 from bgmodel.experiments.outcomes import PREDICTED, measured, predicted, shift_of, unknown
 from bgmodel.experiments.record import CONDITIONS, UNCHANGED
 from bgmodel.explorer import drawing
+from bgmodel.explorer.circuit import Shown, one_trial
 from bgmodel.explorer.state import State
-from bgmodel.explorer.trial import Shown, one_trial
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.plots import labelled
-from bgmodel.tables.named import NamedEvidence
+from bgmodel.trials.named import NamedEvidence
 from circuits.errors import collected
 from circuits.laws.stability import ringing
 from circuits.plots import ROWS

@@ -15,7 +15,7 @@ from bgmodel.experiments.outcomes import measured
 from bgmodel.explorer.panels import Memory, Panel, panels
 from bgmodel.explorer.state import State
 from bgmodel.support import processes
-from bgmodel.tables.named import NamedEvidence
+from bgmodel.trials.named import NamedEvidence
 from circuits.declaration.edits import Edits
 from circuits.errors import quiet
 from circuits.store import Latest

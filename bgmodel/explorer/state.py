@@ -22,8 +22,8 @@ from bgmodel.experiments.record import Changes
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import toml_files
-from bgmodel.tables.given import EvidenceTable
 from bgmodel.task import Gaussian
+from bgmodel.trials.given import EvidenceTable
 from circuits import DEFAULT
 from circuits.anatomy import CIRCUITS
 from circuits.declaration.edits import Edits

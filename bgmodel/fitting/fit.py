@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.checks.cautions import cautions, resolved, warn_of_slow
-from bgmodel.fitting.checks.misfit import Misfit, misfit
-from bgmodel.fitting.exact.responses import QUANTILES, TINY, moments
-from bgmodel.fitting.identify import Directions, directions
+from bgmodel.fitting.cautions import cautions, resolved, warn_of_slow
+from bgmodel.fitting.design import Design
 from bgmodel.fitting.likelihood import Likelihood
+from bgmodel.fitting.misfit import Misfit, misfit
 from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.parameters import told_priors
-from bgmodel.fitting.posterior import Posterior, posterior
+from bgmodel.fitting.posterior import Directions, Posterior, directions, posterior
 from bgmodel.fitting.quantiles import (
     SIDES,
     observed_quantiles,
@@ -26,8 +25,8 @@ from bgmodel.fitting.quantiles import (
     residuals,
     too_few,
 )
+from bgmodel.fitting.responses import QUANTILES, TINY, moments
 from bgmodel.fitting.simulated.error import Simulation, simulation_error, without_parts
-from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.saved import Facts
 from bgmodel.support.tables import Readable

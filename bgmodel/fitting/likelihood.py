@@ -1,7 +1,7 @@
 """The likelihood of one person's trials under a model, for every search and sampler.
 
 Models come in two kinds. A model of decisions gives the distribution of decision times in each cell
-of a design (``exact.algorithms.Model``): its responses follow with a non-decision time and lapses,
+of a design (``algorithms.Model``): its responses follow with a non-decision time and lapses,
 and trials are counted in bins. A model of trials (``TrialModel``) gives the density of each trial,
 which may depend on all trials before it, and simulates trials. Optimum, posterior, hierarchy,
 comparison and misfit are the same for both.
@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkab
 
 import numpy as np
 
-from bgmodel.fitting.exact.algorithms import SENSITIVITY, SIDED, Model
-from bgmodel.fitting.exact.responses import TINY, Grid, responded
+from bgmodel.fitting.algorithms import SENSITIVITY, SIDED, Model
+from bgmodel.fitting.design import Design, mirrored
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.parameters import ADDED, RESPONSE, Parameter, ParameterSpace, freedom
-from bgmodel.fitting.trials.design import Design, mirrored
+from bgmodel.fitting.responses import TINY, Grid, responded
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
@@ -114,7 +114,7 @@ class Likelihood:
         self, cells: Mapping[str, pd.DataFrame], peaks: Mapping[str, Peak], title: str
     ) -> Figure:
         """Draw the cells of each fit and its optimum, by name; see ``Fit.plot``."""
-        from bgmodel.fitting.drawing import draw_fits
+        from bgmodel.fitting.quantiles import draw_fits
 
         return draw_fits(dict(cells), title)
 

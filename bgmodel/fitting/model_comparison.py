@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.checks.cautions import resolved
+from bgmodel.fitting.cautions import resolved
 from bgmodel.fitting.fit import Fit
 from bgmodel.fitting.hierarchy.fit import GroupFit
 from bgmodel.fitting.hierarchy.labels import each_trial
-from bgmodel.fitting.identify import directions
 from bgmodel.fitting.likelihood import Likelihood, Peak
 from bgmodel.fitting.optimum import Optimum, optimum
+from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.simulated.error import jackknifed, without_parts
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.saved import Facts
@@ -206,7 +206,7 @@ class ModelComparison(Facts):
 
     def plot(self) -> Figure:
         """Draw each model's difference from the best, in total and for each person."""
-        from bgmodel.fitting.drawing import draw_comparison
+        from bgmodel.fitting.quantiles import draw_comparison
 
         best = self.scores[self.best]
         apart = {

@@ -11,16 +11,16 @@ from typing import Any, Literal, Self, get_args
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.exact.algorithms import GAPS, SIDED, GapModel
-from bgmodel.fitting.exact.responses import ENDS_S
+from bgmodel.fitting.algorithms import GAPS, SIDED, GapModel
+from bgmodel.fitting.design import Design, design_of
 from bgmodel.fitting.formulas import Formula, formula_of
 from bgmodel.fitting.hierarchy.group import Predictors
 from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel, likelihood_of
 from bgmodel.fitting.parameters import ADDED, Parameter
-from bgmodel.fitting.simulated.mechanisms import MECHANISMS
-from bgmodel.fitting.trials.design import Design, design_of
+from bgmodel.fitting.responses import ENDS_S
+from bgmodel.fitting.simulated.circuit import MECHANISMS
 from bgmodel.support.checks import check_flag, check_positive, whole
-from bgmodel.tables.columns import named_participant
+from bgmodel.trials.columns import named_participant
 from bgmodel.trials.reading import OURS, Columns, read_trials
 from bgmodel.trials.readings import Source
 from bgmodel.trials.record import Trials, is_covariate
@@ -320,7 +320,7 @@ class FitSettings:
         alternatives: int | None = None,
     ) -> AnyModel:
         """Return a model by its name, as a circuit, or a ``TrialModel``; see ``fits.fit``."""
-        from bgmodel.fitting.alternatives.models import MODELS, check_many, circuit_model
+        from bgmodel.fitting.simulated.alternatives import MODELS, check_many, circuit_model
         from circuits.anatomy import CIRCUITS, checked_circuit
         from circuits.declaration.table_writer import is_path
 

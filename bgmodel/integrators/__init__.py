@@ -1,1 +1,1 @@
-"""Whatever turns evidence into OUT: the tests, baseline models, a basal ganglia circuit."""
+"""Whatever turns evidence into OUT: the tests with their theory, baseline models, a circuit."""

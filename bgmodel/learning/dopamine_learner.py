@@ -18,8 +18,14 @@ from bgmodel.integrators.criterion import deciding_thresholds, rest_out
 from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, without_noise_alone
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.dopamine import THRESHOLD_NATS, decide_at_levels, playable_levels
-from bgmodel.learning.reinforce import GaussianPolicy, Learned, Learner, course, learn
-from bgmodel.learning.worlds import LevelOutcomes
+from bgmodel.learning.reinforce import (
+    GaussianPolicy,
+    Learned,
+    Learner,
+    LevelOutcomes,
+    course,
+    learn,
+)
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from circuits.engines import Engine, engine_of

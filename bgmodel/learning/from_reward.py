@@ -15,6 +15,9 @@ from bgmodel.bootstrap import shown
 from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import threshold_from_posterior
+from bgmodel.integrators.sprt_theory import reward_curve
+from bgmodel.learning.critics import critic_of
+from bgmodel.learning.deciders import Feedback, FixedPoint, InCircuit, WeightLearner
 from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.dopamine_learner import (
     CRITERION,
@@ -23,25 +26,21 @@ from bgmodel.learning.dopamine_learner import (
     CircuitLearned,
     learn_in_circuit,
 )
+from bgmodel.learning.feature_sources import GaussianFeatures, tap_features
 from bgmodel.learning.gap import check_start, increments, learn_gap
+from bgmodel.learning.learned_weights import LearnedWeights
 from bgmodel.learning.reinforce import GaussianPolicy, Learner
-from bgmodel.learning.weights.critics import critic_of
-from bgmodel.learning.weights.deciders import Feedback, FixedPoint, WeightLearner
-from bgmodel.learning.weights.in_circuit import InCircuit, learn_weights_in_circuit
-from bgmodel.learning.weights.learn import learn_weights
-from bgmodel.learning.weights.learned import LearnedWeights
-from bgmodel.learning.weights.rules import rule_of
-from bgmodel.learning.weights.sources import GaussianFeatures, tap_features
+from bgmodel.learning.weight_rules import rule_of
+from bgmodel.learning.weights import learn_weights, learn_weights_in_circuit
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_positive, whole
 from bgmodel.support.processes import check_learning_memory, check_memory
 from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
-from bgmodel.tables.given import EvidenceTable, read_once, trials_of
 from bgmodel.tactile.source import Source, Tactile, load_taps
 from bgmodel.task import Drawn, Gaussian, Task
-from bgmodel.theory.sprt import reward_curve
+from bgmodel.trials.given import EvidenceTable, read_once, trials_of
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import engine_of
 from circuits.errors import InputError, require
@@ -50,7 +49,7 @@ from circuits.plots import PALETTE, one_panel, styled
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from bgmodel.learning.weights.features import Features
+    from bgmodel.learning.features import Features
 
 THRESHOLD, DOPAMINE, WEIGHTS = "threshold", "dopamine", "weights"
 """What reward may move: the threshold of the test or of the circuit, the level of dopamine of a
@@ -168,7 +167,7 @@ def learn(
     Parameters
     ----------
     task : Task
-        What is decided. The trials of a table, ``bgmodel.tables.given.EvidenceTable("mine.csv")``,
+        What is decided. The trials of a table, ``bgmodel.trials.given.EvidenceTable("mine.csv")``,
         are halved for a circuit, which learns from one half; for the test its readings are drawn
         independently, as those of a task.
     model : BasalGanglia, optional

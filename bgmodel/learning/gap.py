@@ -12,6 +12,13 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.deciding.reward import reward_of
+from bgmodel.integrators.sprt_theory import (
+    Empirical,
+    Optimum,
+    optimal_separation,
+    reward_curve,
+    sprt,
+)
 from bgmodel.learning.reinforce import (
     SEPARATIONS,
     GaussianPolicy,
@@ -21,14 +28,13 @@ from bgmodel.learning.reinforce import (
     exhaustive_search,
     learn,
     smoothed,
+    trials_of,
 )
-from bgmodel.learning.worlds import trials_of
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.source import FOLDS, Source, source
 from bgmodel.tactile.task import SameDifferent
-from bgmodel.theory.sprt import Empirical, Optimum, optimal_separation, reward_curve, sprt
 from circuits.errors import InputError, RangeWarning
 
 FRESH_TRIALS = 100_000

@@ -26,7 +26,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy import special
 
 from bgmodel.deciding.decision import Decision, first_crossing
 from bgmodel.deciding.trace import Trace
@@ -96,6 +95,8 @@ def gaussian_stop_evidence(
 
 def log_odds_of_stop(evidence: StopEvidence) -> Array:
     """Return z, the log odds of a stop trial after each reading, (trials, 1 + steps)."""
+    from scipy import special
+
     trials, steps = evidence.log_ratio.shape
     with np.errstate(divide="ignore"):
         log_f = np.log(evidence.begins)
@@ -125,6 +126,8 @@ class StopMsprt:
 
     def run(self, evidence: StopEvidence) -> Trace:
         """Return OUT (trials, 1 + steps, responses + 1), nats; the last channel is the stop."""
+        from scipy import special
+
         z, go = log_odds_of_stop(evidence)[:, :, None], Msprt(self.gain).run(evidence.go)
         if self.extra_channel:
             totals = self.gain * evidence.go.own_totals

@@ -17,7 +17,7 @@ import pandas as pd
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array
-from bgmodel.tables.shipped import STOP_SET
+from bgmodel.trials.files import STOP_SET
 from bgmodel.trials.reading import OURS, Columns, read_trials
 from circuits.errors import DataWarning, InputError, collected, quiet, require, within
 

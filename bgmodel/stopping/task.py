@@ -17,7 +17,7 @@ import numpy.typing as npt
 from bgmodel.deciding.decision import Decision
 from bgmodel.deciding.measures import unforced
 from bgmodel.evidence import Evidence, check_evidence
-from bgmodel.stopping.inputs import StopSignal, with_onsets
+from bgmodel.stopping.inputs import StopSignal, receiving, with_onsets
 from bgmodel.stopping.trials import StopTrials, check_delays, stop_trials
 from bgmodel.support import toml_files
 from bgmodel.support.arrays import Array, Integers, Truths
@@ -192,8 +192,6 @@ def decided(
     task: StopTask, model: BasalGanglia, evidence: Evidence, level: float, rng: np.random.Generator
 ) -> tuple[Decision, Array]:
     """Return a circuit's decisions, forced by deadlines, and delays, ms, NaN in go trials."""
-    from bgmodel.stopping.circuit import receiving
-
     task.check_ends(evidence.step_ms * int(evidence.readings.min()))
     model = receiving(model, task).adapted_to(evidence)
     stop = rng.random(evidence.trials) < task.share

@@ -13,7 +13,7 @@ from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import reals, whole
 from bgmodel.support.saved import Facts, span
 from bgmodel.support.seeds import generator
-from bgmodel.tables.columns import EVERYONE, NO_RESPONSE
+from bgmodel.trials.columns import EVERYONE, NO_RESPONSE
 from bgmodel.trials.record import Trials
 from circuits.errors import DataWarning, InputError, require
 

@@ -20,10 +20,10 @@ from bgmodel.stopping.task import StopTask
 from bgmodel.support import files, toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.seeds import stream
-from bgmodel.tables.given import EvidenceTable, read_once, trials_of
-from bgmodel.tables.named import NamedEvidence
 from bgmodel.tactile.source import SHIPPED, Tactile
 from bgmodel.task import Gaussian, Task, kind_of, settings_of_tasks
+from bgmodel.trials.given import EvidenceTable, read_once, trials_of
+from bgmodel.trials.named import NamedEvidence
 from circuits.circuit import Circuit
 from circuits.declaration.edits import VERBS, Edits, parsed
 from circuits.declaration.table_writer import identity

@@ -1,7 +1,8 @@
 """Contact library: contacts of the skin with every grating, solved once and cached on disk.
 
 The tip is rotationally symmetric, so a grating's orientation matters only through the positions of
-the pins: one contact per period, phase and force suffices for all yaws.
+the pins: one contact per period, phase and force suffices for all yaws. Between the grid points,
+phases and forces it is interpolated.
 """
 
 import os
@@ -16,8 +17,8 @@ from scipy.ndimage import spline_filter1d
 from tqdm import tqdm
 
 from bgmodel.support.arrays import Array, Singles
+from bgmodel.support.compiling import compiled
 from bgmodel.support.processes import processes
-from bgmodel.tactile import sampling
 from bgmodel.tactile.pressing import FORMAT, LibraryPlan, press
 from circuits.errors import InputError, require
 from circuits.store import Entry
@@ -49,8 +50,8 @@ class Library:
         if np.any(forces < low) or np.any(forces > high):
             raise InputError.of("force_n", f"must be within {low:g}..{high:g}", forces)
         splines = self._pin_splines(period_mm, pin_mm)
-        by_phase = sampling.phase_weights(phase, self.plan.phases if period_mm > 0 else 1)
-        by_force = sampling.node_weights(forces, self.plan.forces_n)
+        by_phase = phase_weights(phase, self.plan.phases if period_mm > 0 else 1)
+        by_force = node_weights(forces, self.plan.forces_n)
         weights = (by_phase[:, :, None] * by_force[:, None, :]).reshape(len(forces), -1)
         reach = self.plan.kept_mm / 2 - 2 * self.plan.stored_dx_mm
         if (farthest := np.abs(points_mm).max(initial=0.0)) > reach:
@@ -58,7 +59,7 @@ class Library:
             raise InputError.of("pin_mm", must, farthest)
         cells = (points_mm + self.plan.kept_mm / 2) / self.plan.stored_dx_mm - 0.5
         out = np.empty((*points_mm.shape[:2], 3), dtype=np.float32)
-        sampling.gather(splines, cells, weights.astype(np.float32), out)
+        gather(splines, cells, weights.astype(np.float32), out)
         return out
 
     def _pin_splines(self, period_mm: float, pin_mm: float) -> Singles:
@@ -133,3 +134,67 @@ def _solve_all(plan: LibraryPlan, workers: int) -> dict[float, Singles]:
         period: np.stack([r for r, p in zip(results, periods, strict=True) if p == period])
         for period in plan.periods_mm
     }
+
+
+def phase_weights(phase: Array, count: int) -> Array:
+    """Return weights (taps, count) of equally spaced phases for trigonometric interpolation.
+
+    Exact up to harmonic (count - 1) // 2 of the period; the skin strongly attenuates harmonics from
+    the second on.
+    """
+    turn = 2 * np.pi * (np.asarray(phase)[:, None] - np.arange(count) / count)
+    weights = np.ones_like(turn)
+    for harmonic in range(1, (count + 1) // 2):
+        weights += 2 * np.cos(harmonic * turn)
+    if count % 2 == 0:
+        weights += np.cos(count // 2 * turn)
+    return weights / count
+
+
+def node_weights(value: Array, nodes: tuple[float, ...]) -> Array:
+    """Return weights (taps, nodes) of the Lagrange polynomial through `nodes`."""
+    value = np.asarray(value, dtype=float)
+    weights = np.ones((value.size, len(nodes)))
+    for i, node in enumerate(nodes):
+        for other in nodes[:i] + nodes[i + 1 :]:
+            weights[:, i] *= (value - other) / (node - other)
+    return weights
+
+
+@compiled
+def gather(
+    coefficients: Singles, points: Array, weights: Singles, out: Singles
+) -> None:  # pragma: no cover - compiled
+    """Evaluate cubic splines at points well inside their grid and sum them with weights.
+
+    Coefficients, (n, n, values * blends), have all blends of a value adjacent; points, (taps, pins,
+    2), are in cells from the centre of the first; weights are (taps, blends). ``out``, (taps, pins,
+    values), is overwritten.
+    """
+    width = coefficients.shape[2]
+    blends = weights.shape[1]
+    along = np.empty((2, 4), np.float32)
+    cell = np.empty(2, np.int64)
+    sums = np.empty(width, np.float32)
+    for tap in range(points.shape[0]):
+        for pin in range(points.shape[1]):
+            for axis in range(2):
+                place = points[tap, pin, axis]
+                cell[axis] = int(np.floor(place))
+                t = place - cell[axis]
+                along[axis, 0] = (1 - t) ** 3 / 6
+                along[axis, 1] = (4 - 6 * t * t + 3 * t**3) / 6
+                along[axis, 2] = (1 + 3 * t + 3 * t * t - 3 * t**3) / 6
+                along[axis, 3] = t**3 / 6
+            sums[:] = 0
+            for i in range(4):
+                for j in range(4):
+                    share = along[0, i] * along[1, j]
+                    row = coefficients[cell[0] + i - 1, cell[1] + j - 1]
+                    for c in range(width):
+                        sums[c] += share * row[c]
+            for value in range(out.shape[2]):
+                total = np.float32(0)
+                for blend in range(blends):
+                    total += weights[tap, blend] * sums[value * blends + blend]
+                out[tap, pin, value] = total

@@ -33,7 +33,7 @@ COPIED = 0.01
 """Share of duplicate taps from which a warning is given."""
 SILENT_NATS = 0.1
 """Mean log-likelihood ratio of a reading below which a task is considered uninformative, nats."""
-SHIPPED = Path(str(resources.files("bgmodel.data") / "held_out_taps.parquet"))
+SHIPPED = Path(str(resources.files("bgmodel") / "data" / "held_out_taps.parquet"))
 """Decoded taps included in the package."""
 
 

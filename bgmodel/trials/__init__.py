@@ -1,1 +1,1 @@
-"""Trials of people, animals and models: one record, one reader, one set of guards."""
+"""Tables of trials and of evidence: of people, animals and models; one set of guards."""

@@ -19,8 +19,8 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.support.arrays import Array, Integers, Truths
-from bgmodel.tables.columns import MISSING, refuse
-from bgmodel.tables.foreign import read_rows
+from bgmodel.trials.columns import MISSING, refuse
+from bgmodel.trials.files import read_rows
 from bgmodel.trials.record import Trials
 from circuits.errors import DataWarning, InputError, require, within
 

@@ -12,8 +12,8 @@ import pandas as pd
 
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import Problems, check_flag, check_positive, path_of
-from bgmodel.tables import alternatives as several
-from bgmodel.tables.cautions import (
+from bgmodel.trials import alternatives as several
+from bgmodel.trials.cautions import (
     LEAST_RIGHT,
     check_deadline,
     check_no_stops,
@@ -28,7 +28,7 @@ from bgmodel.tables.cautions import (
     warn_without_strength,
     without_rounding,
 )
-from bgmodel.tables.columns import (
+from bgmodel.trials.columns import (
     FEWEST,
     NO_RESPONSE,
     UNITS,
@@ -50,9 +50,8 @@ from bgmodel.tables.columns import (
     with_times,
     withholding,
 )
-from bgmodel.tables.foreign import read_rows, renamed
-from bgmodel.tables.shipped import CELLS_SET, SETS, STOP_SET, shipped_table
 from bgmodel.trials.events import is_events, read_events, restored_delays
+from bgmodel.trials.files import CELLS_SET, SETS, STOP_SET, read_rows, renamed, shipped_table
 from bgmodel.trials.readings import Source, answered, read_readings, seen_sums
 from bgmodel.trials.record import Trials, is_covariate
 from bgmodel.trials.spikes import clicks_of, in_sessions, is_nwb, read_nwb, spikes_of

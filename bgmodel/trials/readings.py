@@ -13,10 +13,10 @@ import pandas as pd
 
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import check_positive, path_of
-from bgmodel.tables.cautions import ENOUGH
-from bgmodel.tables.columns import names_once, numbers, refuse
-from bgmodel.tables.evidence import KEYS, read_csv_table, trials_from_table
-from bgmodel.tables.foreign import SEPARATORS, read_rows
+from bgmodel.trials.cautions import ENOUGH
+from bgmodel.trials.columns import names_once, numbers, refuse
+from bgmodel.trials.evidence import KEYS, read_csv_table, trials_from_table
+from bgmodel.trials.files import SEPARATORS, read_rows
 from circuits.errors import DataWarning, InputError, quiet, within
 
 FORMS = (

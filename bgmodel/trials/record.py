@@ -14,8 +14,8 @@ import pandas as pd
 
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.saved import Facts, span
-from bgmodel.tables import alternatives as several
-from bgmodel.tables.columns import MISSING_RT, NO_RESPONSE
+from bgmodel.trials import alternatives as several
+from bgmodel.trials.columns import MISSING_RT, NO_RESPONSE
 from bgmodel.trials.readings import Readings
 from bgmodel.trials.spikes import Spikes, joined_spikes
 from circuits.errors import InputError, require

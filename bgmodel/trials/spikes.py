@@ -12,8 +12,8 @@ import pandas as pd
 
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import path_of
-from bgmodel.tables.columns import check_columns, numbers, refuse
-from bgmodel.tables.foreign import read_rows
+from bgmodel.trials.columns import check_columns, numbers, refuse
+from bgmodel.trials.files import read_rows
 from bgmodel.trials.readings import Source, as_written
 from circuits.errors import DataWarning, InputError, require, within
 

@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import Design
+from bgmodel.fitting.responses import BIN_S, Grid, Observed
 from bgmodel.fitting.simulated.circuit import NONE
 from bgmodel.fitting.simulated.crossings import simulated
-from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array, Integers
 from figures.data.measure_fits import fitted_circuit
 

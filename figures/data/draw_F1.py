@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.fitting.trials.design import design_of
+from bgmodel.fitting.design import design_of
 from bgmodel.support.arrays import Array
 from bgmodel.support.files import read_table, write_table
 from bgmodel.trials.reading import read_trials

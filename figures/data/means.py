@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bgmodel.fitting.exact import passage
-from bgmodel.fitting.trials.design import Design
+from bgmodel.fitting import passage
+from bgmodel.fitting.design import Design
 from bgmodel.support.arrays import Array
 from circuits.errors import InputError
 

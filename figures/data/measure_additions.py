@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.exact.algorithms import DRIFT_SD, GAPS, SPREAD, START, STEEPNESS, GapModel
+from bgmodel.fitting.algorithms import DRIFT_SD, GAPS, SPREAD, START, STEEPNESS, GapModel
+from bgmodel.fitting.design import Design, design_of
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import OPTIMUM_SEED, Optimum, optimum
 from bgmodel.fitting.quantiles import residuals
-from bgmodel.fitting.trials.design import Design, design_of
 from bgmodel.trials.reading import read_trials
 from figures.pieces import Made, Piece, Score, main
 

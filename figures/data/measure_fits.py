@@ -12,7 +12,8 @@ from functools import partial
 
 import pandas as pd
 
-from bgmodel.fitting.exact.algorithms import EXPONENTIAL, GapModel, Model
+from bgmodel.fitting.algorithms import EXPONENTIAL, GapModel, Model
+from bgmodel.fitting.design import Design, design_of
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.model_comparison import Better, better_by, predicted
@@ -23,7 +24,6 @@ from bgmodel.fitting.simulated.circuit import (
     CircuitModel,
     Mechanism,
 )
-from bgmodel.fitting.trials.design import Design, design_of
 from bgmodel.trials.reading import read_trials
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit

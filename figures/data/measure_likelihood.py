@@ -15,10 +15,10 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import stream
-from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
+from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.fitting.simulated.circuit import CircuitModel
-from bgmodel.fitting.simulated.control import decided
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes
+from bgmodel.fitting.simulated.error import decided
 from bgmodel.fitting.simulated.network import LikelihoodNetwork, read_network
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit

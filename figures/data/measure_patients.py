@@ -20,7 +20,7 @@ from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, SHARE, GroupFit, fit_g
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.model_comparison import compare_fits
 from bgmodel.fitting.settings import seconds_of, settings_of
-from bgmodel.tables.shipped import shipped_table
+from bgmodel.trials.files import shipped_table
 from circuits.anatomy import DEFAULT
 from circuits.errors import FitWarning
 from figures.data.measure_stimulation import SLOW_NATS

@@ -17,15 +17,14 @@ import pandas as pd
 from scipy.stats import kstest
 
 from bgmodel import stream
-from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import Design
 from bgmodel.fitting.fit import widened
-from bgmodel.fitting.identify import directions
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.posterior import posterior
+from bgmodel.fitting.posterior import directions, posterior
 from bgmodel.fitting.simulated.circuit import NONE
 from bgmodel.fitting.simulated.error import simulation_error
-from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT
 from figures.data.decided import (

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+from bgmodel.fitting.design import Design, design_of
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.model_comparison import Predicted, better_by, predicted
@@ -24,7 +25,6 @@ from bgmodel.fitting.simulated.circuit import (
     CircuitModel,
     Mechanism,
 )
-from bgmodel.fitting.trials.design import Design, design_of
 from bgmodel.trials.reading import read_trials
 from bgmodel.trials.record import Trials
 from circuits.anatomy import DEFAULT

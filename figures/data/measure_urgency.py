@@ -11,9 +11,9 @@ from functools import partial
 
 import pandas as pd
 
-from bgmodel.fitting.exact.algorithms import EXPONENTIAL, GapModel, Model
+from bgmodel.fitting.algorithms import EXPONENTIAL, GapModel, Model
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.simulated.circuit import NONE, SIMULATION_SEED
-from bgmodel.fitting.trials.design import design_of
 from bgmodel.trials.reading import read_trials
 from circuits.anatomy import DEFAULT, load_circuit
 from figures.data.measure_fits import PREDICTED, SECONDS, fitted, fitted_circuit, people

@@ -14,11 +14,11 @@ from bgmodel.comparison.thresholds import MSPRT
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.learning.dopamine import (
     THRESHOLD_NATS,
+    levels_against_msprt,
     levels_between,
     stopping_posterior,
     working_range,
 )
-from bgmodel.learning.dopamine_levels import levels_against_msprt
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from figures.common import Settings, bars, key, letter, where

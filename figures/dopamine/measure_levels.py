@@ -15,7 +15,7 @@ import pandas as pd
 
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
 from bgmodel.deciding.tradeoff import MARGIN
-from bgmodel.learning.dopamine_levels import ENGINES, LATENCY_MS, STEPS, levels_against_msprt
+from bgmodel.learning.dopamine import ENGINES, LATENCY_MS, STEPS, levels_against_msprt
 from circuits.anatomy import DEFAULT
 from figures.pieces import Made, Piece, Score, main
 

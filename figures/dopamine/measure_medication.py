@@ -20,7 +20,7 @@ import pandas as pd
 from scipy.stats import norm
 
 from bgmodel import stream
-from bgmodel.tables.shipped import SIMON_SET, shipped_table
+from bgmodel.trials.files import SIMON_SET, shipped_table
 from circuits.errors import require
 from figures.dopamine.simon import between, by_order, means, named, of_people, within
 from figures.dopamine.simon_model import CIRCUIT, Simon

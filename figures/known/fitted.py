@@ -15,12 +15,12 @@ import pandas as pd
 
 from bgmodel import Evidence, gaussian_evidence, stream
 from bgmodel.comparison.designed import RISE_NATS_S, STEP_MS, designs
-from bgmodel.fitting.identify import directions
 from bgmodel.fitting.known.circuit import KnownCircuit
 from bgmodel.fitting.known.likelihood import known_likelihood, observed, readings_from
 from bgmodel.fitting.known.models import EXACT, KnownModel
 from bgmodel.fitting.known.trials import KnownTrials, responding, waiting
 from bgmodel.fitting.optimum import Optimum, optimum
+from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.simulated.error import jackknifed
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of

@@ -23,8 +23,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.dopamine_learner import learn_level, level_outcomes, scored_runs
-from bgmodel.learning.reinforce import Learner, smoothed
-from bgmodel.learning.worlds import LevelOutcomes
+from bgmodel.learning.reinforce import Learner, LevelOutcomes, smoothed
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.source import source
 from bgmodel.tactile.task import SameDifferent

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.learning.values.bandit import (
+from bgmodel.learning.bandit import (
     Bandit,
     Played,
     ValueCircuit,
@@ -23,7 +23,7 @@ from bgmodel.learning.values.bandit import (
     play,
     relative_regret,
 )
-from bgmodel.learning.values.learners import (
+from bgmodel.learning.value_learners import (
     Confidence,
     Learner,
     LogitQ,

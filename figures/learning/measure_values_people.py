@@ -39,8 +39,8 @@ import pandas as pd
 
 from bgmodel.fitting.model_comparison import predicted
 from bgmodel.fitting.optimum import Optimum, optimum
-from bgmodel.learning.values.models import MODELS, likelihood, simulated
-from bgmodel.learning.values.people import read_pairs
+from bgmodel.learning.value_learners import read_pairs
+from bgmodel.learning.value_models import MODELS, likelihood, simulated
 from bgmodel.trials.record import Trials
 from figures.learning.value_people import (
     by_difference,

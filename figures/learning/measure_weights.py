@@ -14,9 +14,9 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import stream
-from bgmodel.learning.weights.deciders import FixedPoint, WeightLearner
-from bgmodel.learning.weights.learn import learn_weights
-from bgmodel.learning.weights.learned import LearnedWeights, counted_weights
+from bgmodel.learning.deciders import FixedPoint, WeightLearner
+from bgmodel.learning.learned_weights import LearnedWeights, counted_weights
+from bgmodel.learning.weights import learn_weights
 from bgmodel.tactile.source import held_out_taps, source
 from bgmodel.tactile.task import SameDifferent
 from figures.learning.tasks import (

@@ -12,13 +12,10 @@ import pandas as pd
 from bgmodel import stream
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.learning.weights.deciders import WeightLearner
-from bgmodel.learning.weights.in_circuit import (
-    InCircuit,
-    circuit_time_at_accuracy,
-    learn_weights_in_circuit,
-)
-from bgmodel.learning.weights.sources import tap_features
+from bgmodel.learning.deciders import InCircuit, WeightLearner
+from bgmodel.learning.feature_sources import tap_features
+from bgmodel.learning.learned_weights import circuit_time_at_accuracy
+from bgmodel.learning.weights import learn_weights_in_circuit
 from bgmodel.tactile.source import Tactile, held_out_taps
 from bgmodel.tactile.task import Orientation, SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit

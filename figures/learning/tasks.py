@@ -12,9 +12,9 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel import stream
-from bgmodel.learning.weights.features import Features, FeatureSource
-from bgmodel.learning.weights.learned import LearnedWeights
-from bgmodel.learning.weights.sources import PoissonFeatures, PooledFeatures, tap_features
+from bgmodel.learning.feature_sources import PoissonFeatures, PooledFeatures, tap_features
+from bgmodel.learning.features import Features, FeatureSource
+from bgmodel.learning.learned_weights import LearnedWeights
 from bgmodel.tactile.source import FOLDS, Tactile, held_out_taps
 from bgmodel.tactile.task import Orientation, SameDifferent
 

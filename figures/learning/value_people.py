@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.identify import directions
 from bgmodel.fitting.optimum import Optimum, optimum
-from bgmodel.fitting.posterior import posterior
-from bgmodel.learning.values.models import (
+from bgmodel.fitting.posterior import directions, posterior
+from bgmodel.learning.value_learners import pairs_of
+from bgmodel.learning.value_models import (
     ValueLikelihood,
     ValueModel,
     choice_probability,
@@ -19,7 +19,6 @@ from bgmodel.learning.values.models import (
     likelihood,
     simulated,
 )
-from bgmodel.learning.values.people import pairs_of
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials

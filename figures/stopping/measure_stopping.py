@@ -16,8 +16,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.deciding.decision import first_crossing
-from bgmodel.stopping.circuit import closed_form, step_response
-from bgmodel.stopping.inputs import StopSignal
+from bgmodel.stopping.inputs import StopSignal, closed_form, step_response
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT
 from figures.pieces import Made, Piece, Score, main

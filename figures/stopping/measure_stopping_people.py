@@ -20,8 +20,8 @@ import pandas as pd
 from bgmodel import stream
 from bgmodel.fitting.hierarchy.fit import GroupFit, fit_group
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.stops.model import FEWEST_GO, TEST, go_process, laid, stop_model
-from bgmodel.fitting.stops.race import STRENGTH, StopLikelihood, StopRace, likelihood
+from bgmodel.fitting.stop_process import FEWEST_GO, TEST, go_process, laid, stop_model
+from bgmodel.fitting.stop_race import STRENGTH, StopLikelihood, StopRace, likelihood
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.people import AFTER, estimates_of, read_people, slowing_of, violations_of

@@ -18,8 +18,7 @@ from bgmodel.deciding.decision import Decision
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.stopping.circuit import with_observed_stop
-from bgmodel.stopping.inputs import StopSignal
+from bgmodel.stopping.inputs import StopSignal, with_observed_stop
 from bgmodel.stopping.observer import StopEvidence, StopMsprt, gaussian_stop_evidence
 from bgmodel.stopping.trials import drawn_delays
 from bgmodel.support.arrays import Array

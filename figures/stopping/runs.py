@@ -13,8 +13,7 @@ from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.plots import wilson
 from bgmodel.simulated_evidence import gaussian_evidence
-from bgmodel.stopping.circuit import receiving
-from bgmodel.stopping.inputs import StopSignal, with_stop
+from bgmodel.stopping.inputs import StopSignal, receiving, with_stop
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Ensemble

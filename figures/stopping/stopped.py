@@ -11,8 +11,8 @@ from scipy import special, stats
 
 from bgmodel import stream
 from bgmodel.fitting.hierarchy.fit import GroupFit
-from bgmodel.fitting.stops.model import StopData, laid
-from bgmodel.fitting.stops.race import StopLikelihood
+from bgmodel.fitting.stop_process import StopData, laid
+from bgmodel.fitting.stop_race import StopLikelihood
 from bgmodel.stopping.task import walk
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array, Integers, Truths

@@ -21,11 +21,11 @@ import pandas as pd
 from scipy.stats.qmc import LatinHypercube
 
 from bgmodel import stream
-from bgmodel.fitting.exact.algorithms import GAPS, GapModel
-from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
+from bgmodel.fitting.algorithms import GAPS, GapModel
+from bgmodel.fitting.design import Design, design_of
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.trials.design import Design, design_of
+from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.trials.reading import read_trials
 from figures.pieces import Made, Piece, Score, main
 from figures.tools.pyddm_gaps import ByPyddm

@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import stream
-from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.hierarchy.approximation import Person, estimates, started
 from bgmodel.fitting.hierarchy.chains import CHAINS, agreement
 from bgmodel.fitting.hierarchy.fit import fit_group

@@ -3,7 +3,7 @@
 PyDDM solves the Fokker-Planck equation at one drift on a grid of time and evidence. Drifts that
 differ from trial to trial are averaged here over equally spaced drifts: of a normal density the
 trapezoidal rule is exact to 1e-7 where the spacing is half its standard deviation (Trefethen &
-Weideman 2014). Non-decision times and lapses are those of ``bgmodel.fitting.exact.responses``.
+Weideman 2014). Non-decision times and lapses are those of ``bgmodel.fitting.responses``.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import ndtr
 
-from bgmodel.fitting.exact.algorithms import Gap
+from bgmodel.fitting.algorithms import Gap
 from bgmodel.support.arrays import Array, Integers
 
 SPACING = 0.5

@@ -13,10 +13,9 @@ from matplotlib.figure import Figure
 from bgmodel import stream
 from bgmodel.plots import human_thresholds, psychometric
 from bgmodel.support.files import read_table, write_table
-from bgmodel.tactile.camera import render
 from bgmodel.tactile.library import contact_library
 from bgmodel.tactile.sensor import Nuisance, noiseless, simulate
-from bgmodel.tactile.skin import Tip
+from bgmodel.tactile.skin import Tip, render
 from bgmodel.tactile.taps import Taps
 from figures.common import Settings, letter
 

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from bgmodel.deciding.reward import reward_of
+from bgmodel.integrators.sprt_theory import sprt
 from bgmodel.learning.gap import fold_sources, increments
 from bgmodel.support.files import read_table, write_table
-from bgmodel.theory.sprt import sprt
 from figures.common import COLOUR, Settings, key, letter
 
 

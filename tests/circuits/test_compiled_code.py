@@ -13,7 +13,7 @@ from numba.core.dispatcher import Dispatcher
 import bgmodel.support.compiling
 from bgmodel.deciding import crossing
 from bgmodel.fitting.simulated import crossings
-from bgmodel.tactile import sampling
+from bgmodel.tactile import library
 from circuits.compiled_code import compile_cached, sources_hash
 from circuits.engines import compiling
 from circuits.engines.ensemble import kernel
@@ -30,7 +30,7 @@ print(first_crossing(Msprt().run(evidence), 0.05).time_ms.sum())
 """
 
 
-@pytest.mark.parametrize("module", [crossing, kernel, population, sampling, crossings])
+@pytest.mark.parametrize("module", [crossing, kernel, population, library, crossings])
 def test_compiled_code_is_kept_under_a_hash_of_all_sources(module):
     package = module.__name__.partition(".")[0]
     expected = {"bgmodel": bgmodel.support.compiling.SOURCES, "circuits": compiling.SOURCES}[

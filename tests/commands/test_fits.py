@@ -10,9 +10,9 @@ import pandas as pd
 import pytest
 
 from bgmodel.fitting import optimum
-from bgmodel.fitting.exact.algorithms import DRIFT_SD, SPREAD, START, GapModel
-from bgmodel.fitting.folder import EACH, ESTIMATES, FitFolder
+from bgmodel.fitting.algorithms import DRIFT_SD, SPREAD, START, GapModel
 from bgmodel.fitting.parameters import RESPONSE
+from bgmodel.fitting.several import EACH, ESTIMATES, FitFolder
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.support.files import read_provenance, read_table
 from circuits.errors import FitWarning
@@ -64,8 +64,10 @@ def brief(request, monkeypatch):
     if "thorough" not in request.fixturenames:
         monkeypatch.setattr(optimum, "TOLERANCE_NATS", 0.5)
         monkeypatch.setattr(optimum, "POPULATION", 8)
-        monkeypatch.setattr("bgmodel.fitting.folder.save_figure", lambda figure, path: path.touch())
-        monkeypatch.setattr("bgmodel.fitting.drawing.draw_fits", lambda *_: None)
+        monkeypatch.setattr(
+            "bgmodel.fitting.several.save_figure", lambda figure, path: path.touch()
+        )
+        monkeypatch.setattr("bgmodel.fitting.quantiles.draw_fits", lambda *_: None)
 
 
 def fails(capsys, *arguments):

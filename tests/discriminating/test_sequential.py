@@ -11,7 +11,7 @@ from bgmodel.discriminating.sequential import (
     median_trials,
     wald_mean,
 )
-from bgmodel.theory.first_passage import gaussian_pair, walk
+from bgmodel.integrators.first_passage import gaussian_pair, walk
 
 
 def exact_median(d):

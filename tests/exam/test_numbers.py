@@ -7,7 +7,7 @@ import pytest
 
 from bgmodel.exam.exam import Exam
 from bgmodel.exam.numbers import Number, read_numbers
-from bgmodel.tables.shipped import shipped
+from bgmodel.trials.files import shipped
 from circuits.errors import InputError
 from tests.helpers import refused, refusing
 

@@ -14,7 +14,7 @@ from bgmodel.experiments.record import Changes
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.deciding import behaviour_of
 from bgmodel.simulated_evidence import separated_evidence
-from bgmodel.tables.given import EvidenceTable
+from bgmodel.trials.given import EvidenceTable
 from circuits import anatomy
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits

@@ -8,11 +8,11 @@ import pytest
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.experiments.learning import Learning, heard
 from bgmodel.experiments.record import Changes
-from bgmodel.learning.weights import learn
-from bgmodel.learning.weights.learned import LearnedWeights
-from bgmodel.tables.given import EvidenceTable
+from bgmodel.learning import weights
+from bgmodel.learning.learned_weights import LearnedWeights
 from bgmodel.tactile.task import SameDifferent
 from bgmodel.task import Gaussian
+from bgmodel.trials.given import EvidenceTable
 from circuits.declaration.edits import Edits
 from circuits.errors import NoiseWarning
 from tests.helpers import refusing
@@ -108,7 +108,9 @@ def test_learning_too_large_for_memory_is_refused_before_the_run():
 
 def test_every_setting_reaches_the_learner(monkeypatch):
     seen = {}
-    monkeypatch.setattr(learn, "learn_weights", lambda source, **kw: seen.update(kw, source=source))
+    monkeypatch.setattr(
+        weights, "learn_weights", lambda source, **kw: seen.update(kw, source=source)
+    )
     asked = Learning(7, 3, "q", "mean", False, 0.7, 3.0, 2.0, 0.8, 5)
     asked.learned(Gaussian(), None, seed=4)
     learner = seen["learner"]

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from bgmodel.fits import fit
-from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.hierarchy import chains, guide
 from circuits.errors import FitWarning
 from tests.drawn import drawn

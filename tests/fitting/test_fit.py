@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.fitting.exact.algorithms import GapModel
-from bgmodel.fitting.exact.responses import QUANTILES
-from bgmodel.fitting.exact.responses import moments as of_density
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.fit import cells_of, fit_likelihood, widened
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.posterior import Posterior
 from bgmodel.fitting.quantiles import phrase, too_few
+from bgmodel.fitting.responses import QUANTILES
+from bgmodel.fitting.responses import moments as of_density
 from bgmodel.fitting.simulated.error import Simulation
-from bgmodel.fitting.trials.design import design_of
 from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 import bgmodel as bg
-from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.settings import settings_of

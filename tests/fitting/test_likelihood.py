@@ -9,11 +9,11 @@ from scipy.special import expit
 from scipy.stats import norm
 
 import bgmodel as bg
-from bgmodel.fitting.identify import directions
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.parameters import Parameter
-from bgmodel.fitting.trials.design import design_of
+from bgmodel.fitting.posterior import directions
 from bgmodel.trials.record import Trials
 from circuits.errors import FitWarning
 from tests.helpers import refused

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.model_comparison import ModelComparison, Predicted, Score, compare_fits
-from bgmodel.fitting.trials.design import design_of
 from tests.drawn import TRUTH, drawn
 from tests.helpers import refused
 

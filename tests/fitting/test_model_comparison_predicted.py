@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.model_comparison import Better, Predicted, _divided, better_by, predicted
-from bgmodel.fitting.trials.design import design_of
 from tests.drawn import TRUTH, drawn
 
 pytestmark = pytest.mark.usefixtures("brief_search")

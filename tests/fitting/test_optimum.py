@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.fitting.exact.algorithms import EXPONENTIAL, GapModel
-from bgmodel.fitting.exact.responses import moments
-from bgmodel.fitting.identify import directions
+from bgmodel.fitting.algorithms import EXPONENTIAL, GapModel
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import BinnedLikelihood, likelihood_of
 from bgmodel.fitting.optimum import TOLERANCE_NATS, Optimum, _scales, _slid, optimum
 from bgmodel.fitting.parameters import Parameter, freedom
-from bgmodel.fitting.trials.design import design_of
+from bgmodel.fitting.posterior import directions
+from bgmodel.fitting.responses import moments
 from bgmodel.trials.reading import read_trials
 from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bgmodel.fitting.exact.algorithms import WEIBULL, GapModel
+from bgmodel.fitting.algorithms import WEIBULL, GapModel
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.simulated.circuit import MECHANISMS, CircuitModel
 from circuits.anatomy import load_circuit

@@ -9,13 +9,13 @@ import pandas as pd
 import pytest
 
 from bgmodel.fits import fit, question
-from bgmodel.fitting.alternatives.models import MODELS
-from bgmodel.fitting.exact.algorithms import GAPS, GapModel
+from bgmodel.fitting.algorithms import GAPS, GapModel
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.settings import FitSettings, settings_of
-from bgmodel.fitting.simulated.mechanisms import MECHANISMS
-from bgmodel.fitting.trials.design import design_of
+from bgmodel.fitting.simulated.alternatives import MODELS
+from bgmodel.fitting.simulated.circuit import MECHANISMS
 from bgmodel.trials.reading import read_trials
 from circuits import anatomy
 from circuits.errors import InputError

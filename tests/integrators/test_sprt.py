@@ -73,7 +73,7 @@ def test_mean_posterior_at_stopping_is_the_accuracy(hypotheses):
 
 def test_sums_equal_up_to_rounding_are_equal():
     """Evidence of +-0.1 nats: bounds and ties are hit exactly, though floats miss them."""
-    from bgmodel.theory.sprt import Empirical, sprt
+    from bgmodel.integrators.sprt_theory import Empirical, sprt
 
     rng = stream(9, "rounding")
     trials, steps = 40_000, 30

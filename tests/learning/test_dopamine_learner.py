@@ -28,8 +28,7 @@ from bgmodel.learning.dopamine_learner import (
     threshold_of,
 )
 from bgmodel.learning.gap import check_start
-from bgmodel.learning.reinforce import GaussianPolicy, Learned, Learner, learn
-from bgmodel.learning.worlds import LevelOutcomes
+from bgmodel.learning.reinforce import GaussianPolicy, Learned, Learner, LevelOutcomes, learn
 from bgmodel.simulated_evidence import gaussian_evidence, separated_evidence
 from bgmodel.tactile.source import held_out_taps, source
 from bgmodel.tactile.task import SameDifferent

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 import bgmodel as bg
+from bgmodel.integrators.sprt_theory import Gaussian as GaussianSteps
+from bgmodel.integrators.sprt_theory import optimal_separation
 from bgmodel.learning import from_reward
+from bgmodel.learning.deciders import WeightLearner
 from bgmodel.learning.from_reward import (
     DOPAMINE,
     THRESHOLD,
@@ -17,12 +20,9 @@ from bgmodel.learning.from_reward import (
 )
 from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learner
-from bgmodel.learning.weights.deciders import WeightLearner
-from bgmodel.tables.given import EvidenceTable, read_once
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from bgmodel.task import Gaussian
-from bgmodel.theory.sprt import Gaussian as GaussianSteps
-from bgmodel.theory.sprt import optimal_separation
+from bgmodel.trials.given import EvidenceTable, read_once
 from tests.helpers import long_table, refused, refusing
 
 SHORT = Learner(episodes=1500)

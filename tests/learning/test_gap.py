@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from pandas.testing import assert_frame_equal
 
+from bgmodel.integrators.sprt_theory import Optimum, optimal_separation, reward_curve
 from bgmodel.learning import gap
 from bgmodel.learning.gap import (
     fold_sources,
@@ -15,7 +16,6 @@ from bgmodel.learning.gap import (
 )
 from bgmodel.learning.reinforce import GaussianPolicy, Learner
 from bgmodel.tactile.source import held_out_taps
-from bgmodel.theory.sprt import Optimum, optimal_separation, reward_curve
 from circuits.errors import RangeWarning
 from tests.helpers import unwarned
 

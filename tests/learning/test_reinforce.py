@@ -1,24 +1,26 @@
-"""Learning: the exhaustive search, policy gradients, and what reward converges to."""
+"""Learning: the exhaustive search, policy gradients, what reward converges to, and worlds."""
 
 import numpy as np
 import pytest
 from scipy.stats import norm
 
-from bgmodel import Sprt, stream
+from bgmodel import Evidence, Sprt, stream
 from bgmodel.deciding.decision import crossing_of_each
 from bgmodel.deciding.reward import reward, reward_of
+from bgmodel.deciding.tradeoff import Tradeoff
+from bgmodel.integrators.sprt_theory import gaussian_pair, optimal_separation, reward_curve
 from bgmodel.learning.reinforce import (
     GaussianPolicy,
     Learner,
     LearningStopped,
+    LevelOutcomes,
     exhaustive_search,
     learn,
     smoothed,
+    trials_of,
 )
-from bgmodel.learning.worlds import trials_of
 from bgmodel.simulated_evidence import separated_evidence
-from bgmodel.theory.sprt import gaussian_pair, optimal_separation, reward_curve
-from tests.helpers import refusing
+from tests.helpers import refused, refusing
 from tests.learning.helpers import SEPARATION, T_MAX, XI, D, draw
 from tests.levels import SEED
 
@@ -172,3 +174,39 @@ def test_exploration_narrows_from_a_quarter_of_the_range_to_a_twentieth(bounds):
     assert policy.sd(0) == pytest.approx(width / 4)
     assert policy.sd(2000) == pytest.approx((width / 4 + width / 20) / 2)
     assert policy.sd(10**12) == pytest.approx(width / 20)
+
+
+def test_trials_asked_for_later_are_other_ones():
+    """Blocks that do not begin where a request does: no trial comes twice."""
+    world = trials_of([draw(stream(9, "switch"))], XI, block=50)
+    gaps = np.array([2.0])
+    first = [world(k, gaps)[0] for k in range(10, 40)]
+    again = [world(k, gaps)[0] for k in range(110, 140)]
+    assert first != again
+
+
+def test_outcomes_are_sorted_by_level_and_count_readings_from_the_onset():
+    """Two levels, three trials: times by hand; what comes before the onset takes no reading."""
+    evidence = Evidence(np.zeros((3, 2, 2)), np.array([0, 1, 1]), step_ms=50.0)
+    choice, time_ms = np.array([[0, 0, 1], [1, 1, 1]]), np.array([[50.0, 25, -9], [100, 75, 150]])
+    late = np.array([[False] * 3, [False, False, True]])
+    decisions = Tradeoff(np.array([1.4, 0.9]), choice, time_ms, late, time_ms < 0, np.ones((2, 3)))
+    made = LevelOutcomes.of(decisions, evidence)
+    assert made.levels.tolist() == [0.9, 1.4]
+    assert made.correct.tolist() == [[False, True, True], [True, False, True]]
+    assert made.steps.tolist() == [[2, 1.5, 3], [1, 0.5, 0]]
+    assert made.forced == pytest.approx([1 / 3, 0])
+    assert made.rewards(10.0).tolist() == [[-12, -1.5, -3], [-1, -10.5, 0]]
+    assert made.best(10.0) == (1.4, pytest.approx(-11.5 / 3))
+    with refused("evidence"):
+        LevelOutcomes.of(decisions, evidence[:2])
+
+
+TWO, LEVELS = np.ones((2, 3)), np.array([1.0, 1.1])
+
+
+test_worlds_without_sense_are_refused = refusing(
+    (lambda: LevelOutcomes(LEVELS[::-1], TWO, TWO, np.zeros(2)), "levels"),
+    (lambda: LevelOutcomes(LEVELS, TWO[:1], TWO[:1], np.zeros(2)), "correct"),
+    (lambda: LevelOutcomes(LEVELS, TWO, np.ones((2, 4)), np.zeros(2)), "steps"),
+)

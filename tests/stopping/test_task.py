@@ -15,9 +15,8 @@ from bgmodel.conditions import STREAM
 from bgmodel.deciding.decision import UNDECIDED, Decision
 from bgmodel.deciding.measures import OF_STOP, Behaviour
 from bgmodel.experiments.experiment import Experiment
-from bgmodel.stopping.circuit import decide_with_stop, receiving
 from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, ssrt_by_delay
-from bgmodel.stopping.inputs import StopSignal, with_input, with_stop
+from bgmodel.stopping.inputs import StopSignal, decide_with_stop, receiving, with_input, with_stop
 from bgmodel.stopping.task import StopTask, decided
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.sweeps.plan import Plan

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 import bgmodel as bg
 from bgmodel.deciding.decision import Decision
+from bgmodel.learning.deciders import WeightLearner
 from bgmodel.learning.reinforce import Learner
-from bgmodel.learning.weights.deciders import WeightLearner
 from bgmodel.support.saved import TREE, Facts, save, span
 from tests.helpers import refused
 

@@ -8,8 +8,8 @@ from bgmodel.integrators.sprt import Msprt
 from bgmodel.support.processes import NoMemoryError
 from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.plan import Plan
-from bgmodel.tables.given import EvidenceTable
 from bgmodel.task import Gaussian
+from bgmodel.trials.given import EvidenceTable
 from tests.helpers import long_table, refused, some_evidence
 
 TASK = Gaussian(trials=60, t_max=30)

@@ -6,14 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.tactile.camera import render
 from bgmodel.tactile.contact import polonsky_keer
 from bgmodel.tactile.decoder import Training
 from bgmodel.tactile.library import contact_library
 from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.pressing import Grating, LibraryPlan
 from bgmodel.tactile.sensor import Nuisance
-from bgmodel.tactile.skin import Skin, Tip, response
+from bgmodel.tactile.skin import Skin, Tip, render, response
 from bgmodel.tactile.source import source
 from bgmodel.tactile.task import EdgeDirection, EdgeTurn, Orientation
 from tests.helpers import refused, refusing

@@ -45,7 +45,7 @@ def pairs(period_mm):
 @pytest.mark.parametrize("kind", [Tip, Skin, Nuisance, Training])
 def test_the_shipped_taps_are_those_of_the_default_sensor_and_decoder(kind):
     """With other defaults the package would simulate other taps than it ships."""
-    with resources.as_file(resources.files("bgmodel.data") / "held_out_taps.parquet") as path:
+    with resources.as_file(resources.files("bgmodel") / "data" / "held_out_taps.parquet") as path:
         made = read_provenance(path)["parameters"][kind.__name__.lower()]
     assert made == {**json.loads(json.dumps(asdict(kind()))), "kind": kind.__name__}
 

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bgmodel.fitting.exact.algorithms import Model
+from bgmodel.fitting.algorithms import Model
+from bgmodel.fitting.design import Design
 from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD, Scale
 from bgmodel.fitting.likelihood import Likelihood
-from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from figures.data.decided import decided_by_test, responses

@@ -2,7 +2,7 @@
 
 import pytest
 
-from bgmodel.fitting.exact.algorithms import EXPONENTIAL, HYPERBOLIC, WEIBULL
+from bgmodel.fitting.algorithms import EXPONENTIAL, HYPERBOLIC, WEIBULL
 from tests.test_against_other_tools import compared
 
 pytestmark = pytest.mark.validate

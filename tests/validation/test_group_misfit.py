@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom, kstest
 
-from bgmodel.fitting.checks.misfit import BEYOND_CHANCE, group_misfit
-from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.misfit import BEYOND_CHANCE, group_misfit
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.support.seeds import stream
 from tests.validation.groups import RANGES, group, names_of, scale_of, trials_of

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from bgmodel import stream
+from bgmodel.integrators.sprt_theory import optimal_separation, reward_curve
 from bgmodel.learning.gap import fold_sources, increments, regret_on_fresh_trials
-from bgmodel.learning.reinforce import GaussianPolicy, Learner, learn
-from bgmodel.learning.worlds import trials_of
+from bgmodel.learning.reinforce import GaussianPolicy, Learner, learn, trials_of
 from bgmodel.tactile.source import held_out_taps
-from bgmodel.theory.sprt import optimal_separation, reward_curve
 
 pytestmark = pytest.mark.validate
 XI, T_MAX = 50.0, 30

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.fitting.checks.misfit import misfit
-from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.misfit import misfit
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.trials.design import design_of
 from tests.validation.test_slow_trials import simulated
 
 pytestmark = pytest.mark.validate

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
-from bgmodel.fitting.trials.design import design_of
 from bgmodel.support.seeds import stream
 from tests.drawn import drawn, slowed
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from bgmodel import Msprt, Sprt, first_crossing, stream
+from bgmodel.integrators.sprt_theory import gaussian_pair, sprt
 from bgmodel.learning.gap import fold_sources
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.tactile.source import held_out_taps
-from bgmodel.theory.sprt import gaussian_pair, sprt
 
 pytestmark = pytest.mark.validate
 XI, T_MAX = 50.0, 30

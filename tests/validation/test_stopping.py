@@ -5,8 +5,7 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.deciding.decision import first_crossing
-from bgmodel.stopping.circuit import closed_form, decide_with_stop, step_response
-from bgmodel.stopping.inputs import StopSignal
+from bgmodel.stopping.inputs import StopSignal, closed_form, decide_with_stop, step_response
 
 pytestmark = pytest.mark.validate
 POSTERIOR = 0.82

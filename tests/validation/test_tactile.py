@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from bgmodel import stream
+from bgmodel.integrators.sprt_theory import sprt
 from bgmodel.learning.gap import fold_sources, increments
 from bgmodel.tactile.source import FOLDS, Source, held_out_taps
 from bgmodel.tactile.task import SameDifferent
-from bgmodel.theory.sprt import sprt
 
 pytestmark = pytest.mark.validate
 XI, T_MAX = 50.0, 30

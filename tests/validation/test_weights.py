@@ -4,15 +4,10 @@ import numpy as np
 import pytest
 
 import bgmodel as bg
-from bgmodel.learning.weights.deciders import WeightLearner
-from bgmodel.learning.weights.in_circuit import (
-    InCircuit,
-    circuit_time_at_accuracy,
-    learn_weights_in_circuit,
-)
-from bgmodel.learning.weights.learn import learn_weights
-from bgmodel.learning.weights.learned import counted_weights
-from bgmodel.learning.weights.sources import tap_features
+from bgmodel.learning.deciders import InCircuit, WeightLearner
+from bgmodel.learning.feature_sources import tap_features
+from bgmodel.learning.learned_weights import circuit_time_at_accuracy, counted_weights
+from bgmodel.learning.weights import learn_weights, learn_weights_in_circuit
 from bgmodel.tactile.source import held_out_taps
 from bgmodel.tactile.task import SameDifferent
 

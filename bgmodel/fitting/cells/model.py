@@ -31,10 +31,10 @@ from bgmodel.fitting.cells.sessions import (
     seen_share,
     sessions_of,
 )
+from bgmodel.fitting.design import Design
 from bgmodel.fitting.known.trials import known_trials
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.parameters import Parameter, ParameterSpace
-from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.trials.record import Trials
 from circuits.circuit import Circuit

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.checks.misfit import GroupMisfit, group_misfit
 from bgmodel.fitting.fit import SHARE as SHARE
 from bgmodel.fitting.fit import cells_with_misfit
 from bgmodel.fitting.hierarchy.approximation import Person, estimates, started
@@ -27,10 +26,11 @@ from bgmodel.fitting.hierarchy.chains import (
 from bgmodel.fitting.hierarchy.group import ALIKE, Predictors, Scale, priors_of
 from bgmodel.fitting.hierarchy.labels import draw_group, labelled, pooled, write
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
-from bgmodel.fitting.identify import directions
 from bgmodel.fitting.likelihood import Likelihood
+from bgmodel.fitting.misfit import GroupMisfit, group_misfit
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.parameters import told_priors
+from bgmodel.fitting.posterior import directions
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.processes import shared_map
 from bgmodel.support.saved import Facts
@@ -264,7 +264,7 @@ class GroupFit(Facts):
 
     def plot_cells(self) -> Figure:
         """Draw data and model over strength, with all people's trials pooled, as ``Fit.plot``."""
-        from bgmodel.fitting.drawing import draw_fits
+        from bgmodel.fitting.quantiles import draw_fits
 
         table = pooled(self.typical.values())
         if table is None:

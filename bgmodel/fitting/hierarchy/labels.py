@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.exact.responses import Grid, Observed
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.optimum import Optimum
+from bgmodel.fitting.responses import Grid, Observed
 from bgmodel.support import files
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream

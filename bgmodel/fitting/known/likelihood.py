@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 
 from bgmodel.evidence import Evidence
-from bgmodel.fitting.exact.responses import TINY
+from bgmodel.fitting.design import Design
 from bgmodel.fitting.known.hazard import answered, decisions, delayed
 from bgmodel.fitting.known.models import LEAK, KnownModel, Outputs, Values, read, runs_of_cues
 from bgmodel.fitting.known.trials import KnownTrials, responding, waiting
 from bgmodel.fitting.likelihood import RESPONSES, Likelihood, Peak
 from bgmodel.fitting.parameters import RESPONSE, Parameter, ParameterSpace
+from bgmodel.fitting.responses import TINY
 from bgmodel.fitting.settings import settings_of
-from bgmodel.fitting.trials.design import Design
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 from bgmodel.trials.readings import Readings

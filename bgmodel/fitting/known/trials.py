@@ -8,10 +8,10 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from bgmodel.fitting.exact.responses import BIN_S, Grid, Observed
-from bgmodel.fitting.trials.design import ALONE, Design
+from bgmodel.fitting.design import ALONE, Design
+from bgmodel.fitting.responses import BIN_S, Grid, Observed
 from bgmodel.support.arrays import Array, Integers, Truths
-from bgmodel.tables.columns import EVERYONE
+from bgmodel.trials.columns import EVERYONE
 from bgmodel.trials.readings import Readings
 from bgmodel.trials.record import Trials
 from circuits.errors import DataWarning, InputError, require

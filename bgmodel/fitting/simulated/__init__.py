@@ -1,1 +1,1 @@
-"""Circuits, whose choices and times come from trials that are simulated once."""
+"""Models whose choices and times come from trials that are simulated once, such as circuits."""

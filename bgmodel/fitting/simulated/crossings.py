@@ -10,7 +10,7 @@ equal, the mirror image of every trial counts too.
 Trials are counted on a grid of t and X, once for each stored threshold, so that a drift costs one
 product with these counts. With a bias of one channel, trials with the bias and the mirror images of
 those with the opposite bias are counted by choice. Between stored thresholds densities are
-interpolated. A test without noise on the same evidence serves as control variate (``control``).
+interpolated. A test without noise on the same evidence serves as control variate (``error``).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.trace import Trace
-from bgmodel.fitting.exact.responses import BIN_S
+from bgmodel.fitting.responses import BIN_S
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.compiling import compiled, inlined
 from bgmodel.support.seeds import stream
@@ -101,7 +101,7 @@ OUT. From k to k + 1 bins, reading k is the last that OUT may depend on."""
 
 
 class Divided(Protocol):
-    """An object that can be restricted to some parts of the trials, such as ``control.Control``."""
+    """An object that can be restricted to some parts of the trials, such as ``error.Control``."""
 
     def part(self, parts: Truths) -> Divided:
         """Return the object for some parts."""
@@ -201,7 +201,7 @@ def read(
 ) -> Array:
     """Return the probability of a decision from trials alone, (bins + 1, 2, drifts).
 
-    Arguments are as for ``control.decided``, ``rows`` stored thresholds with weights.
+    Arguments are as for ``error.decided``, ``rows`` stored thresholds with weights.
     """
     first = settings[0][0]
     weighed = [

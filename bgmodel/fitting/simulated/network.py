@@ -180,4 +180,4 @@ def read_network(path: str | Path | None = None) -> LikelihoodNetwork:
 
 def shipped_path() -> Path:
     """Return the path of the network that ships with the package."""
-    return Path(str(resources.files("bgmodel.data") / SHIPPED))
+    return Path(str(resources.files("bgmodel") / "data" / SHIPPED))

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.fit import cells_of
-from bgmodel.fitting.trials.design import design_of
 from bgmodel.trials.reading import read_trials
 from figures.data.means import fit_means
 from tests.drawn import drawn

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bgmodel.fitting.optimum import optimum
-from bgmodel.learning.values.models import MODELS, likelihood, simulated
+from bgmodel.learning.value_models import MODELS, likelihood, simulated
 from figures.learning.value_people import (
     GROUP,
     LAST,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.fitting.stops.model import laid
+from bgmodel.fitting.stop_process import laid
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.people import slowing_of
 from figures.stopping.stopped import (

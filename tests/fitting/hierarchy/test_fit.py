@@ -6,7 +6,7 @@ import pytest
 import xarray
 
 from bgmodel.fits import fit
-from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.hierarchy.chains import CHAINS, LARGEST_RHAT
 from bgmodel.fitting.hierarchy.fit import fit_group

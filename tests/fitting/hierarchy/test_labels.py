@@ -5,8 +5,8 @@ import pytest
 import xarray
 
 from bgmodel.fits import fit
-from bgmodel.fitting.exact.responses import moments
 from bgmodel.fitting.hierarchy.labels import MOST_DRAWS, new_trials
+from bgmodel.fitting.responses import moments
 from circuits.errors import FitWarning
 from tests.fitting.conftest import FIXED, MOST, PEOPLE, short_chains, table
 

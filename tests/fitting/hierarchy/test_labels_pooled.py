@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.fitting.exact.algorithms import GapModel
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.hierarchy.labels import pooled
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import Optimum
-from bgmodel.fitting.trials.design import design_of
 from tests.drawn import drawn
 
 STRENGTHS, SEED = [0.05, 0.2], 24_393

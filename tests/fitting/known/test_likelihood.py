@@ -7,11 +7,11 @@ import pytest
 from scipy.stats import norm
 
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.fitting.checks.misfit import misfit
-from bgmodel.fitting.identify import directions
 from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT, runs_of_cues
+from bgmodel.fitting.misfit import misfit
 from bgmodel.fitting.optimum import Optimum, optimum
+from bgmodel.fitting.posterior import directions
 from circuits.errors import InputError
 from tests.known_trials import TRUTH, few, simulated
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
 from bgmodel.fitting.parameters import Parameter
+from bgmodel.fitting.responses import BIN_S, Grid, moments
 from bgmodel.fitting.simulated import circuit as module
 from bgmodel.fitting.simulated.circuit import MECHANISMS, Axis, CircuitModel, Mechanism
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes, simulated

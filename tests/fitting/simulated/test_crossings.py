@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel.fitting.exact import passage
-from bgmodel.fitting.exact.responses import BIN_S, Grid, moments
-from bgmodel.fitting.simulated.control import decided
+from bgmodel.fitting import passage
+from bgmodel.fitting.responses import BIN_S, Grid, moments
 from bgmodel.fitting.simulated.crossings import (
     DRIFTS,
     FirstPassageTimes,
@@ -18,7 +17,8 @@ from bgmodel.fitting.simulated.crossings import (
     read,
     simulated,
 )
-from bgmodel.theory.first_passage import Gaussian, walk
+from bgmodel.fitting.simulated.error import decided
+from bgmodel.integrators.first_passage import Gaussian, walk
 from tests.drawn import GAIN, ideal
 
 GRID = Grid(300)

@@ -7,15 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bgmodel.fitting.exact.algorithms import EXPONENTIAL, SENSITIVITY, GapModel
-from bgmodel.fitting.identify import Directions, directions
+from bgmodel.fitting.algorithms import EXPONENTIAL, SENSITIVITY, GapModel
+from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.parameters import RESPONSE, Parameter
-from bgmodel.fitting.simulated.control import decided
+from bgmodel.fitting.posterior import Directions, directions
 from bgmodel.fitting.simulated.crossings import simulated
-from bgmodel.fitting.simulated.error import jackknifed, simulation_error, without_parts
-from bgmodel.fitting.trials.design import design_of
+from bgmodel.fitting.simulated.error import decided, jackknifed, simulation_error, without_parts
 from tests.drawn import TRUTH, drawn, ideal
 
 pytestmark = pytest.mark.usefixtures("brief_search")

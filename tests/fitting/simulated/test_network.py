@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from bgmodel import stream
-from bgmodel.fitting.exact.responses import BIN_S, Grid, responded
+from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.fitting.simulated.circuit import CircuitModel
-from bgmodel.fitting.simulated.control import decided
 from bgmodel.fitting.simulated.crossings import DRIFTS
+from bgmodel.fitting.simulated.error import decided
 from bgmodel.fitting.simulated.network import INPUTS, PARAMETERS, LikelihoodNetwork, read_network
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.declaration.table_writer import identity

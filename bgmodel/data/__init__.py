@@ -1,1 +1,0 @@
-"""Small tables that ship with the package."""

@@ -1,0 +1,218 @@
+"""Warnings of a fit: numbers at bounds, late or slow responses, short chains, errors, bins."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from bgmodel.fitting.likelihood import STEP, BinnedLikelihood, Likelihood
+from bgmodel.fitting.optimum import Optimum, optimum
+from bgmodel.fitting.posterior import ENOUGH, Directions, Posterior, directions
+from bgmodel.fitting.responses import Grid
+from bgmodel.fitting.simulated.error import Simulation
+from bgmodel.support.arrays import Array
+from circuits.errors import FitWarning
+
+LARGE = 1 / 3
+"""A fit warns if bins move a parameter by more than this share of its standard error."""
+PARTS = 4
+"""Number of parts of a bin, by which the error of bins is estimated."""
+LARGE_NATS, MOST_TIMES = 0.3, 3
+"""A fit is repeated with narrower bins if these change its log likelihood by more, nats, or move a
+parameter by more than ``LARGE``; and how often that may be."""
+
+
+def resolved(fitted: Optimum) -> Optimum:
+    """Return the optimum, fitted again with narrower bins of time while that changes it."""
+    for _ in range(MOST_TIMES):
+        likelihood, at = fitted.likelihood, fitted.vector
+        if not _has_bins(likelihood):
+            break
+        there = directions(likelihood, at)
+        share = np.abs(moved_by_bins(likelihood, there)) / there.standard_errors
+        off = abs(finer(likelihood).each(at).sum() - fitted.log_likelihood)
+        if off <= LARGE_NATS and not (share > LARGE).any():
+            break
+        fitted = optimum(finer(likelihood), starts=[at])
+    return fitted
+
+
+def _has_bins(likelihood: Likelihood) -> bool:
+    return isinstance(likelihood, BinnedLikelihood) and hasattr(likelihood.model, "any_width")
+
+
+def finer(likelihood: Likelihood) -> Likelihood:
+    """Return a likelihood with ``PARTS`` bins in place of each."""
+    design = likelihood.design
+    lapses = design.grid.lapse_bins
+    grid = Grid(PARTS * design.grid.bins, design.grid.width_s / PARTS, lapses and PARTS * lapses)
+    return replace(likelihood, design=replace(design, observed=replace(design.observed, grid=grid)))
+
+
+def moved_by_bins(likelihood: Likelihood, there: Directions) -> Array:
+    """Return the error of each estimate that is due to bins, (parameters,).
+
+    By a step of Fisher scoring with finer bins, which removes ``1 - 1 / PARTS`` of the error.
+    """
+    if not (_has_bins(likelihood) and np.isfinite(there.standard_errors).all()):
+        return np.zeros(len(there.vector))
+    fine = finer(likelihood)
+    low, high = likelihood.freedom.low, likelihood.freedom.high
+    score = np.empty(len(there.vector))
+    for k, step in enumerate(STEP * there.standard_errors):
+        ends = np.array([there.vector, there.vector])
+        ends[:, k] = np.clip(ends[:, k] + [-step, step], low[k], high[k])
+        below, above = ((fine.each(end) - likelihood.each(end)).sum() for end in ends)
+        score[k] = (above - below) / (ends[1, k] - ends[0, k])
+    return np.asarray(-PARTS / (PARTS - 1) * np.linalg.solve(there.information, score))
+
+
+def of_bins(likelihood: Likelihood, there: Directions) -> list[str]:
+    """Return a warning if bins move a parameter by more than ``LARGE`` standard errors."""
+    moved = moved_by_bins(likelihood, there)
+    share = np.abs(moved) / there.standard_errors
+    named = [
+        f"{name} by about {by:+.1g} ({size:.1f} standard errors)"
+        for name, by, size in zip(there.names, moved, share, strict=True)
+        if size > LARGE
+    ]
+    if not named:
+        return []
+    off = (likelihood.each(there.vector) - finer(likelihood).each(there.vector)).sum()
+    return [
+        f"decisions are so fast that bins of {likelihood.design.grid.width_s:g} s move the "
+        f"estimates of {', '.join(named)}, and the log likelihood by {off:+.1f} nats"
+    ]
+
+
+SMALL_SHARE = 1 / 3
+"""A fit warns if the simulation error over the error from the data exceeds this ratio."""
+VAGUE_SHARE = 0.5
+"""A number that can't be near 0 is hardly identified if its error exceeds this share of it."""
+LATEST_T0_S = 1.0
+"""A fit warns if the non-decision time exceeds this, s: sensing and moving take less."""
+
+
+def cautions(
+    fitted: Optimum, there: Directions, simulated: Simulation, drawn: Posterior | None
+) -> list[str]:
+    """Return the warnings of a fit, apart from those of misfit and identifiability."""
+    numerical = [*_rough(there, simulated), *of_bins(fitted.likelihood, there)]
+    return [*numerical, *_ended(fitted), *_vague(fitted, there), *_late(fitted), *_short(drawn)]
+
+
+def _ended(fitted: Optimum) -> list[str]:
+    return [
+        f"{name} ends at a bound of its range, {value:.3g}: its standard error is meaningless"
+        for (name, value), ends in zip(fitted.values.items(), fitted.at_bound, strict=True)
+        if ends
+    ]
+
+
+def _vague(fitted: Optimum, there: Directions) -> list[str]:
+    """Return a warning for each number that can't be near 0, and hardly differs from it."""
+    errors = zip(fitted.values.items(), there.standard_errors, fitted.at_bound, strict=True)
+    return [
+        f"these trials hardly identify {name} ({value:.3g} +- {error:.2g}): fix it, or add trials "
+        "with other evidence"
+        for (name, value), error, ends in errors
+        if name in fitted.likelihood.sized and not ends and VAGUE_SHARE * value < error < np.inf
+    ]
+
+
+def _late(fitted: Optimum) -> list[str]:
+    return [
+        f"{name} is {value:.3g} s, longer than sensing and moving take: check that rt begins at "
+        "the onset of evidence, not of the trial"
+        for name, value in fitted.values.items()
+        if name.partition("[")[0] == "t0_s" and value > LATEST_T0_S
+    ]
+
+
+def _short(drawn: Posterior | None) -> list[str]:
+    if drawn is None or drawn.long_enough:
+        return []
+    return [
+        f"the chain of draws lasts {drawn.lasts:.0f} of its autocorrelation times, not "
+        f"{ENOUGH}: its effective sample size is below {drawn.effective:.0f}, and "
+        "intervals are rough"
+    ]
+
+
+def _rough(there: Directions, simulated: Simulation) -> list[str]:
+    share = simulated.parameters / there.standard_errors
+    rough = [
+        f"{name} ({value:.0%})"
+        for name, value in zip(there.names, share, strict=True)
+        if value > SMALL_SHARE
+    ]
+    if not rough:
+        return []
+    return [
+        "the error that comes from the number of simulated trials is more than a third of that "
+        f"from the data: {', '.join(rough)}. Simulate more trials (trials)"
+    ]
+
+
+TAILS_S = (0.75, 1.5, 3.0)
+"""Means of the exponential delays that slow trials may have, s."""
+SHARES = (0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2)
+"""Shares of trials that may be slow."""
+GAIN_NATS = 1.25
+"""Gain in log likelihood above which slow trials are reported (checked by ``make validate``)."""
+
+
+class Slow(NamedTuple):
+    """The most likely slow trials: gain in log likelihood, nats; share; mean delay, s."""
+
+    gain_nats: float
+    share: float
+    tail_s: float
+
+
+def slow_trials(fitted: Optimum) -> Slow:
+    """Return the gain in log likelihood of an optimum if a share of trials is delayed."""
+    observed, density = fitted.likelihood.design.observed, fitted.density
+    log = observed.each(density)
+    best = Slow(0.0, 0.0, 0.0)
+    for tail_s in TAILS_S:
+        delayed = _delayed(density, tail_s / observed.grid.width_s)
+        ratio = np.exp(observed.each(delayed) - log)
+        for share in SHARES:
+            gain = float(np.log1p(share * (ratio - 1)).sum())
+            best = max(best, Slow(gain, share, tail_s))
+    return best
+
+
+def warn_of_slow(fitted: Optimum) -> None:
+    """Warn if a tail of slow trials makes the data more likely than the fitted model alone."""
+    untimed = fitted.likelihood.design.observed.untimed is not None
+    if untimed or not isinstance(fitted.likelihood, BinnedLikelihood):
+        return
+    slow = slow_trials(fitted)
+    if slow.gain_nats <= GAIN_NATS:
+        return
+    likelihood = fitted.likelihood
+    design, model = likelihood.design, likelihood.model.identity()["model"]
+    held = "lapse" in likelihood.freedom.held
+    free = "free lapse, which absorbs some of them, or " if held else ""
+    count = round(slow.share * len(design.observed.cell))
+    FitWarning.warn(
+        f"{design.who}, {model}: about {count} of {len(design.observed.cell)} trials are slower "
+        f"than the model allows (with an exponential delay of {slow.tail_s:g} s in "
+        f"{slow.share:.1%} of trials the log likelihood is {slow.gain_nats:.1f} nats higher). "
+        f"Such trials bias sensitivity and criterion: {free}compare with a fit to an earlier "
+        "rt_window (at the terminal --columns rt_window=)"
+    )
+
+
+def _delayed(density: Array, tail: float) -> Array:
+    """Return densities (cells, 2, bins) with an exponential delay, its mean in bins, added."""
+    bins = density.shape[2]
+    delay = np.exp(-np.arange(bins) / tail)
+    delay *= -np.expm1(-1 / tail)
+    size = 2 * bins
+    spectrum = np.fft.rfft(density, size, axis=2) * np.fft.rfft(delay, size)
+    return np.maximum(np.fft.irfft(spectrum, size, axis=2)[:, :, :bins], 0.0)

@@ -1,1 +1,0 @@
-"""Tests whose choices and times have a density in closed form."""

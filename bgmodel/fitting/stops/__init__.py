@@ -1,1 +1,0 @@
-"""Stop signals as a model of trials, which the common engine fits."""

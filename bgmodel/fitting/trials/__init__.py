@@ -1,1 +1,0 @@
-"""The trials of a fit: their cells, their sides and the window of their times."""

@@ -1,0 +1,252 @@
+"""Deciders, which turn features and weights into choices; feedback, and step sizes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from bgmodel.deciding.decision import Decision, crossing_of_each
+from bgmodel.deciding.readout import threshold_from_posterior
+from bgmodel.deciding.trace import Trace
+from bgmodel.evidence import Evidence, minus_log_softmax
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.learning.features import Features
+from bgmodel.support.arrays import Array, Integers, Truths
+from bgmodel.support.checks import (
+    check_finite,
+    check_flag,
+    check_positive,
+    check_range,
+    is_number,
+    whole,
+)
+from circuits.errors import InputError, quiet, require
+
+TIE = 1e-9
+"""Size of the noise that breaks ties of drives, nats."""
+
+
+@dataclass(frozen=True)
+class Trials:
+    """Trials of every run in one trial."""
+
+    last: Integers  # (runs,), index of the last reading before the choice
+    choice: Integers  # (runs,)
+    drive: Array  # (runs, hypotheses), nats, by the readings up to the last one
+    read_out: Array  # (runs,), posterior of the choice as read from OUT
+
+
+class Decider(Protocol):
+    """Turns features and weights into choices, for several runs at once."""
+
+    @property
+    def criterion(self) -> float:
+        """Posterior at which it decides."""
+        ...
+
+    @property
+    def gain(self) -> float:
+        """Nats of drive per nat of evidence, kappa."""
+        ...
+
+    def choose(self, part: Features, weights: Array, noise: Array, number: int) -> Trials:
+        """Choose in trial ``number`` of every run; ``part`` holds one trial per run.
+
+        ``weights`` is (runs, hypotheses, units), and ``noise`` standard normal, (runs, hypotheses).
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class FixedPoint:
+    """The circuit's fixed point: ``OUT = -ln softmax(gain sum_t w . phi_t)``, without dynamics."""
+
+    criterion: float = 0.9
+    """Posterior at which a trial stops; otherwise it ends with its last reading."""
+    gain: float = 1.0
+    """Nats of drive per nat of evidence."""
+    sampled: int | None = None
+    """Number of readings, if this is fixed and there is no criterion."""
+    drawn: bool = False
+    """Whether the choice is drawn from the posterior, as REINFORCE assumes; otherwise it is the
+    leader."""
+
+    def __post_init__(self) -> None:
+        check_range(0, 1, criterion=self.criterion)
+        check_positive(gain=self.gain)
+        check_flag("drawn", self.drawn)
+        if self.sampled is not None:
+            whole("sampled", self.sampled, 1)
+
+    def choose(self, part: Features, weights: Array, noise: Array, number: int) -> Trials:
+        """Choose at the first reading at which a posterior reaches the criterion."""
+        runs = np.arange(len(weights))
+        drive = self.gain * np.cumsum(part.values @ weights.swapaxes(1, 2), axis=1)
+        out = minus_log_softmax(drive)
+        last = part.readings - 1
+        if self.sampled is None:
+            reached = out.min(axis=2) <= -np.log(self.criterion)
+            last = np.where(reached.any(axis=1), reached.argmax(axis=1), last)
+        else:
+            last = np.minimum(last, self.sampled - 1)
+        heard, read = drive[runs, last], out[runs, last]
+        choice = (heard + self._disturbance(noise)).argmax(axis=1)
+        return Trials(last, choice, heard, np.exp(-read[runs, choice]))
+
+    def _disturbance(self, noise: Array) -> Array:
+        """Return noise on the drives (runs, hypotheses) whose leader is the choice, nats."""
+        if not self.drawn:
+            return TIE * noise
+        from scipy.special import log_ndtr
+
+        # The leader of drives with Gumbel noise is a draw from their softmax.
+        return np.asarray(-np.log(-log_ndtr(noise)))
+
+
+@dataclass(frozen=True)
+class InCircuit:
+    """A circuit that decides by its threshold, and whose confidence is read afterwards.
+
+    The drive of D1 and STN is the learned one. Runs of one trial are simulated side by side, each
+    with its own noise. OUT of the chosen channel is averaged over a window after the decision: at
+    the decision itself it equals the threshold, whatever the evidence.
+    """
+
+    model: BasalGanglia  # any engine that has times
+    criterion: float = 0.85  # posterior at which it decides
+    after_ms: float = 40.0  # from the decision to the reading of OUT
+    window_ms: float = 40.0
+
+    def __post_init__(self) -> None:
+        must = "must have times: population, rate or a spiking engine"
+        require(self.model.engine.timed, "model", must, self.model.engine.id)
+        self.model.circuit.check_nats("confidence, a posterior")
+        self.model.threshold(None, self.criterion)
+        check_range(0, np.inf, after_ms=self.after_ms)
+        sample_ms = self.model.engine.sample_ms
+        least = f"must be at least the time between samples of OUT, {sample_ms:g} ms"
+        require(sample_ms <= self.window_ms < np.inf, "window_ms", least, self.window_ms)
+
+    @property
+    def gain(self) -> float:
+        """Nats of drive per nat of evidence, that of the model."""
+        return self.model.gain
+
+    @property
+    def ceiling(self) -> float:
+        """Highest posterior that the circuit can express."""
+        return float(np.exp(-self.model.circuit.readable_nats[0]))
+
+    def choose(self, part: Features, weights: Array, noise: Array, number: int) -> Trials:
+        """Choose in one trial of every run; see ``Decider``."""
+        # What the channels' weights have in common is no evidence, and can exceed their range.
+        weights = weights - weights.mean(axis=1, keepdims=True)
+        nats = part.values @ weights.swapaxes(1, 2)
+        evidence = self._evidence(part, nats)
+        first = number * len(weights)
+        drive = self.model.drive(evidence)
+        trace = self.model.trace(self.model.run_drive(drive, evidence.step_ms, first), evidence)
+        levels = threshold_from_posterior(np.full(len(weights), self.criterion), len(part.names))
+        decision = crossing_of_each(trace, levels, checked=False)
+        last = np.floor(decision.time_ms / part.step_ms + 1e-9).astype(np.intp) - 1
+        last = np.clip(last, -1, part.readings - 1)
+        total = self.gain * np.cumsum(nats, axis=1)
+        heard = np.where(last[:, None] < 0, 0.0, total[np.arange(len(last)), last])
+        choice = np.asarray(decision.choice, dtype=np.intp)
+        return Trials(last, choice, heard, self._confidence(trace, decision))
+
+    def _evidence(self, part: Features, nats: Array) -> Evidence:
+        """Return learned log-likelihoods as evidence, without the warnings for users' tables."""
+        with quiet():
+            return Evidence(nats, step_ms=part.step_ms, lengths=part.readings, baseline=0.0)
+
+    def _confidence(self, trace: Trace, decision: Decision) -> Array:
+        """Return the posterior of the choice read from OUT after the decision, (runs,)."""
+        time_ms = trace.time_ms - trace.onset_ms
+        end = time_ms[trace.of_trials()[0] - 1]
+        start = np.minimum(decision.time_ms + self.after_ms, end - self.window_ms)
+        inside = (time_ms >= start[:, None]) & (time_ms <= (start + self.window_ms)[:, None])
+        out = trace.out_nats[np.arange(len(start)), :, decision.choice]
+        mean = (out * inside).sum(axis=1) / inside.sum(axis=1)
+        return np.asarray(np.exp(-np.maximum(mean, 0.0)))
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """The reward that a learner receives after its choice, and in which trials."""
+
+    right: float = 1.0
+    """Reward for a correct choice."""
+    wrong: float = 0.0
+    """Reward for an error."""
+    valid: float = 1.0
+    """Share of trials in which the reward is that of the choice; it is reversed in the others."""
+    given: float = 1.0
+    """Share of trials with any reward; weights change in these only."""
+
+    def __post_init__(self) -> None:
+        check_range(0, 1, valid=self.valid, given=self.given)
+        check_finite(right=self.right, wrong=self.wrong)
+        require(self.right > self.wrong, "right", f"must exceed wrong, {self.wrong:g}", self.right)
+        if self.given == 0:
+            raise InputError("learning needs feedback: given must be > 0", "given")
+
+    @property
+    def of_unit(self) -> bool:
+        """Whether rewards are 0 and 1."""
+        return (self.right, self.wrong) == (1.0, 0.0)
+
+    def reward(self, correct: Truths, chance: Array) -> Array:
+        """Return the reward of choices (runs,), NaN without feedback; chance (runs, 2) uniform."""
+        told = correct == (chance[:, 0] < self.valid)
+        reward = np.where(told, self.right, self.wrong)
+        return np.where(chance[:, 1] < self.given, reward, np.nan)
+
+
+@dataclass(frozen=True)
+class WeightLearner:
+    """How weights change: step size, gains of the two signs of the error, trace."""
+
+    trials: int = 10_000
+    """Number of trials."""
+    rate: float = 0.5
+    """Initial step size, divided by the running variance of the trace (summed over units), so
+    that it suits any number and activity of units; tuned on seed 1."""
+    half_trials: float = 3_000.0
+    """Trials after which the step size has halved; infinity keeps it constant, as required in a
+    changing environment; tuned on seed 1."""
+    gain_plus: float = 1.0
+    """Factor on positive errors."""
+    gain_minus: float = 1.0
+    """Factor on negative errors."""
+    trace_decay: float = 1.0
+    """Factor on the trace of earlier features at each reading; 1 keeps them all."""
+    averaged: float = 0.25
+    """Share of the last trials over whose weights the result is averaged (Polyak & Juditsky 1992);
+    0 takes the last weights."""
+    keep: int = 100
+    """Number of times at which weights are kept, evenly spaced."""
+
+    def __post_init__(self) -> None:
+        whole("trials", self.trials, 1)
+        check_positive(rate=self.rate, gain_plus=self.gain_plus, gain_minus=self.gain_minus)
+        require(is_number(self.half_trials), "half_trials", "must be a number", self.half_trials)
+        require(self.half_trials > 0, "half_trials", "must be > 0", self.half_trials)
+        check_range(0, 1, trace_decay=self.trace_decay, averaged=self.averaged)
+        whole("keep", self.keep, 1)
+
+    @property
+    def last(self) -> int:
+        """Number of last trials over whose weights the result is averaged."""
+        return max(1, round(self.averaged * self.trials))
+
+    def step(self, number: int) -> float:
+        """Return the step size of a trial."""
+        return self.rate / (1 + number / self.half_trials)
+
+    def error(self, surprise: Array) -> Array:
+        """Return the error (runs,) from reward less expectation; 0 without feedback."""
+        known = np.nan_to_num(surprise, nan=0.0)
+        return np.asarray(known * np.where(known > 0, self.gain_plus, self.gain_minus))

@@ -1,1 +1,0 @@
-"""Learning the values of actions from reward: bandits, learners, a circuit, and people."""

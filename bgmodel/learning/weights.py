@@ -1,0 +1,236 @@
+"""Learning what evidence means: draw, choose, reward, change, for several runs side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from bgmodel.evidence import minus_log_softmax
+from bgmodel.learning.critics import Affine, Critic, ReadOutConfidence, Trial, critic_of
+from bgmodel.learning.deciders import (
+    Decider,
+    Feedback,
+    FixedPoint,
+    InCircuit,
+    Trials,
+    WeightLearner,
+)
+from bgmodel.learning.feature_sources import source_at
+from bgmodel.learning.features import Features, FeatureSource, check_learnable
+from bgmodel.learning.learned_weights import LearnedWeights, WeightCourse
+from bgmodel.learning.weight_rules import Rule, rule_of
+from bgmodel.support.arrays import Array, Truths
+from bgmodel.support.checks import whole
+from bgmodel.support.processes import advance
+from bgmodel.support.seeds import stream
+from circuits.errors import CalibrationWarning, InputError, NoiseWarning
+
+BLOCK = 250
+"""Trials drawn at a time for each run."""
+SAMPLE = 1000
+"""Trials in which every unit must be active and every hypothesis true."""
+RUNNING = 0.01
+"""Weight of each trial in the running mean and variance of the trace."""
+LEAST_VARIANCE = 1e-3
+"""Least variance of the trace that a step size is divided by."""
+
+
+@dataclass
+class Loop:
+    """Independent learners side by side; ``trial`` runs the next trial of each.
+
+    Parameters are those of ``learn_weights``; ``weights`` are the current ones.
+    """
+
+    source: FeatureSource
+    rule: Rule
+    critic: Critic
+    feedback: Feedback
+    learner: WeightLearner
+    decider: Decider
+    runs: int
+    seed: int
+    name: object = "weights"
+    number: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        self.runs = whole("runs", self.runs, 1)
+        sample = self.source.draw(SAMPLE, rng=stream(self.seed, self.name, "sample"))
+        check_learnable(sample)
+        _check_together(self.rule, self.critic, self.feedback)
+        self.names = sample.names
+        self._rngs = [stream(self.seed, self.name, run) for run in range(self.runs)]
+        self._state = self.critic.start(self.runs)
+        self._mean = np.zeros((self.runs, sample.units))
+        self._variance = np.zeros((self.runs, 1, 1))
+        self._total = np.zeros((self.runs, sample.hypotheses, sample.units))
+        self._parameters = self.rule.start((self.runs, sample.hypotheses, sample.units))
+
+    @property
+    def weights(self) -> Array:
+        """Weights (runs, hypotheses, units), nats of evidence per unit of activity."""
+        return self.rule.weights(self._parameters)
+
+    @property
+    def final(self) -> Array:
+        """Weights averaged over the last trials so far, (runs, hypotheses, units)."""
+        count = self.number - (self.learner.trials - self.learner.last)
+        return self._total / count if count > 0 else self.weights
+
+    def trial(self) -> tuple[Trial, Truths, Array]:
+        """Run one trial of every run, and learn from it.
+
+        Returns also whether choices were right, whatever the feedback, and the number of readings
+        before them, (runs,) each.
+        """
+        at = self.number % BLOCK
+        if at == 0:
+            self._draw()
+        part, chance = self._parts[at], self._chance[:, at]
+        chosen = self.decider.choose(part, self.weights, self._noise[:, at], self.number)
+        correct = chosen.choice == part.truth
+        trial = self._seen(part, chosen, self.feedback.reward(correct, chance))
+        self._learn(trial)
+        if self.number >= self.learner.trials - self.learner.last:
+            self._total += self.weights
+        self.number += 1
+        if self.number % BLOCK == 0:
+            advance(BLOCK)
+        return trial, np.asarray(correct), np.asarray(chosen.last + 1.0)
+
+    def _draw(self) -> None:
+        """Draw a block of trials of every run, each from its own generator."""
+        source = source_at(self.source, self.number)
+        drawn = [source.draw(BLOCK, rng=rng) for rng in self._rngs]
+        self._parts = side_by_side(drawn)
+        # One number more than is used, so that results keep their bytes.
+        shape = (BLOCK, len(self.names) + 1)
+        self._noise = np.stack([r.standard_normal(shape) for r in self._rngs])[..., :-1]
+        self._chance = np.stack([r.random((BLOCK, 2)) for r in self._rngs])
+
+    def _seen(self, part: Features, chosen: Trials, reward: Array) -> Trial:
+        """Return the trial as critic and rule see it."""
+        since = chosen.last[:, None] - np.arange(part.steps)
+        kept = np.where(since >= 0, self.learner.trace_decay ** np.maximum(since, 0), 0.0)
+        trace = np.asarray((kept[:, None, :] @ part.values)[:, 0], dtype=np.float64)
+        posterior = np.exp(-minus_log_softmax(chosen.drive))
+        surplus = trace - self._mean
+        pace = max(RUNNING, 1 / (self.number + 1))
+        self._mean += pace * surplus
+        self._variance += pace * ((surplus**2).sum(axis=1)[:, None, None] - self._variance)
+        return Trial(
+            trace, chosen.choice, chosen.drive, posterior, chosen.read_out, reward, surplus
+        )
+
+    def _learn(self, trial: Trial) -> None:
+        """Change weights and critic by the reward of a trial."""
+        surprise = trial.reward - self.critic.expected(self._state, trial)
+        change = self.rule.change(self._parameters, trial, self.learner.error(surprise))
+        step = self.learner.step(self.number) / np.maximum(self._variance, LEAST_VARIANCE)
+        moved = self._parameters + step * change
+        self._parameters = self.rule.bounded(moved)
+        if not np.isfinite(self._parameters).all():
+            reason = (
+                f"the weights are no longer finite after {self.number + 1} trials: lower the rate"
+            )
+            raise InputError(reason, "rate", self.learner.rate)
+        known = np.nan_to_num(surprise, nan=0.0)
+        self._state = self.critic.learn(self._state, trial, known)
+
+
+def side_by_side(drawn: list[Features]) -> list[Features]:
+    """Return trial k of every run as features of one trial per run, for each k."""
+    first = drawn[0]
+    values = np.stack([part.values for part in drawn], axis=1)
+    truth = np.stack([part.truth for part in drawn], axis=1)
+    lengths = np.stack([part.readings for part in drawn], axis=1)
+    by_trial = []
+    for k in range(len(values)):
+        part = object.__new__(Features)  # already checked
+        of_trial = {"values": values[k], "truth": truth[k], "lengths": lengths[k]}
+        same = {"names": first.names, "step_ms": first.step_ms, "removed": first.removed}
+        for name, value in (of_trial | same | {"log_likelihood": None}).items():
+            object.__setattr__(part, name, value)
+        by_trial.append(part)
+    return by_trial
+
+
+def _check_together(rule: Rule, critic: Critic, feedback: Feedback) -> None:
+    """Refuse rewards that a rule or critic cannot use; warn of unreliable ones."""
+    for part in (rule, critic):
+        if part.unit_rewards and not feedback.of_unit:
+            raise InputError(
+                f"{part.name!r} takes rewards as 0 or 1, the outcome of a probability, got "
+                f"{feedback.wrong:g} and {feedback.right:g}: rescale them, or use the rule "
+                "'reinforce'",
+                "right",
+                feedback.right,
+            )
+    if feedback.valid < 1 and critic.reliable:
+        CalibrationWarning.warn(
+            f"the critic {critic.name!r} takes feedback as always valid, but it is so in "
+            f"{feedback.valid:.0%} of trials: weights will be too small; use the critic 'affine'"
+        )
+    if feedback.valid == 0.5:
+        NoiseWarning.warn("feedback that is valid in half of the trials tells nothing")
+
+
+def learn_weights(
+    source: FeatureSource,
+    *,
+    seed: int,
+    rule: Rule | str = "confidence",
+    critic: Critic | str | None = None,
+    feedback: Feedback | None = None,
+    learner: WeightLearner | None = None,
+    decider: Decider | None = None,
+    runs: int = 8,
+    name: object = "weights",
+) -> LearnedWeights:
+    """Learn weights from reward, in several independent runs side by side.
+
+    In each trial the weights turn features into drives, the decider (by default ``FixedPoint()``,
+    which stops at a posterior of 0.9) turns these into a choice, and the rule changes the weights
+    by the reward less what the critic expected. The critic "affine" knows the share of valid
+    feedback. Warns if the critic assumes valid feedback and it is not; a unit that is never active
+    raises.
+    """
+    rule = rule_of(rule)
+    learner, decider = learner or WeightLearner(), decider or FixedPoint()
+    feedback = feedback or Feedback()
+    critic = critic_of(rule.critic if critic is None else critic)
+    if critic == Affine():
+        critic = Affine(valid=feedback.valid)
+    loop = Loop(source, rule, critic, feedback, learner, decider, runs, seed, name)
+    course = run_loop(loop)
+    return LearnedWeights(course.final, loop.names, decider.gain, course)
+
+
+def learn_weights_in_circuit(
+    source: FeatureSource, decider: InCircuit, *, critic: Critic | str | None = None, **options: Any
+) -> LearnedWeights:
+    """Learn weights with a circuit in the loop, in several independent runs side by side.
+
+    The default critic is the posterior read from SNr, up to the highest that the circuit can
+    express; ``options`` are those of ``learn_weights``.
+    """
+    critic = ReadOutConfidence(decider.ceiling) if critic is None else critic
+    return learn_weights(source, critic=critic, decider=decider, **options)
+
+
+def run_loop(loop: Loop) -> WeightCourse:
+    """Run all trials of a loop, and return the course of learning."""
+    learner, runs = loop.learner, loop.runs
+    kept = np.unique(np.linspace(0, learner.trials, learner.keep + 1).round().astype(int))[1:]
+    correct = np.empty((runs, learner.trials), bool)
+    readings, confidence = np.empty(correct.shape), np.empty(correct.shape)
+    weights = []
+    for k in range(learner.trials):
+        trial, correct[:, k], readings[:, k] = loop.trial()
+        confidence[:, k] = trial.of_choice(trial.posterior)
+        if k + 1 in kept:
+            weights.append(loop.weights.copy())
+    course = np.stack(weights, axis=1)
+    return WeightCourse(kept, course, correct, readings, confidence, loop.final)

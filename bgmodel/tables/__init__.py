@@ -1,1 +1,0 @@
-"""Input and output tables: trials, evidence, exports."""

@@ -1,1 +1,0 @@
-"""Theory of the sequential test: closed forms, first passages, exact recursions."""

@@ -1,0 +1,113 @@
+"""Errors due to bins of time: estimated, said of fast decisions, and not of others."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel.fitting import model_comparison, passage
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.cautions import PARTS, finer, moved_by_bins, of_bins, resolved
+from bgmodel.fitting.model_comparison import crossvalidated
+from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.posterior import directions
+from bgmodel.fitting.responses import Grid, moments, responded
+from bgmodel.fitting.settings import settings_of
+from bgmodel.fitting.simulated.race import RaceModel
+from bgmodel.support.seeds import stream
+
+SEED = 24_611
+STRENGTHS = (0.1, 0.2, 0.4)
+SENSITIVITY, T0_S = 8.0, 0.3
+ENDS_S = np.concatenate([[0], np.geomspace(1e-7, 1e-3, 2000), np.arange(1.1e-3, 4, 1e-4)])
+
+
+def table(bound, start, t0_sd_s, trials, seed):
+    """Return trials of the test, drawn without bins from the exact density of its decisions."""
+    rng = stream(seed, "exact")
+    time_s, width_s = (ENDS_S[1:] + ENDS_S[:-1]) / 2, np.diff(ENDS_S)
+    at_rest = passage.constant_at_rest(bound, time_s, start * bound)
+    parts = []
+    for strength in STRENGTHS:
+        drift, away = SENSITIVITY * strength, bound * np.array([[-1 - start], [1 - start]])
+        mass = (at_rest * np.exp(drift * away - drift**2 * time_s / 2) * width_s).ravel().cumsum()
+        place = np.searchsorted(mass, mass[-1] * rng.random(trials))
+        response, at = np.divmod(place, len(time_s))
+        decided = ENDS_S[at] + width_s[at] * rng.random(trials)
+        rt_s = decided + T0_S + t0_sd_s * rng.normal(size=trials)
+        parts.append(pd.DataFrame({"rt": rt_s, "response": response, "x": strength}))
+    return pd.concat(parts, ignore_index=True).assign(participant_id="a")
+
+
+def likelihood(bound, start=0.0, t0_sd_s=0.02, trials=2000, seed=SEED):
+    free = ("+start",) if start else ()
+    asked = settings_of(strength="x", free=free, fix={"lapse": 0.001})
+    choices = asked.read(table(bound, start, t0_sd_s, trials, seed))
+    return asked.likelihood(asked.design(choices), GapModel())
+
+
+def fitted(some):
+    peak = optimum(some)
+    return peak, directions(some, peak.vector)
+
+
+def test_the_error_of_bins_is_the_difference_to_a_fit_with_narrow_bins():
+    some = likelihood(0.3, start=0.85)
+    peak, there = fitted(some)
+    narrow = optimum(finer(some), starts=[peak.vector])
+    apart = peak.vector - narrow.vector
+    moved = moved_by_bins(some, there) * (1 - 1 / PARTS)
+    k = there.names.index("t0_s")
+    assert apart[k] < -0.0015  # later by 2 ms
+    assert 0.5 < moved[k] / apart[k] < 2  # one step of scoring
+    assert narrow.vector[k] == pytest.approx(T0_S, abs=4 * there.standard_errors[k])
+    (caution,) = of_bins(some, there)
+    assert "t0_s" in caution
+
+
+def with_directions(some):
+    return some, fitted(some)[1]
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("bound", "t0_sd_s"), [(0.4, 0.02), (0.7, 0.05), (1.2, 0.1)])
+def test_ordinary_decisions_are_not(bound, t0_sd_s, seed):
+    some, there = with_directions(likelihood(bound, t0_sd_s=t0_sd_s, trials=1000, seed=seed))
+    assert of_bins(some, there) == []
+    assert (np.abs(moved_by_bins(some, there)) < 0.1 * there.standard_errors).all()
+
+
+def test_models_with_bins_of_one_width_are_left_out():
+    some, there = with_directions(likelihood(0.12, t0_sd_s=0.01, trials=300))
+    simulated = replace(some, model=OneWidth())
+    assert not moved_by_bins(simulated, there).any()
+
+
+class OneWidth:
+    """A model without other bins, as a simulated circuit."""
+
+
+@pytest.mark.parametrize("model", [GapModel(), RaceModel(2)], ids=["gap", "race"])
+def test_densities_do_not_depend_on_the_width_of_bins(model):
+    values = {each.name: np.array([each.start]) for each in model.parameters}
+    response = {name: values[name] for name in ("t0_s", "t0_sd_s", "lapse")}
+    measured = []
+    for parts in (1, 2, 5):
+        grid = Grid(400 * parts, 0.01 / parts)
+        density = responded(model.decided(values, np.ones(1), grid), grid, **response)
+        measured.append([float(each[0]) for each in moments(density, grid).values()])
+    np.testing.assert_allclose(measured[1:], [measured[0]] * 2, rtol=2e-4)
+
+
+def test_models_are_compared_in_the_bins_of_their_fits(monkeypatch):
+    """Whatever bins the likelihood had that is given: those of fast decisions are too wide."""
+    monkeypatch.setattr(model_comparison, "FOLDS", 2)
+    some = likelihood(0.3, start=0.85, trials=300)
+    fine = resolved(optimum(some))
+    peaks = {"wide": (some, fine.vector), "narrow": (fine.likelihood, fine.vector)}
+    scores = crossvalidated({name: {"a": peak} for name, peak in peaks.items()}).table
+    assert scores.loc["wide", "log_likelihood"] == pytest.approx(
+        scores.loc["narrow", "log_likelihood"], abs=0.02
+    )
+    assert abs(some(fine.vector) - fine.log_likelihood) > 0.5

@@ -1,0 +1,164 @@
+"""Misfit is reported for data that the model cannot fit, and not for clean data."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from scipy.stats import chi2
+
+from bgmodel.fitting.algorithms import GapModel
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.fit import fit_likelihood
+from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.misfit import FIXED, Excess, misfit
+from bgmodel.fitting.optimum import Optimum
+from bgmodel.fitting.responses import moments
+from bgmodel.fitting.simulated.circuit import CircuitModel
+from bgmodel.fitting.simulated.error import without_parts
+from circuits.anatomy import load_circuit
+from tests.drawn import TRUTH, choices, drawn
+
+MODEL, SEED = GapModel(), 92
+STRENGTHS = [0.0, 0.1, 0.2, 0.4]
+VALUES = {"sensitivity": 8.0, "bound": 0.7}
+CLEAN = drawn(MODEL, STRENGTHS, 500, SEED, seconds=4.0, **VALUES)
+FREE = ["sensitivity", "bound", "t0_s", "t0_sd_s", "lapse"]
+
+
+def fitted(some, **options):
+    """Return a fit, and its warnings of a misfit."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        fit = fit_likelihood(likelihood_of(MODEL, design_of(some, **options), free=FREE))
+    return fit, [str(each.message) for each in caught if "does not fit" in str(each.message)]
+
+
+def at_truth(some, **options):
+    """Return the misfit of data to the model that they were drawn from."""
+    values = {**TRUTH, **VALUES}
+    likelihood = likelihood_of(MODEL, design_of(some, **options), free=FREE)
+    vector = np.array([values[name] for name in likelihood.freedom.names])
+    return misfit(Optimum(likelihood, vector, 0.0, 0))
+
+
+def guessing():
+    """Return choices, a fifth of them fast guesses."""
+    rng = np.random.default_rng(SEED)
+    guess = rng.random(CLEAN.trials) < 0.2
+    rt_s = np.where(guess, rng.uniform(0.15, 0.3, CLEAN.trials), CLEAN.rt_s)
+    response = np.where(guess, rng.integers(0, 2, CLEAN.trials), CLEAN.response)
+    return replace(CLEAN, rt_s=rt_s, response=response.astype(np.int8))
+
+
+def mixed_units():
+    """Return choices with half of the strengths in per cent."""
+    half = np.arange(CLEAN.trials) % 4 < 2
+    return replace(CLEAN, strength=np.where(half, 100.0, 1.0) * CLEAN.strength)
+
+
+class Varying(GapModel):
+    """The test with a drift that differs from trial to trial, with a standard deviation of 4."""
+
+    def decided(self, values, strength, grid):
+        nodes, weights = np.polynomial.hermite_e.hermegauss(11)
+        mass = 0.0
+        for node, weight in zip(nodes, weights / weights.sum(), strict=True):
+            drift = values["sensitivity"] * strength + 4.0 * node
+            one = super().decided({**values, "sensitivity": np.ones(len(drift))}, abs(drift), grid)
+            mass = mass + weight * np.where((drift < 0)[:, None, None], one[:, ::-1], one)
+        return mass
+
+
+@pytest.mark.parametrize(
+    "some",
+    [guessing, mixed_units, lambda: drawn(Varying(), STRENGTHS, 500, SEED, seconds=4.0, **VALUES)],
+    ids=["guesses", "units", "varying drift"],
+)
+def test_data_that_the_model_does_not_fit_are_said_with_the_worst_cell(some):
+    fit, (text,) = fitted(some())
+    table = fit.cells()
+    worst = table[["z_accuracy", "z_mean_rt"]].abs().max(axis=1).idxmax()
+    design = fit.optimum.likelihood.design
+    assert design.label(worst) in text
+    assert 3 * min(fit.misfit.p.values()) < 0.003
+
+
+def test_z_scores_are_those_of_the_data_in_standard_deviations_of_the_model():
+    fit, _ = fitted(CLEAN)
+    table, whole = fit.cells(), fit.optimum.complete
+    expected = moments(whole.density, whole.likelihood.design.grid)
+    n = table["trials"]
+    sd = np.sqrt(expected["accuracy"] * (1 - expected["accuracy"]) / n)
+    z = (table["accuracy"] - expected["accuracy"]) / sd
+    assert table["z_accuracy"].to_numpy() == pytest.approx(z.to_numpy())
+    z = (table["mean_s"] - expected["mean_s"]) / (expected["sd_s"] / np.sqrt(n))
+    assert table["z_mean_rt"].to_numpy() == pytest.approx(z.to_numpy())
+
+
+@pytest.mark.parametrize("case", [{"rt_window": (0.45, 0.8)}, {"rt_window": (0.0, 9.0)}, {}])
+@pytest.mark.parametrize("deadline_s", [None, 0.7])
+@pytest.mark.filterwarnings("ignore:all. .* response times are excluded")
+def test_at_the_truth_p_values_are_those_of_chance(case, deadline_s):
+    """Within a window and by a deadline too: mean p of 0.5, within 4 standard errors of 20 sets."""
+    misfits = [
+        at_truth(drawn(MODEL, STRENGTHS, 200, k, deadline_s=deadline_s, **VALUES), **case)
+        for k in range(20)
+    ]
+    for name in misfits[0].p:
+        p = np.array([each.p[name] for each in misfits])
+        assert p.mean() == pytest.approx(0.5, abs=4 / np.sqrt(12 * len(p)))
+        assert p.min() > 1e-3
+    z = np.array([[each.z_accuracy, each.z_mean_rt] for each in misfits])
+    assert z.std() == pytest.approx(1, abs=0.25)
+
+
+def test_a_cell_without_a_response_has_no_z_score_and_does_no_harm():
+    some = drawn(MODEL, STRENGTHS, 100, SEED, seconds=4.0, deadline_s=2.0, **VALUES)
+    none = np.abs(some.strength) == 0.4
+    response = np.where(none, -1, some.response).astype(np.int8)
+    checked = at_truth(replace(some, response=response, rt_s=np.where(none, np.nan, some.rt_s)))
+    assert np.isnan([checked.z_accuracy[3], checked.z_mean_rt[3]]).all()
+    assert np.isfinite(checked.z_accuracy[:3]).all()
+    # That many misses are no chance.
+    assert checked.p["the distribution of responses and their times"] < 1e-6
+
+
+@given(
+    off=hnp.arrays(float, 6, elements=st.floats(-5, 5)),
+    fixed=st.integers(0, 2),
+    small=st.integers(0, 3),
+)
+def test_p_is_that_of_a_chi_square_with_a_degree_of_freedom_per_free_sum(off, fixed, small):
+    """Sums of few trials count as one, those that data and model share as none (Pearson 1900)."""
+    variance, size = np.linspace(0.5, 2, 6), np.where(np.arange(6) < small, 2.0, 50.0)
+    few = size < 20
+    chi_square = (off**2 / variance)[~few].sum()
+    if small:
+        chi_square += off[few].sum() ** 2 / variance[few].sum()
+    p = Excess(off, variance, np.zeros((0, 6)), size).p(20, fixed)
+    assert p == pytest.approx(chi2.sf(chi_square, 6 - max(small - 1, 0) - fixed), rel=1e-9)
+
+
+def test_data_and_model_share_the_number_of_trials_and_nothing_else():
+    """As many sums are fixed as add up to zero, however far the data are off."""
+    excess = at_truth(guessing()).excess
+    fixed = {name: int(abs(each.off.sum()) < 1e-6) for name, each in excess.items()}
+    assert fixed == FIXED
+
+
+def test_the_error_of_simulated_trials_is_part_of_the_z_scores():
+    seen = choices([0.1] * 40 + [0.4] * 40, [1, 0, 1, 1] * 20, 0.4 + np.arange(80) / 200)
+    model = CircuitModel(load_circuit("bogacz_gurney", 2), "algebra", seconds=1.0, trials=16)
+    likelihood = likelihood_of(model, design_of(seen), free=["threshold_nats"])
+    best = Optimum(likelihood, np.array([0.25]), 0.0, 0)
+    from bgmodel.fitting.posterior import directions
+
+    left = without_parts(likelihood, directions(likelihood, best.vector))
+    alone, with_error = misfit(best), misfit(best, left)
+    assert (np.abs(with_error.z_accuracy) < np.abs(alone.z_accuracy)).all()
+    assert (np.abs(with_error.z_mean_rt) < np.abs(alone.z_mean_rt)).all()
+    assert all(with_error.p[name] >= p for name, p in alone.p.items())

@@ -1,0 +1,211 @@
+"""Fits of stop trials: closed forms, known stop processes, and what cannot be told apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bgmodel.fitting.fit import fit_likelihood
+from bgmodel.fitting.hierarchy.fit import fit_group
+from bgmodel.fitting.hierarchy.group import ALMOST
+from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.stop_process import (
+    GO,
+    TEST,
+    StopModel,
+    go_process,
+    laid,
+    stop_model,
+)
+from bgmodel.fitting.stop_race import StopRace, likelihood
+from bgmodel.stopping.inputs import MOST_NATS
+from bgmodel.stopping.trials import StopTrials, drawn_delays
+from tests.helpers import refused
+
+DELAYS = np.arange(50.0, 451.0, 50.0)
+TRUE = {"ssrt_ms": 200.0, "ssrt_sd_ms": 40.0, "failures": 0.1}
+ALIKE = StopRace(slowing_ms=(0.0, 0.0))
+
+
+def raced(seed, trials=200, people_sd_ms=0.0, **true):
+    """Return the record of a person in an independent race, half stop trials."""
+    rng, true = np.random.default_rng(seed), TRUE | true
+    go = 300 + 30 * rng.standard_normal() + rng.gamma(3.0, 50.0, trials)
+    ssd = drawn_delays(trials, DELAYS, 0.5, rng)
+    stop = ssd + true["ssrt_ms"] + people_sd_ms * rng.standard_normal()
+    stop = stop + true["ssrt_sd_ms"] * rng.standard_normal(trials)
+    stopped = (go > np.nan_to_num(stop, nan=np.inf)) & (rng.random(trials) > true["failures"])
+    return StopTrials(np.where(stopped, np.nan, go), ssd).to_trials(f"p{seed}")
+
+
+def values(trials, **changes):
+    """Return values of each parameter in every trial."""
+    every = TRUE | {"strength_nats": MOST_NATS} | changes
+    return {name: np.full(trials.trials, float(value)) for name, value in every.items()}
+
+
+def test_responses_are_the_share_of_faster_go_times_without_spread_and_failures():
+    trials = raced(1)
+    one = StopTrials.of(trials)
+    responded = ALIKE.p_respond(trials, values(trials, ssrt_sd_ms=1e-9, failures=0))
+    ends, go = one.ssd_ms[one.stop] + 200, one.rt_ms[~one.stop]
+    assert responded == pytest.approx([np.mean(go <= end) for end in ends], abs=1e-12)
+
+
+def test_failures_and_spread_have_their_closed_form():
+    trials = raced(1)
+    one, rng = StopTrials.of(trials), np.random.default_rng(1)
+    go = one.rt_ms[~one.stop]
+    ends = one.ssd_ms[one.stop] + 200 + 40 * rng.standard_normal((4000, one.stop.sum()))
+    drawn = 0.1 + 0.9 * (np.searchsorted(np.sort(go), ends, side="right") / len(go)).mean(axis=0)
+    responded = ALIKE.p_respond(trials, values(trials))
+    assert responded == pytest.approx(drawn, abs=0.02)
+    log, failed = ALIKE.log_density(trials, values(trials)), one.responded[one.stop]
+    assert log[one.stop] == pytest.approx(np.log(np.where(failed, responded, 1 - responded)))
+    assert not log[~one.stop].any()
+
+
+def test_values_may_differ_between_trials_and_several_sets_stand_side_by_side():
+    trials = raced(1)
+    one, other = values(trials), values(trials, ssrt_ms=260.0, failures=0.3)
+    first = np.arange(trials.trials) < 80
+    both = {name: np.where(first, one[name], other[name]) for name in one}
+    alone = [ALIKE.log_density(trials, each) for each in (one, other)]
+    assert ALIKE.log_density(trials, both) == pytest.approx(np.where(first, *alone))
+    stacked = {name: np.stack([one[name], other[name]]) for name in one}
+    assert ALIKE.log_density(trials, stacked) == pytest.approx(np.stack(alone))
+
+
+def test_simulated_trials_have_the_probabilities_and_the_go_times():
+    trials = raced(1, 3000)
+    one = StopTrials.of(trials)
+    made = StopTrials.of(ALIKE.simulate(trials, values(trials), np.random.default_rng(2)))
+    p = ALIKE.p_respond(trials, values(trials))
+    apart = made.responded[one.stop].mean() - p.mean()
+    assert abs(apart) < 4 * np.sqrt((p * (1 - p)).mean() / len(p))
+    assert np.nanmean(made.rt_ms[~one.stop]) == pytest.approx(one.rt_ms[~one.stop].mean(), abs=10)
+    assert (made.stop == one.stop).all()
+
+
+def test_known_parameters_are_found_and_the_model_fits():
+    fit = fit_likelihood(likelihood(ALIKE, raced(3, 3000)))
+    table = fit.parameters().set_index("parameter")
+    for name, value in TRUE.items():
+        assert abs(table.loc[name, "value"] - value) < 3.5 * table.loc[name, "standard_error"]
+    assert table.loc["ssrt_ms", "standard_error"] < 12
+    assert min(fit.misfit.p.values()) > 0.001
+
+
+def test_a_hierarchy_finds_the_group_and_one_standard_deviation_between_trials():
+    every = [raced(100 + who, 160, 30.0) for who in range(12)]
+    group = fit_group({each.people()[0]: likelihood(ALIKE, each) for each in every})
+    table, between = group.summary(), group.between[..., 1]
+    assert group.agreement.reached
+    for name, value in TRUE.items():
+        low, high = table.loc[name, ["low", "high"]]
+        assert low - (high - low) / 2 < value < high + (high - low) / 2
+    low, high = table.loc["ssrt_ms", ["between_low", "between_high"]]
+    assert low < 30 < high
+    assert between.max() <= ALMOST * group.scale.unit[1]
+
+
+def weak():
+    """Return trials, and races of two people whose thresholds are 0.3 and 0.2 nats."""
+    rng = np.random.default_rng(2)
+    go = 350 + rng.gamma(2.0, 60.0, 400)
+    ssd = np.append(np.full(400, np.nan), [150.0, 250.0, 350.0, 450.0])
+    trials = StopTrials(np.append(go, np.full(4, np.nan)), ssd).to_trials()
+    model = StopModel("circuit", 2.0, np.arange(1.0, 201.0), np.linspace(0.005, 1, 200))
+    bounds = [-np.log(np.expm1(theta)) / 2.0 for theta in (0.3, 0.2)]
+    process = {"sensitivity": 3.0, "t0_s": 0.3, "t0_sd_s": 0.03}
+    return trials, [StopRace(model, process | {"bound": bound}) for bound in bounds]
+
+
+def test_a_weak_stop_blocks_those_below_its_strength_and_delays_the_others():
+    trials, races = weak()
+    assert [race.threshold for race in races] == pytest.approx([0.3, 0.2])
+    # A step has no latency.
+    first, second = (replace(race, process=replace(race.process, time_ms=None)) for race in races)
+
+    def p(race, strength):
+        theta = {"ssrt_ms": 1.0, "ssrt_sd_ms": 5.0, "failures": 0.0, "strength_nats": strength}
+        return race.p_respond(trials, values(trials, **theta))
+
+    assert p(second, 0.25) == pytest.approx(p(second, MOST_NATS), abs=1e-12)
+    strong, some, more, none = (p(first, strength)[-1] for strength in (0.4, 0.25, 0.1, 0.0))
+    assert strong < some < more <= none + 1e-9
+    many = StopTrials(np.tile(1000 * trials.rt_s, 5), np.tile(1000 * trials.ssd_s, 5)).to_trials()
+    theta = values(many, ssrt_ms=1.0, ssrt_sd_ms=5.0, failures=0.0, strength_nats=0.1)
+    rng, stop = np.random.default_rng(4), np.isfinite(many.ssd_s)
+    made = [(first.simulate(many, theta, rng).response >= 0)[stop] for _ in range(40)]
+    assert np.mean(made) == pytest.approx(
+        first.p_respond(many, theta).mean(), abs=4 * 0.5 / 800**0.5
+    )
+
+
+def test_the_latency_of_a_stop_is_that_at_the_threshold():
+    _, races = weak()
+    # c rises by 0.5 % of the strength per ms.
+    latencies_ms = [race.latency_ms(np.array([0.6, 0.25])) for race in races]
+    assert latencies_ms[0] == pytest.approx([100.0, 100.0], abs=1.5)
+    assert latencies_ms[1] == pytest.approx([0.2 / 0.6 * 200, 160.0], abs=1.5)
+    assert not replace(races[0], process=TEST).latency_ms(np.array([1.0])).any()
+
+
+def test_the_circuits_stop_is_its_step_response():
+    model = stop_model("macaque")
+    assert model.name == "macaque"
+    assert model.added[-1] == pytest.approx(1.0, abs=0.01)
+    assert model.latency_ms(0.2, 1.0) < model.latency_ms(0.2, 0.3)
+    assert stop_model("constant_gap") is TEST
+    with refused("models"):
+        stop_model("falling_gap")
+
+
+def test_slowing_after_stops_is_taken_out_of_go_times_and_put_into_stop_trials():
+    #      go   stop   go   stop  stop
+    rt = [400.0, 350, 460] + [400.0] * 12 + [np.nan, 380.0]
+    ssd = [np.nan, 200.0, np.nan] + [np.nan] * 12 + [250.0, 250.0]
+    trials = StopTrials([*rt, 480.0, 350.0, 300.0], [*ssd, np.nan, 200.0, 200.0]).to_trials()
+    # After failed stops go responses are 60 and 80 ms later.
+    data = laid(trials)
+    assert data.slower_ms[data.stop].tolist() == [0, 0, 0, 0, 70]
+    assert data.go_ms.tolist() == [400.0, 390.0] + [400.0] * 12 + [410.0]
+    assert laid(trials, (0.0, 0.0)).slower_ms.max() == 0
+
+
+def test_a_go_process_is_found_in_a_persons_go_trials():
+    rng = np.random.default_rng(3)
+    v, a, t0, dt = 3.0, 0.5, 0.3, 1e-3
+    x, rt = np.zeros(400), np.full(400, np.nan)
+    for step in range(4000):
+        x = np.where(np.isnan(rt), x + v * dt + np.sqrt(dt) * rng.standard_normal(400), x)
+        rt = np.where(np.isnan(rt) & (np.abs(x) >= a), step * dt + t0, rt)
+    trials = StopTrials(1000 * rt, np.full(400, np.nan), x > 0)
+    estimates = go_process(trials.to_trials())
+    assert list(estimates) == list(GO)
+    assert estimates["sensitivity"] == pytest.approx(v, abs=0.5)
+    assert estimates["bound"] == pytest.approx(a, abs=0.07)
+    never = StopTrials(np.full(9, np.nan), np.full(9, np.nan), np.zeros(9, bool))
+    for unknown in (replace(trials, correct=None), never):
+        assert np.isnan(list(go_process(unknown.to_trials()).values())).all()
+
+
+def test_a_person_without_enough_trials_is_refused():
+    for few in (
+        StopTrials([400.0, 300.0], [np.nan, 200.0]),
+        StopTrials([400.0] * 12, [np.nan] * 12),
+    ):
+        with refused("ssd"):
+            likelihood("constant_gap", few.to_trials())
+
+
+def test_shuffled_delays_are_far_less_likely():
+    """Negative control: outcomes that do not depend on the delay contradict the closed form."""
+    trials, rng = raced(3, 800), np.random.default_rng(5)
+    ssd_s = trials.ssd_s.copy()
+    ssd_s[~np.isnan(ssd_s)] = rng.permutation(ssd_s[~np.isnan(ssd_s)])
+    true, shuffled = (
+        optimum(likelihood(ALIKE, each)) for each in (trials, replace(trials, ssd_s=ssd_s))
+    )
+    assert shuffled.log_likelihood < true.log_likelihood - 50

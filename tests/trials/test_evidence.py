@@ -1,0 +1,347 @@
+"""A user's table of evidence: read unchanged, or rejected with an explanation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bgmodel import Msprt, first_crossing
+from bgmodel.deciding.calibration import warn_of_units
+from bgmodel.evidence import Evidence
+from bgmodel.simulated_evidence import separated_evidence
+from bgmodel.support.files import write_table
+from bgmodel.support.seeds import stream
+from bgmodel.tactile.task import Orientation, SameDifferent
+from bgmodel.trials.evidence import read_evidence_table, trials_from_table
+from bgmodel.trials.named import trial_table
+from circuits.errors import CalibrationWarning, DataWarning
+from tests.helpers import long_table, refused, unwarned
+
+
+def test_a_users_table_gives_back_the_evidence():
+    evidence = separated_evidence(7, 4, 1.0, rng=stream(1, "tables"), hypotheses=3)
+    within = long_table(evidence)
+    # Trials in their order, the rows of each in any.
+    shuffled = within.sample(frac=1, random_state=3).sort_values("trial", kind="stable")
+    back = trials_from_table(shuffled)
+    assert back.names == ["a", "b", "c"]
+    assert np.array_equal(back.evidence.log_likelihood, evidence.log_likelihood)
+    assert np.array_equal(back.evidence.truth, evidence.truth)
+    blind = trials_from_table(long_table(evidence, truth=False))
+    assert blind.evidence.truth is None
+    decided = trial_table(first_crossing(Msprt().run(blind.evidence), 0.1), blind, model="msprt")
+    assert decided["correct"].isna().all()
+    assert back.summary() == "read 7 trials of 4 readings, hypotheses a, b, c"
+
+
+IDS = {
+    "strings": list("qwertyu"),
+    "mixed": ["a", 1, 2.5, (3, 4), "1", -7, "b c"],
+    "falling": [9, 7, 5, 3, 1, 0, -1],
+    "numbers with a dot": [0.5, 1.5, 2.5, -1.0, 10.25, 3.0, 4.0],
+    "dates": list(pd.date_range("2026-01-01", periods=7)),
+    "truths": [True, False, "yes", "no", 1.5, 2.5, 3.5],
+}
+
+
+@pytest.mark.parametrize("kind", IDS)
+def test_trial_ids_of_any_kind_come_back_in_the_order_of_the_table(kind):
+    evidence = separated_evidence(7, 4, 1.0, rng=stream(1, "tables"), hypotheses=3)
+    table = long_table(evidence)
+    ids = pd.Series(IDS[kind], dtype=object if kind in ("mixed", "truths") else None)
+    table["trial"] = np.array(ids, dtype=object)[table["trial"]]
+    table["trial"] = table["trial"].astype(ids.dtype)
+    back = trials_from_table(table)
+    assert list(back.columns["trial"]) == list(ids)
+    assert np.array_equal(back.evidence.log_likelihood, evidence.log_likelihood)
+    decided = trial_table(first_crossing(Msprt().run(back.evidence), 0.2), back, model="m")
+    assert list(decided["trial"]) == list(ids)
+    assert decided["row"].tolist() == [0, 4, 8, 12, 16, 20, 24]
+
+
+def ragged(rng, trials=40, most=9):
+    """Return a table of unequal trials with ids, participants and other columns, and lengths."""
+    lengths = rng.integers(1, most + 1, trials)
+    table = pd.DataFrame(
+        {
+            "trial": np.repeat(np.arange(trials) // 2, lengths),
+            "participant_id": np.repeat(np.where(np.arange(trials) % 2, "s02", "s01"), lengths),
+            "step": np.concatenate([np.arange(1, n + 1) for n in lengths]),
+            "ll_left": rng.normal(0, 1, lengths.sum()),
+            "ll_right": rng.normal(0, 1, lengths.sum()),
+            "truth": np.repeat(rng.choice(["left", "right"], trials), lengths),
+            "block": np.repeat(np.arange(trials) // 10, lengths),
+            "rt": np.repeat(rng.gamma(2, 0.3, trials), lengths),
+            "condition": np.repeat(rng.choice(["easy", "hard"], trials), lengths),
+            "eye_x": rng.normal(0, 1, lengths.sum()),
+        }
+    )
+    return table, lengths
+
+
+def test_a_users_columns_come_back_and_the_result_joins_by_id_and_by_row():
+    table, lengths = ragged(np.random.default_rng(5))
+    table = table.sample(frac=1, random_state=2).reset_index(drop=True)
+    trials = trials_from_table(table, step_ms=50.0)
+    assert trials.varying == ["eye_x"]
+    decided = trial_table(first_crossing(Msprt().run(trials.evidence), 0.3), trials, model="m")
+    assert sorted(trials.evidence.readings) == sorted(lengths)
+    keys = ["participant_id", "trial"]
+    first = table.groupby(keys, sort=False, as_index=False).first()
+    joined = first.merge(decided, on=keys, suffixes=("", "_ours"), validate="one_to_one")
+    assert len(joined) == len(decided) == 40
+    assert (joined["given_rt"] == joined["rt"]).all()
+    assert (joined["condition_ours"] == joined["condition"]).all()
+    assert (joined["block_ours"] == joined["block"]).all()
+    assert (joined["stimulus"] == joined["truth"]).all()
+    by_row = table.iloc[decided["row"]].reset_index(drop=True)
+    assert (by_row[keys] == decided[keys]).all(axis=None)
+    assert "eye_x" not in decided
+
+
+def test_a_forced_trial_of_a_table_is_decided_by_its_own_readings():
+    """The plain oracle: sums of a trial's rows, up to its own last one."""
+    table, _ = ragged(np.random.default_rng(6))
+    trials = trials_from_table(table, step_ms=50.0)
+    decided = first_crossing(Msprt().run(trials.evidence), -np.log(0.9))
+    result = trial_table(decided, trials, model="m").set_index(["participant_id", "trial"])
+    assert 0 < result["forced"].sum() < len(result)
+    for key, rows in table.groupby(["participant_id", "trial"]):
+        rows = rows.sort_values("step")
+        z = (rows["ll_right"] - rows["ll_left"]).cumsum().to_numpy()
+        crossed = np.abs(z) >= np.log(9)
+        k = int(np.argmax(crossed)) if crossed.any() else len(z) - 1
+        one = result.loc[key]
+        assert one["response"] == ("right" if z[k] > 0 else "left")
+        assert one["rt"] == pytest.approx(0.05 * (k + 1))
+        assert one["forced"] == (not crossed.any())
+
+
+@pytest.mark.parametrize(
+    ("cells", "kind"),
+    [
+        (["007", "8", "9"], "text"),
+        (["7", "8", "-9"], "number"),
+        (["1.50", "2.5", "3"], "text"),
+        (["0.5", "2.0", "-3.25"], "number"),
+        (["NA", "nan", "NULL"], "text"),
+        (["1", "", "3"], "text"),
+        (["99999999999999999999", "1", "2"], "text"),
+        (["1e5", "2", "3"], "text"),
+        (["-1", "9223372036854775809", "2"], "text"),
+        (["True", "False", "True"], "text"),
+    ],
+)
+def test_cells_of_a_csv_come_back_as_they_were_written(tmp_path, cells, kind):
+    path = tmp_path / "mine.csv"
+    rows = [f"{k},0,-1,-2,{cell}" for k, cell in enumerate(cells)]
+    path.write_text("\n".join(["trial,step,ll_a,ll_b,tag", *rows]))
+    trials = read_evidence_table(path)
+    assert (trials.columns["tag"].dtype == object) == (kind == "text")
+    decided = trial_table(first_crossing(Msprt().run(trials.evidence), 0.1), trials, model="m")
+    write_table(decided, tmp_path / "out.csv")
+    assert (
+        pd.read_csv(tmp_path / "out.csv", dtype=str, keep_default_na=False)["tag"].tolist() == cells
+    )
+
+
+def test_the_ending_of_a_file_says_how_it_is_read_and_numbers_are_the_same(tmp_path):
+    """Readings are 1 ms apart by default."""
+    table = long_table(separated_evidence(7, 4, 1.0, rng=stream(1, "tables")))
+    table.to_csv(tmp_path / "mine.csv", index=False)
+    table.to_parquet(tmp_path / "mine.parquet")
+    known = trials_from_table(table)
+    for path in (tmp_path / "mine.csv", tmp_path / "mine.parquet"):
+        evidence = read_evidence_table(path).evidence
+        np.testing.assert_array_equal(evidence.log_likelihood, known.evidence.log_likelihood)
+        assert (evidence.onset_ms, evidence.step_ms) == (0, 1)
+        later = read_evidence_table(path, onset_ms=20.0, step_ms=50.0, prior=[0.25, 0.75]).evidence
+        assert (later.onset_ms, later.step_ms) == (20, 50)
+        assert later.prior.tolist() == [0.25, 0.75]
+    assert (known.evidence.onset_ms, known.evidence.step_ms) == (0, 1)
+    for name in ("absent.csv", "absent.parquet"):
+        with pytest.raises(ValueError, match=f"there is no table .*{name}"):
+            read_evidence_table(tmp_path / name)
+
+
+def test_a_million_nats_are_the_most_that_a_reading_says():
+    table = long_table(separated_evidence(7, 4, 1.0, rng=stream(1, "tables")))
+    at = np.arange(len(table))
+    most = table.assign(ll_a=np.where(at == 3, 1e6, -1e6))
+    assert np.ptp(trials_from_table(most).evidence.log_likelihood[..., 0]) == 2e6
+    for beyond in (1.000001e6, -1.000001e6):
+        with refused("ll_b must be .* at trial 1, step 1"):
+            trials_from_table(table.assign(ll_b=np.where(at == 5, beyond, 0.0)))
+
+
+def changed(**columns):
+    return lambda good: good.assign(**columns)
+
+
+def at(name, row, value):
+    """Return what puts a value into one row of a column."""
+    return changed(**{name: lambda t: t[name].astype(object).where(t.index != row, value)})
+
+
+def renamed(old, new):
+    return lambda good: good.rename(columns={old: new})
+
+
+BAD = {
+    "columns needs the columns trial, step": lambda good: good.drop(columns="step"),
+    "columns at least two ll_": lambda good: good.drop(columns="ll_a"),
+    "table at least one trial": lambda good: good.head(0),
+    "step trial 0 has step 0 twice": lambda good: pd.concat([good, good.head(1)]),
+    "step trial 0 starts with 1": lambda good: good.iloc[1:],
+    "step trial 0 goes from 0 to 2": lambda good: good.drop(index=1),
+    "step must be a whole number, got 0.5": changed(step=0.5),
+    "step must be a whole number, got late": changed(step="late"),
+    "step every trial: trial 0 starts with 2": changed(step=lambda good: good["step"] + 2),
+    "trial is missing in row 4": at("trial", 4, np.nan),
+    "ll_a must be a finite number within .* got 'abc' at trial 0, step 1": at("ll_a", 1, "abc"),
+    r"ll_b must be .* got 'nan' at trial 0, step 0 \(28 such": changed(ll_b=np.nan),
+    r"truth must be one of .* first 'z' in row 0 \(28 such rows\)": changed(truth="z"),
+    "truth first 'z' in row 9": at("truth", 9, "z"),
+    "truth got several in one trial, first 'b' in row 1": changed(
+        truth=lambda good: np.where(good.index == 1, "b", "a")
+    ),
+    "columns 'LL_a' is not a hypothesis": renamed("ll_a", "LL_a"),
+    "columns 'll_a ' is not a hypothesis": renamed("ll_a", "ll_a "),
+    "columns 'll_ b' is not a hypothesis": renamed("ll_b", "ll_ b"),
+    **{
+        f"columns {name!r} is not a hypothesis": changed(**{name: 0.0})
+        for name in ("ll_", " ll_c", "ll-c", "Ll c")
+    },
+    "truth 'Truth' is not 'truth'": changed(Truth="a"),
+    "trial 'trial ' is not 'trial'": changed(**{"trial ": 1}),
+    "columns 'll_a' twice": renamed("ll_b", "ll_a"),
+    "columns the column row is reserved for results": changed(row=1),
+    "ll_a must be a finite number within .* got '2000000.0'": changed(ll_a=2e6),
+    "ll_a must hold numbers, got bool": changed(ll_a=True),
+    "step must hold numbers, got datetime64": changed(step=pd.Timestamp("2026-01-01")),
+    "columns the column rt is reserved for results": changed(rt=1, given_rt=2),
+    "truth must be one of .* got .'1.0', 'nan'": changed(
+        truth=lambda good: np.where(good["trial"] == 0, np.nan, 1.0)
+    ),
+    "note column 'note' can't be compared": lambda good: good.assign(note=[[1]] * len(good)),
+}
+
+
+@pytest.mark.parametrize("says", BAD)
+def test_bad_tables_get_one_clear_sentence(says):
+    good = long_table(separated_evidence(7, 4, 1.0, rng=stream(1, "tables")))
+    trials_from_table(good)
+    with refused(says) as raised:
+        trials_from_table(BAD[says](good))
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("trial,step,ll_a,ll_a\n0,0,1,2\n", "columns each column may occur once"),
+        ("trial,step,ll_a,ll_b\n0,0,1,2,3\n", "path a row has more cells than the header"),
+        ("\ntrial,step,ll_a,ll_b\n007,0,1,2\n", "path first line is blank"),
+        ("\ufeff\r\ntrial,step,ll_a,ll_b\r\n007,0,1,2\r\n", "path first line is blank"),
+        ("trial;step;ll_a;ll_b\n0;0;1;2\n", "path columns are separated by ';'"),
+        ("trial;step;ll_a;ll_b\n0;0;1,5;2,5\n", "path separated by ';'.*a point as the decimal"),
+        ("trial\tstep\tll_a\tll_b\n0\t0\t1\t2\n", "path columns are separated by"),
+        ("trial,step,ll_a,ll_b\n0,0,1,5,2,5\n", "path decimal sign a comma"),
+        ("trial,step,ll_a,ll_b\n0,0,1,2\n0,1,1,5,2,5\n", "path decimal sign a comma"),
+        ('trial,step,ll_a,ll_b\n0,0,"-1,5",2\n', "ll_a got '-1,5'.*decimal sign a comma"),
+        ("", "path can't be read as .csv"),
+        ("trial\n0\n", "columns needs the columns trial, step and at least two .*"),
+        ("trial,step,ll_a,ll_b\n", "table at least one trial"),
+        ("trial,step,ll_a,ll_b\n0,0,1,\n", "ll_b must be a finite number"),
+        ("trial,step,ll_a,ll_b\n0,0,1,inf\n", "ll_b must be a finite number"),
+        ("trial,step,ll_a,ll_b\n,0,1,2\n", "trial missing in row 0"),
+    ],
+)
+def test_bad_csv_gets_one_sentence_with_its_name(tmp_path, text, says):
+    path = tmp_path / "mine.csv"
+    path.write_text(text)
+    with refused(says) as raised:
+        read_evidence_table(path)
+    assert "mine.csv" in str(raised.value)
+
+
+def test_a_csv_that_is_no_utf8_gets_one_sentence(tmp_path):
+    path = tmp_path / "mine.csv"
+    path.write_bytes("trial,step,ll_a,ll_b\nübung,0,1,2\n".encode("latin-1"))
+    with refused("path it is not text in UTF-8"):
+        read_evidence_table(path)
+
+
+def test_the_same_trial_number_of_two_participants_is_two_trials():
+    table, _ = ragged(np.random.default_rng(5))
+    assert trials_from_table(table).evidence.trials == 40
+    with refused(r"step has step 1 twice \(two participants\? give part"):
+        trials_from_table(table.drop(columns="participant_id"))
+
+
+def test_a_table_too_large_says_what_it_needs():
+    table = pd.DataFrame({"trial": np.arange(200_000), "step": 0, "ll_a": 0.0, "ll_b": 0.0})
+    long = pd.DataFrame({"trial": -1, "step": np.arange(2_000_000), "ll_a": 0.0, "ll_b": 0.0})
+    with pytest.raises(ValueError, match="200001 trials of up to 2000000 readings need"):
+        trials_from_table(pd.concat([table, long]))
+
+
+def test_trials_that_are_there_twice_are_warned_of_and_those_alike_by_chance_are_not(recwarn):
+    table = long_table(separated_evidence(30, 12, 0.5, rng=4))
+    again = table[table["trial"] < 7].assign(trial=lambda rows: rows["trial"] + 1000)
+    with pytest.warns(DataWarning, match="7 of 37 trials"):
+        trials_from_table(pd.concat([table, again]))
+    recwarn.clear()
+    trials_from_table(table)
+    binary = stream(4, "binary").choice([-0.4, 0.4], (200, 3, 2))
+    trials_from_table(long_table(Evidence(binary), truth=False))
+    assert not recwarn
+
+
+def in_units(evidence, nats):
+    """Return evidence with log-likelihoods in a given unit, nats."""
+    return replace(evidence, log_likelihood=evidence.log_likelihood / nats)
+
+
+@pytest.mark.parametrize("channels", [2, 3])
+@pytest.mark.parametrize(("unit", "nats"), [("log2", np.log(2)), ("log10", np.log(10))])
+def test_logarithms_to_another_base_are_told_by_the_truth(channels, unit, nats):
+    evidence = separated_evidence(2000, 30, 0.4, rng=5, hypotheses=channels)
+    other = in_units(evidence, nats)
+    with pytest.warns(CalibrationWarning, match=f"those of {unit} times"):
+        trials_from_table(long_table(other))
+    with unwarned():
+        trials_from_table(long_table(other, truth=False))
+        trials_from_table(long_table(evidence))
+
+
+def test_natural_logarithms_are_never_taken_for_others():
+    """The z score of each table is at most 3.29 in all but one of a thousand."""
+    with unwarned():
+        for seed in range(200):
+            for trials, separation in ((40, 0.35), (200, 1.5)):
+                drawn = separated_evidence(
+                    trials, 30, separation, rng=seed, hypotheses=2 + seed % 3
+                )
+                warn_of_units(drawn)
+
+
+def test_the_baseline_is_the_mean_of_all_numbers():
+    evidence = trials_from_table(ragged(stream(3, "baseline"))[0]).evidence
+    assert evidence.baseline == evidence.mean_reading
+
+
+def test_a_table_of_running_sums_is_doubted_once():
+    table = long_table(separated_evidence(30, 12, 0.5, rng=4))
+    told = ["ll_a", "ll_b"]
+    table[told] = table.groupby("trial")[told].cumsum()
+    with pytest.warns(DataWarning, match="correlate") as caught:
+        trials_from_table(table)
+    assert len(caught) == 1
+
+
+def test_taps_that_ship_are_natural_logarithms():
+    with unwarned():
+        for task in (SameDifferent(), Orientation(2)):
+            warn_of_units(task.evidence(1000, seed=stream(0, "taps")))
