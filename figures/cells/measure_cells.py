@@ -19,7 +19,6 @@ from figures.cells.compared import (
     chosen_elsewhere,
     controls,
     courses,
-    delayed,
     recovered,
     regressed,
     scored,
@@ -38,7 +37,6 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     for past in (True, False):
         name = "recent rate" if past else "course"
         yield Piece("regressed", name, TRIALS, 5, partial(regressed, SHIPPED, past))
-    yield Piece("delayed", "clicks", TRIALS, 5, partial(delayed, SHIPPED))
     yield Piece("scored", CHOICES_ALONE, TRIALS, 3, partial(chosen_alone, SHIPPED))
     for model in (REFERENCE,) if fast else MODELS:
         yield Piece("scored", model, TRIALS, 80, partial(scored, SHIPPED, model))
@@ -60,8 +58,6 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
         pd.DataFrame({"past": past, "nats": nats.sub(nats["psth"], axis=0).sum()}).reset_index()
         for past, nats in ((False, by_course), (True, by_recent))
     ])  # fmt: skip
-    delays = made["delayed"].groupby("delay_s")["nats"].sum().reset_index()
-    best = made["delayed"].groupby("cell")["nats"].max().sum()
     cells = _by(scores[scores["cell"].notna()], "cell", "apart")
     trials = scores[scores["trial"].notna()]
     choices = _by(trials, "trial", "choices")
@@ -88,7 +84,6 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     })  # fmt: skip
     return {
         "regressions": ("regressed", regressions),
-        "delays": ("delayed", delays.assign(best_of_each=best)),
         "models": ("scored", pd.DataFrame(models)),
         "each": ("scored", each.melt(var_name="model", ignore_index=False).reset_index()),
         "gains": ("controls", made["controls"]),
