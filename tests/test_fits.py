@@ -39,9 +39,13 @@ def test_a_fit_with_evidence_is_of_single_trials():
     plt.close(figure)
 
 
-def test_what_two_alternatives_can_not_give_warns():
-    with pytest.warns(FitWarning):
-        bg.fit(DATA, "msprt", evidence=EVIDENCE, free="+gain", forced=True)
+@pytest.mark.parametrize(
+    ("options", "number"), [({"free": "+gain"}, "gain"), ({"vary": {"gain": "c"}}, r"gain\[c=b\]")]
+)
+def test_what_two_alternatives_can_not_give_warns(options, number):
+    data = DATA.assign(c=np.resize(["a", "b"], len(DATA)))
+    with pytest.warns(FitWarning, match=f"hardly identify {number} "):
+        bg.fit(data, "msprt", evidence=EVIDENCE, forced=True, **options)
 
 
 def test_draws_are_of_the_posterior():
@@ -70,12 +74,14 @@ def test_draws_are_of_the_posterior():
         ({"fix": {"speed": 1.0}}, "fix"),
         ({"fix": {"lapse": 0.9}}, "lapse"),
         ({"model": "macaque", "runs": 2}, "runs"),
+        ({"model": "macaque", "vary": {"leak_hz": "half/b"}}, "free leak_hz of a circuit"),
         ({"model": "macaque", "engine": "steam"}, "engine"),
         ({"step_ms": 50.0}, "step_ms"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(options, field):
-    two = DATA.assign(x="a", gap=np.where(np.arange(len(DATA)) == 3, None, "a"))
+    two = DATA.assign(x="a", half=np.resize(["a", "b"], len(DATA)))
+    two = two.assign(gap=np.where(np.arange(len(DATA)) == 3, None, "a"))
     with refused(field):
         bg.fit(two, **{"model": "msprt", "evidence": EVIDENCE, **options})
 
