@@ -282,7 +282,7 @@ class ParameterSpace:
         return np.array([each.parameter.start for each in self.moved])
 
     def started(self, guesses: Mapping[str, float]) -> Array:
-        """Return a start at which some parameters have the same value in all cells."""
+        """Return a start with these values, in all cells, of parameters whose default isn't 0."""
         start = self.start
         for k, each in enumerate(self.moved):
             of = next(one for one in self.parameters if one.name == each.parameter.name)
