@@ -140,7 +140,8 @@ def question(
     try:
         trials = asked.read(data)
     except InputError as error:
-        if error.field in ("conditions", *asked.by):
+        choices = asked.evidence is None and getattr(data, "kind", "choices") == "choices"
+        if choices and error.field in ("conditions", *asked.by):
             # The column of an unknown parameter may be missing too.
             of_choices: dict[str, AnyModel] = {}
             with suppress(InputError):  # for a model of another kind of trials
@@ -155,9 +156,6 @@ def question(
         kind = CHOICES
     _check_settings(asked, kind, trials)
     asked, between = asked.split(trials)
-    if kind is KNOWN and asked.formula:
-        must = "must be of what differs between people if evidence is known: within a person"
-        raise InputError(f"formula {must} a parameter has one value", "formula")
     one = Question(asked, trials, _origin(data, trials), between)
     for name in names:
         if isinstance(name, TrialModel):
@@ -229,15 +227,15 @@ def _known_model(one: Question, name: Any, folder: Path | None) -> AnyModel:
 
 def _of_known(asked: FitSettings, one: Question, model: Any) -> dict[str, Likelihood]:
     """Return the likelihood of each person's trials with known evidence."""
-    from bgmodel.fitting.known.trials import known_trials
+    from bgmodel.fitting.known.trials import known_design, known_trials
 
-    every = {who: known_trials(some) for who, some in one.people.items()}
-    return {
+    made = {
         who: asked.likelihood(
-            replace(known.design, choices=one.people[who]), replace(model, trials=known)
+            known_design(some, one.asked.by), replace(model, trials=known_trials(some))
         )
-        for who, known in every.items()
+        for who, some in one.people.items()
     }
+    return shared_ranges(made) if asked.hierarchical else made
 
 
 def _cells(one: Question, name: Any, folder: Path | None) -> AnyModel:
@@ -249,10 +247,10 @@ def _cells(one: Question, name: Any, folder: Path | None) -> AnyModel:
 
 def _of_cells(asked: FitSettings, one: Question, model: Any) -> dict[str, Likelihood]:
     """Return the likelihood of each person's choices and recorded cells."""
-    from bgmodel.fitting.cells.model import cells_design
+    from bgmodel.fitting.known.trials import known_design
 
     return {
-        who: asked.likelihood(cells_design(some), replace(model, trials=some))
+        who: asked.likelihood(known_design(some), replace(model, trials=some))
         for who, some in one.people.items()
     }
 
@@ -308,21 +306,19 @@ def _ssrt(people: dict[str, Trials]) -> pd.DataFrame:
     return estimates.rename(columns={"participant_id": "participant"})
 
 
-ON_CHOICES = ("strength", "pooled", "rt_window", "mechanism", "noise_nats", "trials")
+ON_CHOICES = ("strength", "rt_window", "mechanism", "noise_nats", "trials")
 """Settings that have an effect on choices alone."""
 CHOICES = Kind(_model_of_choices, _of_choices, ("constant_gap", "macaque"), ("runs",))
 MANY = ("msprt", "macaque")
 """Models that the command compares by default with more than two alternatives."""
-KNOWN = Kind(
-    _known_model, _of_known, ("msprt", "leaky_sum", "run", "macaque"), (*ON_CHOICES, "vary")
-)
+KNOWN = Kind(_known_model, _of_known, ("msprt", "leaky_sum", "run", "macaque"), ON_CHOICES)
 CELLS = Kind(
     _cells, _of_cells, ("step", "exponential", "linear"),
-    (*ON_CHOICES, "vary", "formula", "engine", "seed", "runs"),
+    (*ON_CHOICES, "pooled", "vary", "formula", "engine", "seed", "runs"),
 )  # fmt: skip
 REWARDED = Kind(
     _learner, _of_learners, ("no learning", "q", "q, two rates"),
-    (*ON_CHOICES, "engine", "seed", "runs"),
+    (*ON_CHOICES, "pooled", "engine", "seed", "runs"),
 )  # fmt: skip
 STOPS = Kind(
     _stop_process, _of_stops, ("constant_gap", "macaque"),

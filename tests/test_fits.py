@@ -31,7 +31,7 @@ def test_a_fit_with_evidence_is_of_single_trials():
     assert isinstance(fit, Fit)
     likelihood = fit.optimum.likelihood
     assert likelihood.trials.trials == 60
-    assert likelihood.values(fit.optimum.vector)["lapse"] == 0.02
+    assert set(likelihood.values(fit.optimum.vector)["lapse"]) == {0.02}
     assert fit.summary().index.tolist() == likelihood.freedom.names
     assert set(likelihood.freedom.names) <= set(fit.facts())
     figure = fit.plot()
@@ -39,9 +39,13 @@ def test_a_fit_with_evidence_is_of_single_trials():
     plt.close(figure)
 
 
-def test_what_two_alternatives_can_not_give_warns():
-    with pytest.warns(FitWarning):
-        bg.fit(DATA, "msprt", evidence=EVIDENCE, free="+gain", forced=True)
+@pytest.mark.parametrize(
+    ("options", "number"), [({"free": "+gain"}, "gain"), ({"vary": {"gain": "c"}}, r"gain\[c=b\]")]
+)
+def test_what_two_alternatives_can_not_give_warns(options, number):
+    data = DATA.assign(c=np.resize(["a", "b"], len(DATA)))
+    with pytest.warns(FitWarning, match=f"hardly identify {number} "):
+        bg.fit(data, "msprt", evidence=EVIDENCE, forced=True, **options)
 
 
 def test_draws_are_of_the_posterior():
@@ -59,22 +63,25 @@ def test_draws_are_of_the_posterior():
         ({"mechanism": "dopamine"}, "mechanism"),
         ({"draws": 1}, "draws"),
         ({"people": "all"}, "people"),
-        ({"people": "pooled"}, "people"),
         ({"most_draws": 9}, "most_draws"),
-        ({"formula": "threshold ~ x"}, "formula"),
-        ({"vary": {"threshold": "x"}}, "vary"),
+        ({"formula": "threshold ~ x"}, "formula needs two values of 'x'"),
+        ({"vary": {"speed": "x"}}, "vary must name a parameter"),
+        ({"vary": {"noise": "block"}}, "block there is no column block"),
+        ({"vary": {"noise": "gap"}}, "gap must be given for every trial, got nothing in row 3"),
         ({"model": "ddm"}, "models"),
         ({"free": ["+speed"]}, "free"),
         ({"free": ["+gain", "leak_hz"]}, "free"),
         ({"fix": {"speed": 1.0}}, "fix"),
         ({"fix": {"lapse": 0.9}}, "lapse"),
         ({"model": "macaque", "runs": 2}, "runs"),
+        ({"model": "macaque", "vary": {"leak_hz": "half/b"}}, "free leak_hz of a circuit"),
         ({"model": "macaque", "engine": "steam"}, "engine"),
         ({"step_ms": 50.0}, "step_ms"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(options, field):
-    two = DATA.assign(x=np.resize(["a", "b"], len(DATA)))
+    two = DATA.assign(x="a", half=np.resize(["a", "b"], len(DATA)))
+    two = two.assign(gap=np.where(np.arange(len(DATA)) == 3, None, "a"))
     with refused(field):
         bg.fit(two, **{"model": "msprt", "evidence": EVIDENCE, **options})
 

@@ -113,12 +113,16 @@ def _ended(fitted: Optimum) -> list[str]:
 
 def _vague(fitted: Optimum, there: Directions) -> list[str]:
     """Return a warning for each number that can't be near 0, and hardly differs from it."""
-    errors = zip(fitted.values.items(), there.standard_errors, fitted.at_bound, strict=True)
+    numbers, sized = fitted.likelihood.freedom.moved, fitted.likelihood.sized
+    errors = zip(numbers, fitted.vector, there.standard_errors, fitted.at_bound, strict=True)
     return [
-        f"these trials hardly identify {name} ({value:.3g} +- {error:.2g}): fix it, or add trials "
-        "with other evidence"
-        for (name, value), error, ends in errors
-        if name in fitted.likelihood.sized and not ends and VAGUE_SHARE * value < error < np.inf
+        f"these trials hardly identify {each.name} ({value:.3g} +- {error:.2g}): fix it, or add "
+        "trials with other evidence"
+        for each, value, error, ends in errors
+        if each.parameter.name in sized
+        and not each.effect
+        and not ends
+        and VAGUE_SHARE * value < error < np.inf
     ]
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -185,10 +184,8 @@ def _laid(
 ) -> Design:
     """Return the cells of choices, with the trials within the window binned on a grid."""
     sides = sides or choices.withheld is not None
-    response, keys = mirrored(choices), _keys(choices, by, sides)
-    cells = sorted(set(keys))
-    place = {key: number for number, key in enumerate(cells)}
-    cell = np.array([place[key] for key in keys])
+    response = mirrored(choices)
+    strength, conditions, cell = cells_of(choices, by, sides)
     deadline_s = choices.deadline_s
     window, inside = in_window(choices.rt_s, cell, rt_window, deadline_s, name_of(choices))
     if not inside.all():
@@ -199,12 +196,9 @@ def _laid(
     require(answered, "response", "must be given in some trials", "none")
     longest = float(np.nanmax(choices.rt_s)) + 10 * BIN_S if some else ENDS_S
     grid = Grid(int(np.ceil((deadline_s or min(window[1], longest)) / BIN_S)))
-    columns = [*by, *([FAVOURS] if sides else [])]
-    conditions = {column: [str(cell[1 + n]) for cell in cells] for n, column in enumerate(columns)}
-    strength = np.array([cell[0] for cell in cells])
-    favours = np.array([cell[-1] == "1" for cell in cells], dtype=int)
-    untimed = None if choices.timed else np.ones((len(cells), 2), dtype=bool)
+    untimed = None if choices.timed else np.ones((len(strength), 2), dtype=bool)
     if choices.withheld is not None:
+        favours = np.array(conditions[FAVOURS]) == "1"
         untimed = np.eye(2, dtype=bool)[np.where(favours == choices.withheld, 1, 0)]
     observed = Observed(
         cell, response, choices.rt_s, grid, deadline_s, window, choices.alternatives, untimed
@@ -234,12 +228,18 @@ def mirrored(choices: Trials, response: Integers | None = None) -> Integers:
     return np.where((choices.strength < 0) & (response >= 0), 1 - response, response)
 
 
-def _keys(choices: Trials, by: Sequence[str], sides: bool) -> list[tuple[Any, ...]]:
-    """Return the size of the strength, the level of each column, and the side, of each trial."""
+def cells_of(
+    choices: Trials, by: Sequence[str], sides: bool = False
+) -> tuple[Array, dict[str, list[str]], Integers]:
+    """Return the strength and the levels of each cell, and the cell of each trial."""
     signed = choices.strength
     strength = np.full(choices.trials, ALONE) if signed is None else np.abs(signed)
-    columns = [_levels(choices.conditions[column]) for column in by]
+    columns = {column: _levels(choices.conditions[column]) for column in by}
     if sides:
         favoured = np.ones(choices.trials) if signed is None else signed >= 0
-        columns.append(np.where(favoured, "1", "0"))
-    return list(zip(strength.tolist(), *columns, strict=True))
+        columns[FAVOURS] = np.where(favoured, "1", "0")
+    keys = list(zip(strength.tolist(), *columns.values(), strict=True))
+    cells = sorted(set(keys))
+    place = {key: number for number, key in enumerate(cells)}
+    levels = {name: [str(key[1 + n]) for key in cells] for n, name in enumerate(columns)}
+    return np.array([key[0] for key in cells]), levels, np.array([place[key] for key in keys])

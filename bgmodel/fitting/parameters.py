@@ -281,6 +281,17 @@ class ParameterSpace:
         """Start of a fit."""
         return np.array([each.parameter.start for each in self.moved])
 
+    def started(self, guesses: Mapping[str, float]) -> Array:
+        """Return a start with these values, in all cells, of parameters whose default isn't 0."""
+        start = self.start
+        for k, each in enumerate(self.moved):
+            of = next(one for one in self.parameters if one.name == each.parameter.name)
+            if of.name in guesses:
+                value = float(np.clip(guesses[of.name], of.low, of.high))
+                value *= start[k] / of.start if each.effect else 1.0
+                start[k] = np.clip(value, each.parameter.low, each.parameter.high)
+        return start
+
     def at_bound(self, vector: Array) -> Truths:
         """Return which numbers are at a bound, as are coefficients of a parameter at one."""
         bounds, width = np.stack([self.low, self.high]), AT_BOUND * (self.high - self.low)

@@ -363,7 +363,7 @@ class FitSettings:
         ):  # fmt: skip
             for name in names:
                 if name not in known and name != "threshold":
-                    there = ", ".join(("threshold", *known))
+                    there = ", ".join({"threshold": 0} | known)
                     raise InputError.of(option, f"must name a parameter, one of {there}", name)
         warnings = []
         for name, model in models.items():

@@ -48,6 +48,15 @@ def test_bounds_and_start_go_with_their_numbers():
     assert moved.start.tolist() == [4, 4, 4, 0.5]
 
 
+def test_a_start_has_the_values_that_are_given_in_all_cells():
+    slope = {"Intercept": np.ones(3), "x": np.array([-1.0, 0.0, 2.0])}
+    moved = freed(vary={"a": "site"}, designs={"b": slope})
+    values = moved.values(moved.started({"a": 20.0, "b": 0.3}))
+    assert values["a"].tolist() == [10, 10, 10]
+    assert values["b"] == pytest.approx([0.3, 0.3, 0.3])
+    assert freed().started({"a": 2.0}).tolist() == [2, 0.5]
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [

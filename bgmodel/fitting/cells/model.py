@@ -32,7 +32,6 @@ from bgmodel.fitting.cells.sessions import (
     sessions_of,
 )
 from bgmodel.fitting.design import Design
-from bgmodel.fitting.known.trials import known_trials
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.parameters import Parameter, ParameterSpace
 from bgmodel.support.arrays import Array, Integers
@@ -318,8 +317,3 @@ def cells_model(name: Any, trials: Trials) -> RecordedCells:
     if isinstance(name, Circuit):
         raise InputError.of("models", "must name a nucleus too, such as 'macaque D1'", name.name)
     return RecordedCells(reading_of(str(name) if isinstance(name, Path) else name), trials)
-
-
-def cells_design(trials: Trials) -> Design:
-    """Return the design of one person's trials: a single cell."""
-    return replace(known_trials(trials).design, choices=trials)

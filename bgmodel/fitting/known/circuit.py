@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -72,7 +72,7 @@ class KnownCircuit:
             *sizes((low, high, 0.3 * high), (0.01, 2 * high, 0.05 * high), "OUT, nats"),
         )
 
-    def on(self, trials: KnownTrials, values: Values) -> Outputs:
+    def on(self, trials: KnownTrials, values: Mapping[str, float]) -> Outputs:
         """Return its simulated OUT on some trials; the leak must be fixed."""
         channels, count = self.circuit.channels, trials.alternatives
         require(channels == count, "circuit", f"must have {count} channels", channels)
@@ -80,9 +80,8 @@ class KnownCircuit:
             problem = "of a circuit can't be free: fix it at a value, such as leak_hz=0.5"
             raise InputError(f"leak_hz {problem}", "free")
         gains = self._usable(trials, values[LEAK.name])
-        return Simulated(
-            np.stack([self._simulated(trials, g, values[LEAK.name]) for g in gains]), gains
-        )
+        stored = [self._simulated(trials, g, values[LEAK.name]) for g in gains]
+        return Simulated(np.stack(stored), gains, trials.seen_places[0])
 
     def identity(self) -> dict[str, Any]:
         """Return the circuit's hash, engine, runs and seed."""
@@ -130,14 +129,18 @@ class Simulated:
     # (gains, runs, seen readings, alternatives): the lowest OUT after each reading, until the next.
     stored: Array
     gains: Array
+    trial: Integers  # (seen readings,), the trial of each
 
     def out(self, values: Values) -> Array:
-        """Return OUT (runs, seen readings, alternatives) at a gain between those stored."""
+        """Return OUT (runs, seen readings, alternatives) at gains between those stored."""
         from scipy.interpolate import CubicSpline
 
         spline = CubicSpline(np.log(self.gains), np.eye(len(self.gains)))
-        weights = spline(np.log(np.clip(values["gain"], self.gains[0], self.gains[-1])))
-        return np.tensordot(weights, self.stored, axes=1)
+        gains, kind = np.unique(values["gain"], return_inverse=True)
+        weights = spline(np.log(np.clip(gains, self.gains[0], self.gains[-1])))
+        if len(gains) == 1:
+            return np.tensordot(weights[0], self.stored, axes=1)
+        return np.asarray(np.einsum("kg,gnka->nka", weights[kind[self.trial]], self.stored))
 
     def parts(self) -> list[Outputs]:
         """Return the outputs without each of ``PARTS`` parts of the runs in turn."""

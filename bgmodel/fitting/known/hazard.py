@@ -28,12 +28,13 @@ SQRT_2PI = float(np.sqrt(2 * np.pi))
 
 @compiled
 def decisions(
-    out: Array, level: Array, bias: Array, scale: float, offsets: Integers, ends: Truths
+    out: Array, level: Array, scale: Array, offsets: Integers, ends: Truths
 ) -> tuple[Array, Array]:
     """Return the probability of a decision at each reading (readings, alternatives), and of none.
 
     Trials' readings follow one another from ``offsets`` on; hazards are means over the runs of
-    ``out``; ``level`` (readings,) is the threshold; ``ends`` (trials,) whether the last one forces.
+    ``out``; ``level`` (readings, alternatives) is the threshold with its bias, ``scale`` (trials,)
+    the noise; ``ends`` (trials,) whether the last reading forces a response.
     """
     runs, readings, count = out.shape
     decided, left = np.zeros((readings, count)), np.ones(len(ends))
@@ -45,7 +46,7 @@ def decisions(
             for run in range(runs):
                 top = 0.0 if wait else -np.inf
                 for i in range(count):
-                    past[i] = (level[k] + bias[i] - out[run, k, i]) / scale
+                    past[i] = (level[k, i] - out[run, k, i]) / scale[trial]
                     top = max(top, past[i])
                 total = np.exp(-top) if wait else 0.0
                 for i in range(count):
@@ -65,16 +66,16 @@ def decisions(
 
 @compiled
 def delayed(
-    decided: Array, at_s: Array, rt_s: Array, offsets: Integers, t0_s: float, sd_s: float
+    decided: Array, at_s: Array, rt_s: Array, offsets: Integers, t0_s: Array, sd_s: Array
 ) -> Array:
     """Return the density of each alternative at each response time, (trials, alternatives), 1/s."""
     trials, count = len(rt_s), decided.shape[1]
     density = np.zeros((trials, count))
     for trial in range(trials):
         for k in range(offsets[trial], offsets[trial + 1]):
-            z = (rt_s[trial] - at_s[k] - t0_s) / sd_s
+            z = (rt_s[trial] - at_s[k] - t0_s[trial]) / sd_s[trial]
             if abs(z) < FARTHEST:
-                late = np.exp(-0.5 * z * z) / (sd_s * SQRT_2PI)
+                late = np.exp(-0.5 * z * z) / (sd_s[trial] * SQRT_2PI)
                 for i in range(count):
                     density[trial, i] += decided[k, i] * late
     return density
@@ -82,7 +83,7 @@ def delayed(
 
 @compiled
 def answered(
-    decided: Array, at_s: Array, by_s: Array, offsets: Integers, t0_s: float, sd_s: float
+    decided: Array, at_s: Array, by_s: Array, offsets: Integers, t0_s: Array, sd_s: Array
 ) -> Array:
     """Return the probability of each response by ``by_s``, (trials, times, alternatives)."""
     (trials, times), count = by_s.shape, decided.shape[1]
@@ -90,7 +91,7 @@ def answered(
     for trial in range(trials):
         for j in range(times):
             for k in range(offsets[trial], offsets[trial + 1]):
-                z = (by_s[trial, j] - at_s[k] - t0_s) / sd_s
+                z = (by_s[trial, j] - at_s[k] - t0_s[trial]) / sd_s[trial]
                 if z < -FARTHEST:
                     break
                 share = math.erfc(-z / np.sqrt(2.0)) / 2 if z < FARTHEST else 1.0

@@ -119,7 +119,7 @@ def hazards(likelihood: Any, vector: Array) -> pd.DataFrame:
     Intervals are shifted by the mean non-decision time; ``standard_error`` is under the model.
     """
     values, trials = likelihood.values(vector), likelihood.trials
-    starts, ends = (each + values["t0_s"] for each in intervals(trials))
+    starts, ends = (each + values["t0_s"][:, None] for each in intervals(trials))
     before, after = (likelihood.answered(values, each).sum(axis=2) for each in (starts, ends))
     every = np.clip((after - before) / np.maximum(1 - before, 1e-12), 0.0, 1.0)
     rows = []

@@ -51,8 +51,9 @@ class KnownLikelihood(Likelihood):
     model: KnownModel
     trials: KnownTrials
     outputs: Outputs
+    cell: Integers  # (all trials,), the cell of each
     kept: Integers | None = None  # Which trials count; all by default.
-    _decided: dict[tuple[float, ...], tuple[Array, Array]] = field(
+    _decided: dict[tuple[bytes, ...], tuple[Array, Array]] = field(
         default_factory=dict, repr=False, compare=False
     )
     sized: ClassVar[tuple[str, ...]] = ("gain", "threshold", "noise")
@@ -63,49 +64,57 @@ class KnownLikelihood(Likelihood):
         values, _ = read(self.trials)
         return np.maximum(runs_of_cues(values)[self.trials.seen_places] - 1.0, 0.0)
 
-    def values(self, vector: Array) -> dict[str, float]:
-        """Return all parameters by name from the free ones."""
-        return {name: float(each[0]) for name, each in self.freedom.values(vector).items()}
+    def values(self, vector: Array) -> dict[str, Array]:
+        """Return each parameter in every trial, (all trials,)."""
+        return {name: each[self.cell] for name, each in self.freedom.values(vector).items()}
+
+    def _spread(self, values: Values) -> dict[str, Array]:
+        """Return parameters in every trial from these or from numbers."""
+        return {name: each + np.zeros(self.trials.trials) for name, each in values.items()}
 
     def decisions(self, values: Values) -> tuple[Array, Array]:
         """Return the probability of a decision at each reading, and of none; see ``hazard``."""
-        key = tuple(value for name, value in values.items() if name not in RESPONSES)
+        each, trial = self._spread(values), self.trials.seen_places[0]
+        key = tuple(value.tobytes() for name, value in each.items() if name not in RESPONSES)
         if key in self._decided:
             return self._decided[key]
         while len(self._decided) >= CACHED:
             del self._decided[next(iter(self._decided))]
-        out = self.outputs.out(values)
-        if values[RUN.name]:
-            out = out - values[RUN.name] * self._more_cues
-        level = self.model.sign * values["threshold"] + values[URGENCY.name] * self.trials.seen_s
-        bias = [0.0, *(values[f"{BIAS}{name}"] for name in self.trials.names[1:])]
+        out = self.outputs.out(each)
+        if each[RUN.name].any():
+            out = out - each[RUN.name][trial, None] * self._more_cues
+        level = self.model.sign * each["threshold"][trial]
+        level = level + each[URGENCY.name][trial] * self.trials.seen_s
+        bias = [each[f"{BIAS}{name}"][trial] for name in self.trials.names[1:]]
+        levels = level[:, None] + np.column_stack([np.zeros(len(level)), *bias])
         self._decided[key] = decisions(
-            np.ascontiguousarray(out), level, np.array(bias), values["noise"],
-            self.trials.offsets, self.trials.ends,
-        )  # fmt: skip
+            np.ascontiguousarray(out), levels, each["noise"], self.trials.offsets, self.trials.ends
+        )
         return self._decided[key]
 
     def responses(self, values: Values) -> tuple[Array, Array]:
         """Return the density at each response time, 1/s, and the probability of none."""
         decided, left = self.decisions(values)
-        trials, rt_s, none = self.trials, self.trials.rt_s, 1 - values["lapse"]
+        trials, rt_s, each = self.trials, self.trials.rt_s, self._spread(values)
+        lapse = each["lapse"][:, None]
         if not trials.timed:
             made = np.zeros((trials.trials, trials.alternatives))
             np.add.at(made, trials.seen_places[0], decided)
-            return none * made + values["lapse"] / trials.alternatives, none * left
-        density = none * delayed(
-            decided, trials.seen_s, rt_s, trials.offsets, values["t0_s"], values["t0_sd_s"]
+            return (1 - lapse) * made + lapse / trials.alternatives, (1 - lapse[:, 0]) * left
+        density = (1 - lapse) * delayed(
+            decided, trials.seen_s, rt_s, trials.offsets, each["t0_s"], each["t0_sd_s"]
         )
-        density += values["lapse"] / (trials.alternatives * trials.span_s)
-        return np.where(np.isfinite(rt_s)[:, None], density, 0.0), none * left
+        density += lapse / (trials.alternatives * trials.span_s)
+        return np.where(np.isfinite(rt_s)[:, None], density, 0.0), (1 - lapse[:, 0]) * left
 
     def answered(self, values: Values, by_s: Array) -> Array:
         """Return the probability of each response by times (trials, times)."""
-        trials, share = self.trials, values["lapse"]
+        trials, each = self.trials, self._spread(values)
+        share = each["lapse"][:, None, None]
         lapsed = np.clip(by_s / trials.span_s, 0.0, 1.0) / trials.alternatives
         probability = answered(
             self.decisions(values)[0], trials.seen_s, by_s, trials.offsets,
-            values["t0_s"], values["t0_sd_s"],
+            each["t0_s"], each["t0_sd_s"],
         )  # fmt: skip
         return np.asarray((1 - share) * probability + share * lapsed[:, :, None])
 
@@ -123,20 +132,22 @@ class KnownLikelihood(Likelihood):
         return biased + (len(parts) - 1) * (biased - np.mean(parts, axis=0)) if parts else biased
 
     def density(self, vector: Array) -> Array:
-        """Return the predicted density of responses (1, 2, bins), 1/s.
+        """Return the predicted density of responses (cells, 2, bins), 1/s.
 
         In each bin the trials that still run have a probability of each response; the product of
         those of none is the share that runs (as Kaplan & Meier 1958): later readings may be
         unknown.
         """
         trials, grid = self.trials, self.design.grid
+        kept = np.arange(trials.trials) if self.kept is None else self.kept
+        cells = [kept[self.cell[kept] == cell] for cell in range(self.design.cells)]
         if not trials.timed:
-            kept = slice(None) if self.kept is None else self.kept
             right = trials.favoured(trials.until_s[:, None])
             every = self.responses(self.values(vector))[0]
-            share = np.take_along_axis(every, right, axis=1)[kept].mean()
-            alone = np.zeros((1, 2, grid.bins))
-            alone[0, :, 0] = [every[kept].sum(axis=1).mean() - share, share]
+            alone = np.zeros((len(cells), 2, grid.bins))
+            for cell, some in enumerate(cells):
+                share = np.take_along_axis(every, right, axis=1)[some].mean()
+                alone[cell, :, 0] = [every[some].sum(axis=1).mean() - share, share]
             return alone / grid.width_s
         edges_s = np.tile(grid.width_s * np.arange(grid.bins + 1), (trials.trials, 1))
         by = self.answered(self.values(vector), edges_s)
@@ -146,11 +157,13 @@ class KnownLikelihood(Likelihood):
         right = np.take_along_axis(share, favoured, axis=2)[:, :, 0]
         both = np.array([share.sum(axis=2) - right, right])
         running = trials.until_s[:, None] >= edges_s[:, :-1]
-        if self.kept is not None:
-            running &= np.isin(np.arange(trials.trials), self.kept)[:, None]
-        hazard = (both * running).sum(axis=1) / np.maximum(running.sum(axis=0), 1)
-        left = np.cumprod(np.append(1.0, 1 - hazard.sum(axis=0)))[:-1]
-        return np.asarray(left * hazard / grid.width_s)[None]
+        ended = [(both[:, some] * running[some]).sum(axis=1) for some in cells]
+        hazard = (
+            np.array(ended) / np.maximum([running[some].sum(axis=0) for some in cells], 1)[:, None]
+        )
+        left = np.pad(1 - hazard.sum(axis=1), ((0, 0), (1, 0)), constant_values=1.0)
+        left = np.cumprod(left[:, :-1], axis=1)
+        return np.asarray(left[:, None] * hazard / grid.width_s)
 
     def observed(self, values: Values, rng: np.random.Generator) -> KnownTrials:
         """Return these trials, which have no responses, with choices and times."""
@@ -170,7 +183,7 @@ class KnownLikelihood(Likelihood):
         if trials is None or trials.readings is None:
             raise InputError("trials are simulated for a design with its choices", "design")
         blank = waiting(trials.readings, trials.readings.forced)
-        likelihood = OnTrials(self.model, blank).likelihood(blank.design, self.freedom)
+        likelihood = OnTrials(self.model, blank).likelihood(self.design, self.freedom)
         made = likelihood.observed(self.values(vector), rng)
         if not trials.timed:
             made = replace(made, rt_s=np.full(made.trials, np.nan))
@@ -195,24 +208,21 @@ class KnownLikelihood(Likelihood):
 
     def starts(self) -> list[Array]:
         """Return starts for two non-decision times and two noises, at the data's level."""
-        freed = self.freedom
         fastest = float(np.nanquantile(self.trials.rt_s, 0.05)) if self.trials.timed else 0.0
         starts = []
         for share in T0_SHARES:
             t0_s = share * fastest
-            level, spread = self._at_decisions(self.values(freed.start) | {"t0_s": t0_s})
+            level, spread = self._at_decisions(self.values(self.freedom.start), t0_s)
             for noise in NOISES:
                 guesses = {"t0_s": t0_s, "threshold": level, "noise": noise * spread}
-                pairs = zip(freed.names, freed.start, strict=True)
-                start = np.array([guesses.get(name, default) for name, default in pairs])
-                starts.append(np.clip(start, freed.low, freed.high))
+                starts.append(self.freedom.started(guesses))
         return starts
 
-    def _at_decisions(self, values: Values) -> tuple[float, float]:
+    def _at_decisions(self, values: Values, t0_s: float) -> tuple[float, float]:
         """Return the median level of chosen alternatives when they decided, and half its spread."""
         trials, out = self.trials, self.outputs.out(values).mean(axis=0)
         some = np.flatnonzero((trials.choice >= 0) & (trials.seen > 0))
-        before = trials.time_s[some] <= (trials.until_s[some] - values["t0_s"])[:, None]
+        before = trials.time_s[some] <= (trials.until_s[some] - t0_s)[:, None]
         at = np.clip(before.sum(axis=1), 1, trials.seen[some]) - 1
         chosen = out[trials.offsets[some] + at, trials.choice[some]]
         lower, middle, upper = np.quantile(chosen, [0.25, 0.5, 0.75])
@@ -249,8 +259,10 @@ class OnTrials:
 
     def likelihood(self, design: Design, freedom: ParameterSpace) -> KnownLikelihood:
         """Return the likelihood of the trials; a circuit is simulated here."""
-        outputs = self.model.on(self.trials, freedom.held)
-        return KnownLikelihood(self.model, design, freedom, self.trials, outputs)
+        varied = {each.parameter.name for each in freedom.moved}
+        fixed = {name: value for name, value in freedom.held.items() if name not in varied}
+        outputs, cell = self.model.on(self.trials, fixed), design.observed.cell
+        return KnownLikelihood(self.model, design, freedom, self.trials, outputs, cell)
 
 
 def known_likelihood(

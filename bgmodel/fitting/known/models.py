@@ -18,7 +18,8 @@ from bgmodel.fitting.known.trials import KnownTrials
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.support.arrays import Array
 
-Values = Mapping[str, float]
+Values = Mapping[str, Array | float]
+"""Parameters by name: a number, or one for each trial."""
 GAIN = Parameter("gain", 0.0, 20.0, 1.0, "factor on the evidence")
 LEAK = Parameter("leak_hz", 0.0, 20.0, 0.0, "rate at which sums of evidence decay", free=False)
 
@@ -57,7 +58,7 @@ class KnownModel(Protocol):
     def parameters(self, alternatives: int) -> tuple[Parameter, ...]:
         """Return its own parameters, the threshold and the noise among them."""
 
-    def on(self, trials: KnownTrials, values: Values) -> Outputs:
+    def on(self, trials: KnownTrials, values: Mapping[str, float]) -> Outputs:
         """Return its OUT on some trials; ``values`` are those of fixed parameters."""
 
 
@@ -69,9 +70,10 @@ def read(trials: KnownTrials) -> tuple[Array, Array]:
     return values, np.where(unread, np.inf, trials.time_s[:, :most])
 
 
-def leaky_sums(log_likelihood: Array, time_s: Array, leak_hz: float = 0.0) -> Array:
+def leaky_sums(log_likelihood: Array, time_s: Array, leak_hz: Array | float = 0.0) -> Array:
     """Return sums of readings that decay at ``leak_hz``, (trials, readings, alternatives), nats."""
-    if leak_hz == 0:
+    leak_hz = np.reshape(leak_hz, (-1, 1))
+    if not leak_hz.any():
         return np.cumsum(log_likelihood, axis=1)
     known = np.where(np.isfinite(time_s), time_s, 0.0)
     kept = np.exp(-leak_hz * np.maximum(np.diff(known, axis=1, prepend=0.0), 0.0))
@@ -109,11 +111,11 @@ class ExactModel:
         """Return its own parameters."""
         raise NotImplementedError
 
-    def of(self, state: Array, values: Values) -> Array:
+    def of(self, state: Array, gain: Array) -> Array:
         """Return OUT from sums of readings, or from lengths of runs, (..., alternatives)."""
         raise NotImplementedError
 
-    def on(self, trials: KnownTrials, values: Values) -> Outputs:
+    def on(self, trials: KnownTrials, values: Mapping[str, float]) -> Outputs:
         """Return its OUT on some trials."""
         return Exact(trials, self)
 
@@ -128,10 +130,11 @@ class Exact:
     def out(self, values: Values) -> Array:
         """Return OUT (1, seen readings, alternatives)."""
         leak_hz = values.get(LEAK.name, 0.0) if self.model.sums else 0.0
-        if leak_hz == 0:
-            return self.model.of(self._without_leak, values)[None]
-        sums = leaky_sums(*read(self.trials), leak_hz)
-        return self.model.of(sums[self.trials.seen_places], values)[None]
+        state = self._without_leak
+        if np.any(leak_hz):
+            state = leaky_sums(*read(self.trials), leak_hz)[self.trials.seen_places]
+        gain = values.get(GAIN.name, 1.0) + np.zeros(self.trials.trials)
+        return self.model.of(state, gain[self.trials.seen_places[0], None])[None]
 
     @cached_property
     def _without_leak(self) -> Array:
@@ -164,9 +167,9 @@ class Test(ExactModel):
             *sizes((1e-5, 1.5 * top, 0.3 * top), (1e-5, 2 * top, 0.1 * top), "OUT, nats"),
         )
 
-    def of(self, state: Array, values: Values) -> Array:
+    def of(self, state: Array, gain: Array) -> Array:
         """Return OUT, nats, from sums of readings (..., alternatives)."""
-        return minus_log_softmax(values["gain"] * state)
+        return minus_log_softmax(gain * state)
 
 
 @dataclass(frozen=True)
@@ -183,7 +186,7 @@ class LeakySum(ExactModel):
         leak = replace(LEAK, start=0.5, free=True)
         return leak, *sizes((0.01, 100.0, 1.0), (0.001, 50.0, 0.3), "the lead over the mean, nats")
 
-    def of(self, state: Array, values: Values) -> Array:
+    def of(self, state: Array, gain: Array) -> Array:
         """Return the mean minus each sum, nats, from sums of readings (..., alternatives)."""
         return np.asarray(state.mean(axis=-1, keepdims=True) - state)
 
@@ -199,7 +202,7 @@ class Runs(ExactModel):
         """Return threshold and noise, in cues."""
         return sizes((0.2, 50.0, 4.0), (0.02, 50.0, 0.5), "the length of the run, cues")
 
-    def of(self, state: Array, values: Values) -> Array:
+    def of(self, state: Array, gain: Array) -> Array:
         """Return minus the lengths of runs (..., alternatives)."""
         return -state
 

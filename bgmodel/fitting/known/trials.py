@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
 
-from bgmodel.fitting.design import ALONE, Design
+from bgmodel.fitting.design import ALONE, Design, cells_of
 from bgmodel.fitting.responses import BIN_S, Grid, Observed
+from bgmodel.fitting.sides import name_of
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.trials.columns import EVERYONE
 from bgmodel.trials.readings import Readings
@@ -151,16 +152,27 @@ class KnownTrials:
 
 @lru_cache(maxsize=64)
 def known_trials(trials: Trials) -> KnownTrials:
-    """Return the trials of one participant for fits; ValueError without readings."""
-    readings, who = trials.readings, trials.people()
+    """Return the trials of one participant, or of all pooled; ValueError without readings."""
+    readings = trials.readings
     if readings is None or readings.choice is None:
         raise InputError("these trials have no readings: give read_trials evidence", "evidence")
-    require(len(who) == 1, "participant", "must be one person", ", ".join(who))
     return KnownTrials(
         readings.log_likelihood, readings.time_s, readings.lengths, readings.names,
         readings.choice, trials.rt_s, tuple(trial for _, trial in readings.ids), readings.forced,
-        who[0],
+        name_of(trials),
     )  # fmt: skip
+
+
+def known_design(trials: Trials, by: Sequence[str] = ()) -> Design:
+    """Return the cells of some conditions with their trials; see ``KnownTrials.design``."""
+    alone = known_trials(trials).design
+    strength, conditions, cell = cells_of(trials, by)
+    untimed = alone.observed.untimed
+    untimed = None if untimed is None else np.repeat(untimed, len(strength), axis=0)
+    observed = replace(alone.observed, cell=cell, untimed=untimed)
+    return replace(
+        alone, strength=strength, conditions=conditions, observed=observed, choices=trials
+    )
 
 
 def gaps_s(trials: KnownTrials) -> Array:
@@ -193,7 +205,7 @@ def responding(
     trials: KnownTrials,
     choice: Integers,
     decided_s: Array,
-    values: Mapping[str, float],
+    values: Mapping[str, Array | float],
     rng: np.random.Generator,
 ) -> KnownTrials:
     """Return trials with responses: decisions with non-decision times, and lapses."""

@@ -79,6 +79,12 @@ def test_stored_out_is_that_of_a_simulation_and_between_gains_close_to_it(trials
     stored = outputs.out({"gain": between})
     assert np.corrcoef(direct.ravel(), stored.ravel())[0, 1] > 0.99
     assert abs(direct - stored).mean() < 0.02
+    halves = np.arange(trials.trials) < 15
+    mixed = outputs.out({"gain": np.where(halves, between, outputs.gains[1])})
+    first = halves[trials.seen_places[0]]
+    other = outputs.out({"gain": outputs.gains[1]})
+    np.testing.assert_allclose(mixed[:, first], stored[:, first])
+    np.testing.assert_allclose(mixed[:, ~first], other[:, ~first])
     at_node = outputs.out({"gain": float(outputs.gains[2])})
     np.testing.assert_allclose(at_node, model._simulated(trials, outputs.gains[2], 0.0))
 
