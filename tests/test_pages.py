@@ -62,6 +62,7 @@ PARSED = {
 LONG = {
     'for model in ("constant_gap", "falling_gap"):': "two fits to a monkey; tests of gaps fit less",
     '["rest.stn", "rest.snr"]': "it simulates rates at rest; tests of tuning compute them",
+    "recorded=pilot": "it fits forty simulated pilots; tests of recorded cells fit fewer",
     "noise_ceiling=True": "three circuits are run; a test of the comparison does less",
 }
 TABLES = {"evidence.md": "mine.csv", "your_trials.md": "trials.csv"}

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from itertools import product
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from bgmodel.discriminating.information import (
     divergence,
     information,
 )
-from bgmodel.discriminating.space import Probe
+from bgmodel.discriminating.space import Probe, Sessions
 from bgmodel.discriminating.trials import Trials
 from bgmodel.support.arrays import Array
 
@@ -39,18 +39,27 @@ class Design:
         rest = f"accuracy {self.accuracy:g}, deadline {self.deadline_ms:g} ms"
         return f"{self.probe.text()}; {rest}"
 
+    def row(self) -> dict[str, Any]:
+        """Return its value on each axis."""
+        values: dict[str, Any] = asdict(self.probe)
+        return values | {"accuracy": self.accuracy, "deadline_ms": self.deadline_ms}
+
+
+D = TypeVar("D", Design, Sessions)
+
 
 @dataclass(frozen=True)
 class Direction:
     """The information of a trial if one of the two models is true.
 
     ``partitions`` are the bins of each kind of trials, ``levels`` the thresholds of the true and of
-    the other model, ``shift_ms`` the other's non-decision time less that of the true one.
+    the other model, ``shift_ms`` the other's non-decision time less that of the true one; of
+    recorded cells there are none.
     """
 
     information: Information
-    partitions: list[Partition]
-    levels: tuple[float, float]
+    partitions: list[Partition] = field(default_factory=list)
+    levels: tuple[float, float] = (np.nan, np.nan)
     shift_ms: float = 0.0
 
     @property
@@ -60,10 +69,10 @@ class Direction:
 
 
 @dataclass(frozen=True)
-class TaskInformation:
-    """A task with the information of its trials, if the first or if the second model is true."""
+class TaskInformation(Generic[D]):
+    """A task, or sessions, with the information of a trial, if either model is true."""
 
-    design: Design
+    design: D
     directions: tuple[Direction, Direction]
 
     @property
@@ -85,7 +94,7 @@ def shares_of(trials: Trials, probe: Probe) -> tuple[list[Probe], list[float]]:
     return [probe.plain, probe], [1 - share, share]
 
 
-def informed(trials: Trials, probe: Probe, free_time: bool) -> Iterator[TaskInformation]:
+def informed(trials: Trials, probe: Probe, free_time: bool) -> Iterator[TaskInformation[Design]]:
     """Yield the information of each task with these probes, at every accuracy and deadline.
 
     With ``free_time`` the other model has the non-decision time that is hardest to tell apart.
@@ -130,11 +139,9 @@ def _median(one: Recorded) -> float:
     return float(np.median(times)) if len(times) else 0.0
 
 
-def row(task: TaskInformation) -> dict[str, Any]:
+def row(task: TaskInformation[D]) -> dict[str, Any]:
     """Return a task as a row of a table."""
-    design = task.design
-    values: dict[str, Any] = asdict(design.probe)
-    values |= {"accuracy": design.accuracy, "deadline_ms": design.deadline_ms}
+    values = task.design.row()
     for name, direction in zip(("first", "second"), task.directions, strict=True):
         values[f"{name}_nats"] = direction.information.nats
         values[f"{name}_error"] = direction.information.error

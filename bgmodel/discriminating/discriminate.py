@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, replace
+from inspect import signature
 from pathlib import Path
 from typing import Literal
 
@@ -11,7 +12,8 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import names
-from bgmodel.discriminating.designs import TaskInformation, informed, row
+from bgmodel.discriminating.designs import Design, TaskInformation, informed, row
+from bgmodel.discriminating.recorded import FEWEST_PILOTS, PILOTS, told_apart
 from bgmodel.discriminating.recording import Recording
 from bgmodel.discriminating.result import Discrimination
 from bgmodel.discriminating.sequential import again, simulated_experiments
@@ -31,6 +33,7 @@ from bgmodel.integrators.sprt import Integrator
 from bgmodel.names import EngineName
 from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.support.checks import whole
+from bgmodel.trials.record import Trials as Recorded
 from circuits.circuit import Circuit
 from circuits.errors import EditWarning, InputError, quiet, require
 
@@ -54,6 +57,8 @@ def discriminate(
     thresholds: Literal["matched", "free"] = "matched",
     non_decision: Literal["same", "free"] | None = None,
     recording: Recording | None = None,
+    recorded: Recorded | None = None,
+    pilots: int = PILOTS,
     trials: int = 1000,
     check_trials: int = 10_000,
     evaluations: int = 64,
@@ -69,7 +74,8 @@ def discriminate(
     ----------
     first, second : str, path, Circuit or Integrator
         A circuit, by name, as a file or as an object, or a test: "msprt" or a name of
-        ``BASELINES``. By default the second is the first, with other edits.
+        ``BASELINES``. By default the second is the first, with other edits. With ``recorded``,
+        readings of ``fit``, such as "exponential" or "macaque D1".
     first_edits, second_edits : sequence of str
         Edits of the circuits, as in ``Circuit.edited``.
     space : Space or path, optional
@@ -84,16 +90,25 @@ def discriminate(
         latency, so that their times would differ by that of the circuit.
     recording : Recording, optional
         Cells of a nucleus whose spikes are counted in each trial, as a third measure.
+    recorded : Trials, str or path, optional
+        A pilot: one person's trials with the spikes of recorded cells, as for ``fit``. The result
+        is then the number of further trials of the same cells and clicks, in the sessions of the
+        pilot in proportion to their trials, that tell two readings of these cells apart. Options
+        of tasks and circuits have no place with it.
+    pilots : int
+        Number of simulated pilots with ``recorded``, for either reading being true, at least 4.
     trials, check_trials : int
-        Trials of each kind in the search and in the check, at least 200.
+        Trials of each kind in the search and in the check, at least 200. With ``recorded``,
+        ``check_trials`` is the least number of new trials for either reading being true.
     evaluations : int
         Most kinds of probe trials that are simulated in the search.
     seed, check_seed : int
-        Seeds of the search, and of the check of its best task.
+        Seeds of the search, and of the check of its best task. With ``recorded``, of the pilots
+        and of the new trials.
     engine : str
         Engine of circuits.
     workers : int
-        Threads; results do not depend on them.
+        Threads, or processes with ``recorded``; results do not depend on them.
     tell : function
         Called with a text on the progress.
 
@@ -101,7 +116,8 @@ def discriminate(
     ------
     ValueError
         For an unknown name, identical models, a circuit without nats, an invalid space, equal
-        seeds, or if no task of the space can be run.
+        seeds, if no task of the space can be run, or if recorded trials have no spikes or are too
+        few.
 
     Warns
     -----
@@ -115,15 +131,34 @@ def discriminate(
     of recorded spikes, binned by quantiles; by the data processing inequality it is a lower bound
     on what they tell without bins. The best task is simulated again with another seed, because
     the best of many noisy estimates is too good.
+
+    With ``recorded`` both readings are fitted to the recorded trials. Each in turn is the truth:
+    pilots are simulated, both readings are fitted to each of them, and information per trial is the
+    mean difference of their log densities of choice and spikes in new trials.
     """
+    require(callable(tell), "tell", "must be a function", tell)
+    _check_numbers(trials, check_trials, evaluations, pilots, seed, check_seed)
+    whole("workers", workers, 1)
+    if recorded is not None:
+        options = {
+            "first_edits": first_edits, "second_edits": second_edits, "space": space,
+            "thresholds": thresholds, "non_decision": non_decision, "recording": recording,
+            "trials": trials, "evaluations": evaluations, "engine": engine,
+        }  # fmt: skip
+        for name, value in options.items():
+            by_default = signature(discriminate).parameters[name].default
+            same = isinstance(value, type(by_default)) and value == by_default
+            require(same, name, "must not be given with recorded", value)
+        readings = first, first if second is None else second
+        return told_apart(
+            readings, recorded, pilots=pilots, least=check_trials, seeds=(seed, check_seed),
+            workers=workers, tell=tell,
+        )  # fmt: skip
     models = (
         model_of(first, first_edits, engine, argument="first"),
         model_of(first if second is None else second, second_edits, engine, argument="second"),
     )
     _check_words(thresholds, non_decision, engine)
-    require(callable(tell), "tell", "must be a function", tell)
-    _check_numbers(trials, check_trials, evaluations, seed, check_seed)
-    whole("workers", workers, 1)
     space, left_out = _within(check_space(space), models)
     _check_recording(recording, models, space)
     one_test = sum(model.test is not None for model in models) == 1
@@ -158,7 +193,7 @@ def _check_words(thresholds: object, non_decision: object, engine: str) -> None:
 
 
 def _check_numbers(
-    trials: int, check_trials: int, evaluations: int, seed: int, check_seed: int
+    trials: int, check_trials: int, evaluations: int, pilots: int, seed: int, check_seed: int
 ) -> None:
     """Raise ValueError for too few trials, or seeds that are not apart."""
     must = f"must be at most {MOST_TRIALS}"
@@ -166,6 +201,7 @@ def _check_numbers(
         ("trials", trials, 200),
         ("check_trials", check_trials, 200),
         ("evaluations", evaluations, 1),
+        ("pilots", pilots, FEWEST_PILOTS),
     ):
         require(whole(name, count, least) <= MOST_TRIALS, name, must, count)
     first = whole("check_seed", check_seed, 0)
@@ -258,10 +294,10 @@ def same_rule(first: Model, second: Model, *, channels: int) -> bool:
 
 def _searched(
     trials: Trials, free_time: bool, evaluations: int, tell: Tell
-) -> tuple[list[TaskInformation], list[str]]:
+) -> tuple[list[TaskInformation[Design]], list[str]]:
     """Return the information gained by each task, and the reasons for skipping others."""
     axes = trials.space.axes()
-    tasks: list[TaskInformation] = []
+    tasks: list[TaskInformation[Design]] = []
     refused: list[str] = []
 
     def score(place: Place) -> float:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 NAMES = {
     "channels": "N", "d_prime": "d'", "conflict": "conflict", "stop_nats": "stop signal, nats",
-    "edits": "", "accuracy": "accuracy", "deadline_ms": "deadline, ms",
+    "edits": "", "accuracy": "accuracy", "deadline_ms": "deadline, ms", "session": "session",
 }  # fmt: skip
 """The label of each axis."""
 LEAST_NATS = 1e-5

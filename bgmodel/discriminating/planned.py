@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from bgmodel.discriminating.designs import TaskInformation
+from bgmodel.discriminating.designs import Design, TaskInformation
 from bgmodel.discriminating.information import CORRECT, MISSED, Recorded
 from bgmodel.discriminating.space import Probe, Space
 from bgmodel.discriminating.trials import Trials
@@ -36,7 +36,7 @@ CLEAR = 3.0
 
 def planned(
     models: tuple[Model, Model],
-    check: TaskInformation,
+    check: TaskInformation[Design],
     space: Space,
     median: float,
     verdict: str,
@@ -104,7 +104,7 @@ def _check_order(models: tuple[Model, Model], probe: Probe) -> None:
         )
 
 
-def _predictions(trials: Trials, check: TaskInformation) -> tuple[Expected, ...]:
+def _predictions(trials: Trials, check: TaskInformation[Design]) -> tuple[Expected, ...]:
     """Return the changes of probe trials that are clear, half of each as the least."""
     design = check.design
     with quiet():

@@ -13,12 +13,13 @@ from bgmodel.bootstrap import Z95
 from bgmodel.discriminating.designs import TaskInformation
 from bgmodel.discriminating.drawing import draw
 from bgmodel.discriminating.planned import planned
-from bgmodel.discriminating.space import AXES, Space
+from bgmodel.discriminating.sequential import LEAST_RIGHT
+from bgmodel.discriminating.space import Sessions, Space
 from bgmodel.experiments.models import Model
 from bgmodel.support.files import json_text, provenance
 from bgmodel.support.saved import Facts
 from bgmodel.support.tables import Readable
-from circuits.errors import require
+from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,16 +38,16 @@ class Discrimination(Facts):
     Parameters
     ----------
     models : tuple of Model
-        The first and the second model.
-    space : Space
-        The tasks that both can be in.
+        The first and the second model; of readings of recorded cells the names alone.
+    space : Space or Sessions
+        The tasks that both can be in, or the sessions in which cells were recorded.
     table : DataFrame
         One row per task that was tried: channels, d_prime, conflict, stop_nats, edits, accuracy,
-        deadline_ms; first_nats and first_error, the information per trial if the first model is
-        true, with its standard error; second_nats and second_error; nats, the smaller of both, and
-        low, its lower end, by which tasks are ranked.
+        deadline_ms; or per session: session, cells, trials. Then first_nats and first_error, the
+        information per trial if the first model is true, with its standard error; second_nats and
+        second_error; nats, the smaller of both, and low, its lower end, by which tasks are ranked.
     check : TaskInformation
-        The best task, simulated again with another seed.
+        The best task, simulated again with another seed, or all sessions together.
     sequential : DataFrame
         One row per model: truth (the model that makes the trials), nats and error, the median
         number of trials until a Bayes factor of 10 with its 95 % interval (median, low, high),
@@ -59,9 +60,9 @@ class Discrimination(Facts):
     """
 
     models: tuple[Model, Model]
-    space: Space
+    space: Space | Sessions
     table: pd.DataFrame
-    check: TaskInformation
+    check: TaskInformation[Any]
     sequential: pd.DataFrame
     same: tuple[int, ...]
     settings: dict[str, Any]
@@ -77,12 +78,19 @@ class Discrimination(Facts):
 
         It is 0 at numbers of alternatives at which the models are one rule.
         """
-        table = self.table[~self.table["channels"].isin(self.same)]
+        table = self.table
+        if self.same:
+            table = table[~table["channels"].isin(self.same)]
         ends = [
             np.maximum(table[f"{way}_nats"], 0) + Z95 * table[f"{way}_error"]
             for way in ("first", "second")
         ]
         return float(np.max(ends, initial=0.0))
+
+    @property
+    def one_rule(self) -> bool:
+        """Whether the models are one rule in every task, so that none can tell them apart."""
+        return isinstance(self.space, Space) and set(self.same) == set(self.space.channels)
 
     def facts(self) -> dict[str, str]:
         """Return the models, the verdict, the best task and the trials that it needs."""
@@ -91,13 +99,19 @@ class Discrimination(Facts):
 
     def sentence(self) -> str:
         """Return the verdict in one sentence, with the trials needed or the bound."""
-        if set(self.same) == set(self.space.channels):
+        if self.one_rule:
             return f"{INSEPARABLE}: they are one rule with different thresholds, so no task can"
         if self.verdict == INSEPARABLE:
-            least = self.sequential["low"].min()
+            least, right = self.sequential[["low", "right"]].min()
+            if isinstance(self.space, Sessions) and right < LEAST_RIGHT:
+                return (
+                    f"{INSEPARABLE}: after a pilot of this size {100 * (1 - right):.0f} % of "
+                    "simulated experiments favour the false reading; record a longer pilot"
+                )
             return (
-                f"{INSEPARABLE}: no task of {len(self.table)} tells more than {self.most_nats:.1g} "
-                f"nats per trial (upper 95 %), and the best needs at least {_number(least)} trials"
+                f"{INSEPARABLE}: no {self.space.unit} of {len(self.table)} tells more than "
+                f"{self.most_nats:.1g} nats per trial (upper 95 %), and at least {_number(least)} "
+                "trials are needed"
             )
         parts = [
             f"{_number(one['median'])} [{_number(one['low'])}, {_number(one['high'])}] trials if "
@@ -117,12 +131,15 @@ class Discrimination(Facts):
     def axes(self) -> pd.DataFrame:
         """Return a map of the space: what the best task with each value of each axis tells.
 
+        Of recorded cells the only axis is the session.
+
         Columns axis, value, tried (number of tasks), and nats and low of the best of them.
         """
         rows = []
-        for name in AXES:
+        for name in self.space.axis_names:
             for value, part in self.table.groupby(name, sort=name != "edits"):
-                shown = (str(value) or "none") if name == "edits" else f"{value:g}"
+                text = name in ("edits", "session")
+                shown = (str(value) or "none") if text else f"{value:g}"
                 best = part.iloc[int(part["low"].argmax())]
                 best_nats = {"tried": len(part), "nats": best["nats"], "low": best["low"]}
                 rows.append({"axis": name, "value": shown, **best_nats})
@@ -134,9 +151,18 @@ class Discrimination(Facts):
         parts = [
             f"{self.models[0].name} against {self.models[1].name}: {self.sentence()}",
             f"best task: {self.check.design.text()}",
-            f"thresholds {self.settings['thresholds']}, non-decision time "
-            f"{self.settings['non_decision']}; {len(self.table)} tasks tried",
         ]
+        check = "trials until a Bayes factor of 10, from the check of the best task; nats per trial"
+        tried = "the best tasks of the search; values of the best are too good, hence the check"
+        if pilots := self.settings.get("pilots"):
+            parts[1] = f"recorded: {self.check.design.text()}; fits to {pilots} simulated pilots"
+            check = "further trials until a Bayes factor of 10; nats per trial"
+            tried = "the sessions that tell most"
+        else:
+            parts.append(
+                f"thresholds {self.settings['thresholds']}, non-decision time "
+                f"{self.settings['non_decision']}; {len(self.table)} tasks tried"
+            )
         if recorded := self.settings["recording"]:
             window = "{:g} to {:g} ms".format(*recorded["window_ms"])
             cells = f"{recorded['cells']} cell{'s' if recorded['cells'] > 1 else ''}"
@@ -149,8 +175,6 @@ class Discrimination(Facts):
         if self.settings["refused"]:
             parts.append(f"{len(self.settings['refused'])} kinds of trials could not be run")
         table = self.sequential.round(4).to_string(index=False)
-        check = "trials until a Bayes factor of 10, from the check of the best task; nats per trial"
-        tried = "the best tasks of the search; values of the best are too good, hence the check"
         return "\n".join([*parts, "", check, table, "", tried, shown])
 
     def experiment(self, folder: str | Path = ".") -> Experiment:
@@ -169,6 +193,8 @@ class Discrimination(Facts):
         """
         recording = self.settings["recording"]
         require(not recording, "recording", UNRECORDED, recording)
+        if not isinstance(self.space, Space):
+            raise InputError(f"recorded {UNRECORDED}", "recorded")
         median = float(self.sequential["median"].max())
         return planned(
             self.models, self.check, self.space, median, self.sentence(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -113,13 +114,14 @@ def experiments(
     return ended, right
 
 
-def needed(information: Information) -> dict[str, float]:
+def needed(information: Information, quantile: float = Z95) -> dict[str, float]:
     """Return the trials until a Bayes factor of 10: nats, error, median, low, high, wald_mean.
 
-    The interval is that of the information, 95 %. If the information is not above 0, the median is
-    infinite, and low is the number of trials that is needed at least.
+    The interval is that of the information, 95 %, ``quantile`` standard errors on either side. If
+    the information is not above 0, the median is infinite, and low is the number of trials that is
+    needed at least.
     """
-    nats, half = information.nats, Z95 * information.error
+    nats, half = information.nats, quantile * information.error
     least, most = nats - half, max(nats, 0) + half
     known = {"nats": nats, "error": information.error}
     if least <= 0:
@@ -139,7 +141,7 @@ def _only(trials: Trials, design: Design, seed: int, count: int) -> Trials:
 
 def again(
     trials: Trials, design: Design, seed: int, count: int, free_time: bool
-) -> TaskInformation:
+) -> TaskInformation[Design]:
     """Return the information of a task with another seed."""
     tasks = list(informed(_only(trials, design, seed, count), design.probe, free_time))
     if not tasks:
@@ -150,7 +152,7 @@ def again(
 
 
 def simulated_experiments(
-    trials: Trials, check: TaskInformation, seed: int, count: int
+    trials: Trials, check: TaskInformation[Design], seed: int, count: int
 ) -> pd.DataFrame:
     """Return predicted numbers of trials, and those of simulated sequential experiments.
 
@@ -167,9 +169,16 @@ def simulated_experiments(
         if np.isfinite(row["median"]):
             row |= _ended(others, k, direction, check.design)
         rows.append({"truth": trials.models[k].name, **row})
+    return confirmed(rows)
+
+
+def confirmed(rows: list[dict[str, Any]]) -> pd.DataFrame:
+    """Return the trials needed as a table, without medians where experiments contradict them.
+
+    Thresholds that are matched with an error, or fits to few trials, tell models apart that are
+    one: experiments with other trials then do not favour the truth.
+    """
     table = pd.DataFrame(rows)
-    # Thresholds that are matched with an error tell models apart that are one: experiments with
-    # other trials then do not favour the truth.
     if (table["right"] < LEAST_RIGHT).any():
         table[["median", "high", "wald_mean"]] = np.inf
     return table
@@ -185,6 +194,10 @@ def _ended(trials: Trials, k: int, direction: Direction, design: Design) -> dict
     cuts = np.cumsum([partition.bins for partition in direction.partitions])[:-1]
     ratios = np.split(direction.information.values, cuts)
     rng = stream(trials.seed, "discriminate", "experiments", k)
-    ended, right = experiments(ratios, bins, shares, rng, repeats=REPEATS)
+    return outcome(*experiments(ratios, bins, shares, rng, repeats=REPEATS))
+
+
+def outcome(ended: Array, right: Array) -> dict[str, float]:
+    """Return the columns of simulated experiments."""
     median = float(np.median(np.nan_to_num(ended, nan=np.inf)))
-    return {"simulated_median": median, "right": float(right.mean()), "experiments": REPEATS}
+    return {"simulated_median": median, "right": float(right.mean()), "experiments": len(ended)}

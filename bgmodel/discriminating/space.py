@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -72,6 +72,8 @@ class Space:
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = toml_files.STRICT
+    axis_names: ClassVar[tuple[str, ...]] = AXES
+    unit: ClassVar[str] = "task"
 
     channels: tuple[int, ...] = (2,)
     """Numbers of alternatives."""
@@ -156,6 +158,33 @@ class Space:
         """Return the space without one manipulation."""
         others = tuple(each for each in self.edits if each != text)
         return replace(self, edits=others or ("",))
+
+
+@dataclass(frozen=True)
+class Sessions:
+    """Sessions of recorded cells, in place of a space of tasks: their names, cells and trials."""
+
+    axis_names: ClassVar[tuple[str, ...]] = ("session",)
+    unit: ClassVar[str] = "session"
+
+    session: tuple[str, ...]
+    cells: tuple[int, ...]
+    trials: tuple[int, ...]
+
+    def text(self) -> str:
+        """Return the sessions in one line."""
+        number, cells = len(self.session), sum(self.cells)
+        where = f"session {self.session[0]}" if number == 1 else f"{number} sessions"
+        return f"{where}, {cells} cell{'s' * (cells > 1)}, {sum(self.trials)} recorded trials"
+
+    def each(self) -> Iterator[Sessions]:
+        """Yield every session alone."""
+        for name, cells, trials in zip(self.session, self.cells, self.trials, strict=True):
+            yield Sessions((name,), (cells,), (trials,))
+
+    def row(self) -> dict[str, Any]:
+        """Return the values of a session in a table."""
+        return {"session": self.session[0], "cells": self.cells[0], "trials": self.trials[0]}
 
 
 def split(text: str) -> tuple[str, ...]:

@@ -99,7 +99,7 @@ def found(pair: Pair, fast: bool, workers: int) -> pd.DataFrame:
         "most_nats": result.most_nats, **levels,
     }  # fmt: skip
     trials = result.sequential.assign(part="trials", **about)
-    if set(result.same) == set(result.space.channels):
+    if result.one_rule:
         trials["low"] = np.nan  # no number of trials is enough
     return pd.concat([trials, result.axes().assign(part="axes")]).assign(pair=pair.name)
 

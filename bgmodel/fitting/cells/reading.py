@@ -125,7 +125,7 @@ With log odds y of two sides, P of one less P of the other is tanh(y / 2).
 """
 
 
-def reading_of(name: str) -> Reading:
+def reading_of(name: str, argument: str = "models") -> Reading:
     """Return a reading by its name, or as the nucleus of a circuit, such as "macaque D1"."""
     if name in READINGS:
         return READINGS[name]
@@ -133,23 +133,23 @@ def reading_of(name: str) -> Reading:
     if not circuit:
         allowed = ", ".join(READINGS)
         must = f"must be {allowed}, or a circuit and a nucleus such as 'macaque D1'"
-        raise InputError.of("models", must, name)
-    return nucleus_reading(checked_circuit(circuit, 2), nucleus, str(name))
+        raise InputError.of(argument, must, name)
+    return nucleus_reading(checked_circuit(circuit, 2), nucleus, str(name), argument)
 
 
-def nucleus_reading(circuit: Circuit, nucleus: str, name: str) -> Reading:
+def nucleus_reading(circuit: Circuit, nucleus: str, name: str, argument: str = "models") -> Reading:
     """Return the steady activity of a nucleus's first channel, by the lead of its evidence.
 
     Activity follows evidence within tens of ms, much faster than the sum of clicks moves. It is
     relative to rest, in units of its change per nat there.
     """
     names = [row.name for row in circuit.populations]
-    require(nucleus in names, "models", f"must name a nucleus, one of {', '.join(names)}", nucleus)
+    require(nucleus in names, argument, f"must name a nucleus, one of {', '.join(names)}", nucleus)
     lead = np.linspace(-REACH_NATS, REACH_NATS, POINTS)
     wiring, middle = wired(circuit), POINTS // 2
     drive = np.stack([lead / 2, -lead / 2], axis=1)
     rates = wiring.rates(solve(wiring, drive))[:, wiring.blocks_of(nucleus)][:, 0]
     per_nat = (rates[middle + 1] - rates[middle - 1]) / (lead[middle + 1] - lead[middle - 1])
-    require(abs(per_nat) > STILL_HZ, "models", "must name a nucleus that follows evidence", name)
+    require(abs(per_nat) > STILL_HZ, argument, "must name a nucleus that follows evidence", name)
     activity = np.asarray((rates - rates[middle]) / per_nat)
     return Reading(name, linear=True, scaled=True, curve=(lead, activity), circuit=circuit)

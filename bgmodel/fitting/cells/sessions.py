@@ -123,15 +123,18 @@ def seen_share(edges_s: Array) -> Array:
 
 
 @lru_cache(maxsize=16)
-def sessions_of(trials: Trials) -> tuple[Session, ...]:
-    """Return the sessions of one person's trials; ValueError without spikes or clicks."""
+def sessions_of(trials: Trials, fewest: int = FEWEST_SPIKES) -> tuple[Session, ...]:
+    """Return the sessions of one person's trials; ValueError without spikes or clicks.
+
+    Cells with fewer spikes than ``fewest`` are left out.
+    """
     readings = trials.readings
     if trials.spikes is None or readings is None or readings.choice is None:
         raise InputError("these trials have no spikes: give read_trials spikes", "spikes")
     require(len(readings.names) == 2, "evidence", "must have two sides", readings.names)
     end_s = np.where(np.isnan(trials.rt_s), _last_s(readings.time_s), trials.rt_s)
     require(end_s.max() <= LONGEST_S, "rt", f"must be at most {LONGEST_S:g} s", float(end_s.max()))
-    spikes = without_silent(trials.spikes, FEWEST_SPIKES)
+    spikes = without_silent(trials.spikes, fewest)
     click = readings.log_likelihood[:, :, 1] - readings.log_likelihood[:, :, 0]
     patterns, which = np.unique(spikes.recorded, axis=0, return_inverse=True)
     sessions = []
