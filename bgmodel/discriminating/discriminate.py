@@ -13,8 +13,8 @@ import pandas as pd
 
 from bgmodel import names
 from bgmodel.discriminating.designs import Design, TaskInformation, informed, row
+from bgmodel.discriminating.information import Recording
 from bgmodel.discriminating.recorded import FEWEST_PILOTS, PILOTS, told_apart
-from bgmodel.discriminating.recording import Recording
 from bgmodel.discriminating.result import Discrimination
 from bgmodel.discriminating.sequential import again, simulated_experiments
 from bgmodel.discriminating.space import (

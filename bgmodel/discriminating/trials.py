@@ -10,8 +10,14 @@ import numpy as np
 
 from bgmodel.comparison.thresholds import moved
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
-from bgmodel.discriminating.information import COMPETITOR, CORRECT, MISSED, OTHER, Recorded
-from bgmodel.discriminating.recording import Recording
+from bgmodel.discriminating.information import (
+    COMPETITOR,
+    CORRECT,
+    MISSED,
+    OTHER,
+    Recorded,
+    Recording,
+)
 from bgmodel.discriminating.space import Probe, Space
 from bgmodel.evidence import Evidence
 from bgmodel.experiments.models import Model, stopped

@@ -227,7 +227,7 @@ def delayed(folder: str) -> pd.DataFrame:
     return table.assign(nats=table["apart"] - base.loc[table["cell"]].to_numpy())
 
 
-def _columns(session: Session, name: str, cell: int | None, later: int) -> Array:
+def _columns(session: Session, name: str, cell: int | None, later: int = 0) -> Array:
     """Return the predictors of a regression in each bin, with the recent rate of a cell if any."""
     on, parts = session.on, [np.broadcast_to(session.basis, (*session.on.shape, KNOTS))]
     if "clicks" in name:

@@ -14,7 +14,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from bgmodel.discriminating.drawing import NAMES, label
+from bgmodel.discriminating.result import NAMES, label
 from bgmodel.support.files import read_table
 from figures.common import Settings, letter, say_if_older
 

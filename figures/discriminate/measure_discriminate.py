@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.discriminating.discriminate import discriminate
-from bgmodel.discriminating.recording import Recording
+from bgmodel.discriminating.information import Recording
 from bgmodel.discriminating.space import Space
 from circuits.anatomy import DEFAULT, load_circuit
 from figures.pieces import Made, Piece, Score, main

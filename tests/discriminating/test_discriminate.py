@@ -7,7 +7,7 @@ import pytest
 
 import bgmodel as bg
 from bgmodel.discriminating.discriminate import _within, same_rule
-from bgmodel.discriminating.recording import Recording
+from bgmodel.discriminating.information import Recording
 from bgmodel.discriminating.result import INSEPARABLE, SEPARABLE
 from bgmodel.discriminating.space import Probe, Space
 from bgmodel.discriminating.trials import Trials

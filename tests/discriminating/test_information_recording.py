@@ -7,8 +7,14 @@ import pytest
 from scipy.stats import norm
 
 import bgmodel as bg
-from bgmodel.discriminating.information import CORRECT, OTHER, Partition, Recorded, information
-from bgmodel.discriminating.recording import Recording
+from bgmodel.discriminating.information import (
+    CORRECT,
+    OTHER,
+    Partition,
+    Recorded,
+    Recording,
+    information,
+)
 from bgmodel.discriminating.result import INSEPARABLE, SEPARABLE
 from bgmodel.discriminating.space import Probe, Space
 from bgmodel.discriminating.trials import Trials
