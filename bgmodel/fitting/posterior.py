@@ -130,14 +130,15 @@ def posterior(
 ) -> Posterior:
     """Sample from the posterior by an ensemble of walkers (Goodman & Weare 2010; emcee).
 
-    They step along differences of others (ter Braak & Vrugt 2008), until the second half of the
+    They step along differences of others (ter Braak 2006), until the second half of the
     chain is ``ENOUGH`` autocorrelation times long, or for ``most_steps``.
     """
     import emcee
 
     rng = stream(seed, "walkers")
     state = _first(likelihood, start, walkers, rng)
-    moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
+    # Without its snooker moves, which up to emcee 3.1.6 make draws too narrow.
+    moves = emcee.moves.DEMove()
 
     def heights(vectors: Array) -> Array:
         log_posterior = likelihood.heights(vectors)

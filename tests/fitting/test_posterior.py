@@ -192,23 +192,25 @@ def test_errors_that_are_infinite_without_a_pair_alike_are_said():
 
 
 class Known:
-    """A log likelihood in two parameters between -10 and 10, Gaussian or flat."""
+    """A log likelihood in some parameters between -10 and 10, Gaussian or flat."""
 
     def __init__(self, information, low=-10.0):
         self.information = np.asarray(information, float)
-        parameters = [Parameter(name, low, 10.0, max(low, 0.0)) for name in "ab"]
+        self.names = "abcdef"[: len(self.information)]
+        parameters = [Parameter(name, low, 10.0, max(low, 0.0)) for name in self.names]
         self.freedom = freedom(parameters, {}, 1)
 
     def __call__(self, vector):
-        inside = (vector >= self.freedom.low) & (vector <= self.freedom.high)
-        return float(-vector @ self.information @ vector / 2) if inside.all() else -np.inf
+        return float(self.heights(vector[None])[0])
 
     def heights(self, vectors):
-        return np.array([self(vector) for vector in vectors])
+        inside = (vectors >= self.freedom.low) & (vectors <= self.freedom.high)
+        heights = -np.einsum("ki,ij,kj->k", vectors, self.information, vectors) / 2
+        return np.where(inside.all(axis=1), heights, -np.inf)
 
     def draw(self, **options):
         return posterior(
-            self, Directions(["a", "b"], self.freedom.start, self.information), **options
+            self, Directions(list(self.names), self.freedom.start, self.information), **options
         )
 
 
@@ -227,6 +229,13 @@ def test_draws_from_a_gaussian_have_its_covariance():
     assert np.abs(chain.mean / [1, 2]).max() < error
     assert chain.interval(0.9)[1] == pytest.approx(1.645 * np.array([1, 2]), rel=2 * error)
     assert chain.log_density[:5] == pytest.approx([GAUSSIAN(x) for x in chain.draws[:5]])
+
+
+def test_draws_in_six_parameters_are_as_wide_as_their_density():
+    chain = Known(np.eye(6)).draw(steps=2000, most_steps=2000)
+    error = 1 / np.sqrt(2 * 6 * chain.effective)
+    assert chain.draws.std(axis=0).mean() == pytest.approx(1, abs=3 * error)
+    assert error < 0.01
 
 
 def test_without_information_draws_fill_the_bounds_evenly():
