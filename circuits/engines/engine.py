@@ -23,7 +23,7 @@ from circuits.checks import (
 )
 from circuits.declaration.rows import OF_CELLS
 from circuits.dynamics.ticks import TICK_MS, Clock, tick_ms
-from circuits.engines.memory import blocks, cells, connection_bytes, on_cache_lines
+from circuits.engines.memory import blocks, cells, connection_bytes
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:
@@ -192,13 +192,9 @@ class Engine:
         """Return the number of samples of OUT in ``steps`` readings."""
         return round(steps * step_ms / self.sample_ms)
 
-    def row_length(self, count: int) -> int:
-        """Return the length of a row of rates for a number of blocks, at least that number."""
-        return count
-
     def memory_bytes(self, circuit: CircuitTable, trials: int, samples: int) -> float:
         """Return an estimate of a run's memory, bytes, for simultaneous trials."""
-        kept = 4.0 * trials * samples * self.row_length(blocks(circuit)) if self.rates else 0.0
+        kept = 4.0 * trials * samples * blocks(circuit) if self.rates else 0.0
         return 8.0 * trials * samples * circuit.channels + kept
 
 
@@ -314,9 +310,9 @@ class CompiledEngine(TimedEngine):
 
     def outputs(self, trials: int, samples: int, wiring: Wiring) -> tuple[Array, Any]:
         """Return the output arrays of a run: OUT, and rows of the rates of blocks if recorded."""
-        row = self.row_length(wiring.blocks) if self.rates else 0
+        row = wiring.blocks if self.rates else 0
         out = np.empty((trials, samples, wiring.circuit.channels))
-        return out, on_cache_lines((trials, samples, row))
+        return out, np.empty((trials, samples, row), np.float32)
 
     def until(self, level_nats: float, *, rates: bool = False) -> Self:
         """Return the engine set to stop a trial once its OUT falls below a level, nats."""

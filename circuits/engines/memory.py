@@ -1,24 +1,8 @@
-"""Sizes of a circuit, from which engines estimate the memory of a run, and memory for results."""
+"""Sizes of a circuit, from which engines estimate the memory of a run."""
 
 from __future__ import annotations
 
-from math import prod
-from typing import Any
-
-import numpy as np
-
 from circuits.declaration.table import CircuitTable
-
-CACHE_LINE = 16
-"""Single-precision numbers in a cache line of 64 bytes."""
-
-
-def on_cache_lines(shape: tuple[int, ...]) -> Any:
-    """Return an empty array of single precision that begins at a cache line."""
-    size = prod(shape)
-    raw = np.empty(size + CACHE_LINE, np.float32)
-    start = -raw.ctypes.data // raw.itemsize % CACHE_LINE
-    return raw[start : start + size].reshape(shape)
 
 
 def blocks(circuit: CircuitTable) -> int:

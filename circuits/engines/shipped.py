@@ -13,7 +13,7 @@ from circuits.engines.engine import (
     of_cells_alone,
     register,
 )
-from circuits.engines.memory import CACHE_LINE, blocks
+from circuits.engines.memory import blocks
 from circuits.errors import require
 
 if TYPE_CHECKING:
@@ -63,10 +63,6 @@ class Algebra(Engine):
 @dataclass(frozen=True, kw_only=True, repr=False)
 class PopulationsEngine(CompiledEngine):
     """Base class of engines that transmit rates instead of spikes."""
-
-    def row_length(self, count: int) -> int:
-        """Return a whole number of cache lines, so that a row is written past the caches."""
-        return -(-count // CACHE_LINE) * CACHE_LINE
 
     @property
     def laws(self) -> str:

@@ -265,50 +265,49 @@ def _inputs_varied(p, work, block, t, k, ticks):
 
 @numba.njit(inline="always")
 def _cells(p, work, block, t, ticks, noise_of):
+    lanes.refresh(work.counts, block.start, block.filled, noise_of)
     if block.kind == GENERAL:
-        _general(p, work, block, t, ticks, noise_of)
+        _general(p, work, block, t, ticks)
     elif block.variation == IDENTICAL:
-        _identical(work, block, t, ticks, noise_of)
+        _identical(work, block, t, ticks)
     elif block.variation == OWN_CONSTANTS:
-        _varied(p, work, block, t, ticks, None, noise_of)
+        _varied(p, work, block, t, ticks, None)
     else:
-        _varied(p, work, block, t, ticks, work.x, noise_of)
+        _varied(p, work, block, t, ticks, work.x)
 
 
 @numba.njit(inline="always")
-def _identical(work, block, t, ticks, noise_of):
+def _identical(work, block, t, ticks):
     """Advance cells that differ only in their noise."""
-    v, fired, first, cells = work.v, work.fired, block.start, block.filled
+    v, marks, counts, first, cells = work.v, work.marks, work.counts, block.start, block.filled
     step = _four(work.mean_step, t)
     if block.kind == LIF:
         decay, noise_step, top = block.membrane_decay, block.noise_step, block.threshold
         lanes.lif_identical(
-            v, fired, first, cells, noise_of, ticks, decay, step, noise_step, top, block.refractory
+            v, marks, counts, first, cells, ticks, decay, step, noise_step, top, block.refractory
         )
     else:  # Phases: ``plan`` gives no other kind.
         each = _four(work.noise_step, t)
-        lanes.phase_identical(v, fired, first, cells, noise_of, ticks, step, each)
+        lanes.phase_identical(v, marks, counts, first, cells, ticks, step, each)
 
 
 @numba.njit(inline="always")
-def _varied(p, work, block, t, ticks, x, noise_of):
+def _varied(p, work, block, t, ticks, x):
     """Advance cells that differ in their constants and, with x, in their inputs."""
-    v, fired, first, cells, constants = work.v, work.fired, block.start, block.filled, p.constants
+    v, marks, counts, first, cells = work.v, work.marks, work.counts, block.start, block.filled
+    constants = p.constants
     common = _four(work.mean_step, t)
     if block.kind == LIF:
         top, held = block.threshold, block.refractory
-        lanes.lif_varied(v, fired, first, cells, noise_of, ticks, common, x, constants, top, held)
+        lanes.lif_varied(v, marks, counts, first, cells, ticks, common, x, constants, top, held)
     else:
         root, each = _four(work.noise_step, t), block.jitter
-        lanes.phase_varied(
-            v, fired, first, cells, noise_of, ticks, common, root, x, constants, each
-        )
+        lanes.phase_varied(v, marks, counts, first, cells, ticks, common, root, x, constants, each)
 
 
 @part
-def _general(p, work, block, t, ticks, noise_of):
+def _general(p, work, block, t, ticks):
     heard, marks = work.heard, work.marks
-    lanes.refresh(work.counts, block.start, block.filled, noise_of)
     for i in range(len(ticks)):
         for j in range(block.cells):
             if block.variation == OWN_INPUTS:
@@ -321,7 +320,6 @@ def _general(p, work, block, t, ticks, noise_of):
         block.advance, work.states, p.tick_constants, block.start, work.counts, heard, block.cells,
         len(ticks), marks,
     )  # fmt: skip
-    lanes.noted(marks, work.fired, block.filled, len(ticks))
 
 
 @numba.njit(inline="always")
@@ -362,11 +360,13 @@ def _fire(p, work, block, b, t, k, stream):
     clock, most = p.clock[0], _most(work)
     _cells(p, work, block, t, p.ticks, (lanes.tick_key(stream, k // WORD), k % WORD))
     for i in range(len(p.ticks)):
-        now, fired = (k + i) & (clock.ring - 1), work.fired[i]
-        work.ring[b, now] = lanes.how_many(fired, block.filled) * block.spike_hz
+        now = (k + i) & (clock.ring - 1)
+        work.ring[b, now] = lanes.how_many(work.marks, block.filled, i) * block.spike_hz
         if clock.listing:
             place = now * len(p.blocks) + b
-            work.spiked_n[place] = lanes.listed(fired, block.filled, work.spiked[place * most :])
+            work.spiked_n[place] = lanes.listed(
+                work.marks, block.filled, i, work.spiked[place * most :]
+            )
 
 
 @numba.njit(inline="always")

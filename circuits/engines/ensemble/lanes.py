@@ -1,25 +1,30 @@
-"""Fast loops of the ensemble engine over cells, one register at a time.
+"""Fast loops of the ensemble engine over cells.
 
-Trials run one at a time; neighbouring cells occupy neighbouring lanes of a register
-(``registers``). A word of noise serves four ticks, and a cell advances through all four while its
-state and its noise are in registers. Each loop sets a bit in ``fired`` for each cell that fires in
-a tick, so spikes are counted by counting bits. Six things are needed for speed:
+Trials run one at a time; the compiler turns a loop over neighbouring cells into vector
+instructions. A word of noise serves four ticks, and a cell advances through all four while its
+state is in registers. Each loop writes a byte for each cell, a bit of which says whether the cell
+fires in a tick, so spikes are counted by counting bits. Needed for speed:
 
 * 32-bit integer arithmetic. Numba widens to 64 bits, for which older machines have no vector
-  multiplication; the few functions at the top and ``registers`` emit 32-bit instructions. Their
-  NumPy twins are ``noise.words`` and ``noise.byte_counts``.
+  multiplication; the few functions at the top emit 32-bit instructions for one number. Their NumPy
+  twins are ``noise.words`` and ``noise.byte_counts``.
 * A number of cells that is a multiple of 64, so that no loop has a remainder.
 * A loop over ticks whose length the compiler knows from that of a tuple, so that it is unrolled.
 * None for unused arguments: each combination is compiled separately.
 * Unsigned indices, so that no check for negative ones is needed.
+* One array of marks for all ticks, since a vectorised loop first checks that arrays are apart.
 * No second array for refractory cells. A refractory cell has ``-WAIT * (ticks left)`` instead of a
   potential (measured from its reset), adds WAIT at each tick and returns to exactly 0 in time.
-  Cells that only pad a register stay refractory for ever, at minus infinity.
+  Cells that only pad a block stay refractory for ever, at minus infinity.
 
-The state of a cell is float32. The tests compare each loop with plain NumPy.
+The few operations that Numba lacks are LLVM instructions for one number. The state of a cell is
+float32. The tests compare each loop with plain NumPy.
 """
 
 from __future__ import annotations
+
+import math
+from functools import wraps
 
 import numba
 import numpy as np
@@ -29,26 +34,8 @@ from numba.extending import intrinsic
 
 from circuits.dynamics import noise
 from circuits.engines.compiling import part
-from circuits.engines.registers import (
-    WIDTH,
-    bits_before,
-    byte_counts,
-    high_half,
-    instruction,
-    later,
-    load,
-    lowbias32,
-    marked,
-    multiply_add,
-    note,
-    ones_in,
-    root,
-    spread,
-    store,
-    where,
-)
 
-LANES = WIDTH
+LANES = 64
 """Populations are padded to a multiple of this many cells."""
 WHOLE = -LANES
 """Mask that rounds a number of cells down to such a multiple."""
@@ -61,7 +48,6 @@ NOISE_STEP, FACTOR = 3, 4
 FOUR, SINGLE = (0, 1, 2, 3), (0,)
 """Ticks by which a loop advances its cells at once."""
 HALF_BITS = np.float32(4.0)
-_BYTES = tuple(np.float32(256.0**-byte) for byte in range(4))
 
 _GOLDEN = np.uint64(noise.GOLDEN)
 _I32 = ir.IntType(32)
@@ -132,21 +118,49 @@ def place(typing, address, states, constants, start, key, cells):
     return types.void(integer, states, constants, integer, types.uint64, integer), build
 
 
-def _const(value: int) -> ir.Constant:
-    return ir.Constant(_I32, value)
+def instruction(result, *kinds):
+    """Return a decorator that turns a function of a builder and LLVM values into compiled code.
+
+    ``result`` and ``kinds`` are the types of its result, and of its arguments after the builder.
+    """
+
+    def made(emit):
+        @intrinsic
+        @wraps(emit)
+        def typed(typing, *operands):
+            return result(*kinds), lambda _, builder, __, values: emit(builder, *values)
+
+        return typed
+
+    return made
 
 
 @intrinsic
-def word32(typing, index, key):
-    """Return ``noise.words`` of one cell from the tick key."""
+def take_number(typing, next_number):
+    """Return the number in an array of one and raise it by 1, so that each thread gets its own."""
 
     def build(context, builder, signature, arguments):
-        high = high_half(builder, arguments[1])
-        x, low = (builder.trunc(value, _I32) for value in arguments)
-        x = builder.add(builder.mul(x, _const(noise.GOLDEN_32)), high)
-        return lowbias32(builder, x, low, _const)
+        data = _data(context, builder, signature.args[0], arguments[0])
+        return builder.atomic_rmw("add", data, ir.Constant(ir.IntType(64), 1), "monotonic")
 
-    return types.uint32(index, types.uint64), build
+    return types.int64(next_number), build
+
+
+@instruction(types.uint32, types.int64, types.uint32, types.uint32)
+def lowbias32(builder, index, high, low):
+    """Return the word of ``noise.lowbias32`` of one cell."""
+    x = builder.add(builder.mul(builder.trunc(index, _I32), _I32(noise.GOLDEN_32)), high)
+    x = builder.xor(x, builder.lshr(x, _I32(16)))
+    x = builder.add(builder.mul(x, _I32(noise.FIRST)), low)
+    x = builder.xor(x, builder.lshr(x, _I32(15)))
+    x = builder.mul(x, _I32(noise.SECOND))
+    return builder.xor(x, builder.lshr(x, _I32(15)))
+
+
+@numba.njit(inline="always")
+def word32(index, key):
+    """Return ``noise.words`` of one cell from the tick key."""
+    return lowbias32(index, np.uint32(key >> np.uint64(32)), np.uint32(key))
 
 
 @instruction(types.uint8, types.uint8)
@@ -155,11 +169,10 @@ def ones8(builder, byte):
     return builder.ctpop(byte)
 
 
-@instruction(types.float32, types.uint32, types.int64)
-def ones_at(builder, counts, byte):
+@numba.njit(inline="always")
+def ones_at(counts, byte):
     """Return the count of a byte, as float32."""
-    here = builder.lshr(counts, bits_before(builder, byte))
-    return builder.sitofp(builder.and_(here, _const(15)), _F32)
+    return np.float32(np.int32(np.uint32(counts >> np.uint32(8 * byte)) & np.uint32(15)))
 
 
 @intrinsic
@@ -200,7 +213,7 @@ def add_bits(typing, sums, place, word):
         pointer = builder.bitcast(builder.gep(array.data, [arguments[1]]), kind.as_pointer())
         word = ir.Constant(kind, ir.Undefined)
         for k in range(8):
-            word = builder.insert_element(word, arguments[2], _const(k))
+            word = builder.insert_element(word, arguments[2], _I32(k))
         word = builder.lshr(word, ir.Constant(kind, list(range(8))))
         word = builder.and_(word, ir.Constant(kind, [0x0101010101010101] * 8))
         total = builder.add(builder.load(pointer, align=8), word)
@@ -212,8 +225,8 @@ def add_bits(typing, sums, place, word):
 @instruction(types.float32, types.float32)
 def two_to(builder, power):
     """Return 2**power for a whole float32 from -126 to 127."""
-    exponent = builder.add(builder.fptosi(power, _I32), _const(127))
-    return builder.bitcast(builder.shl(exponent, _const(23)), _F32)
+    exponent = builder.add(builder.fptosi(power, _I32), _I32(127))
+    return builder.bitcast(builder.shl(exponent, _I32(23)), _F32)
 
 
 @numba.njit(inline="always")
@@ -271,65 +284,51 @@ def refresh(counts, start, cells, noise_of):
     for i in range(4 * (cells & WHOLE)):
         j = np.uint64(4 * start + i)
         octets[j] = ones8(octets[j])
-    for i in range(cells & WHOLE):
-        counts[np.uint64(start + i)] >>= np.uint32(8 * byte)
+    if byte:
+        for i in range(cells & WHOLE):
+            counts[np.uint64(start + i)] >>= np.uint32(8 * byte)
 
 
 @numba.njit(inline="always")
-def _counts(place, noise_of, ticks):
-    """Return the noise of a register of cells: for four ticks, or one tick's in the lowest byte."""
-    key, byte = noise_of
-    counts = byte_counts(place, key)
-    return counts if len(ticks) > 1 else later(counts, byte)
-
-
-@numba.njit(inline="always")
-def _spread_four(values):
-    return spread(values[0]), spread(values[1]), spread(values[2]), spread(values[3])
-
-
-@numba.njit(inline="always")
-def _per_bit(steps):
-    """Return the effect of a bit of noise in four ticks, as ``ones_in`` counts bits."""
-    return steps[0], steps[1] * _BYTES[1], steps[2] * _BYTES[2], steps[3] * _BYTES[3]
-
-
-@numba.njit(inline="always")
-def _lif(old, moved, wait, waiting, threshold, refractory):
-    """Return the next state of integrate-and-fire cells, and whether they fire."""
-    new = where(old < waiting, old + wait, moved)
+def _lif(old, moved, threshold, refractory):
+    """Return the next state of an integrate-and-fire cell, and whether it fires."""
+    new = old + WAIT if old < WAITING else moved
     spike = new >= threshold
-    return where(spike, refractory, new), spike
+    return refractory if spike else new, spike
 
 
 @part
 def lif_identical(
-    v, fired, start, cells, noise_of, ticks, decay, mean_step, noise_step, threshold, refractory
+    v,
+    marks,
+    counts,
+    start,
+    cells,
+    ticks,
+    decay,
+    mean_step,
+    noise_step,
+    threshold,
+    refractory,
 ):
     """Advance integrate-and-fire cells that differ only in their noise.
 
     v is measured from the reset, and becomes ``v decay + (mean_step + noise_step * ones)`` except
     in refractory cells. The bracket does not depend on the previous tick.
     """
-    steps = _spread_four(mean_step)
-    each = _spread_four(_per_bit((noise_step, noise_step, noise_step, noise_step)))
-    wait, waiting, kept = spread(WAIT), spread(WAITING), spread(decay)
-    top, held = spread(threshold), spread(refractory)
-    for g in range(cells // LANES):
-        i = np.uint64(LANES * g)
-        j = np.uint64(start) + i
-        x, counts = load(v, j), _counts(i, noise_of, ticks)
+    for i in range(cells & WHOLE):
+        c, j = np.uint64(i), np.uint64(start + i)
+        x, noise, marked = v[j], counts[j], np.uint8(0)
         for t in range(len(ticks)):
-            step = multiply_add(each[t], ones_in(counts, t), steps[t])
-            x, spike = _lif(x, multiply_add(x, kept, step), wait, waiting, top, held)
-            note(fired[t], np.uint64(g), spike)
-        store(v, j, x)
+            step = fused(noise_step, ones_at(noise, t), mean_step[t])
+            x, spike = _lif(x, fused(x, decay, step), threshold, refractory)
+            marked |= np.uint8(spike) << np.uint8(t)
+        v[j] = x
+        marks[c] = marked
 
 
 @part
-def lif_varied(
-    v, fired, start, cells, noise_of, ticks, common, x, constants, threshold, refractory
-):
+def lif_varied(v, marks, counts, start, cells, ticks, common, x, constants, threshold, refractory):
     """Advance heterogeneous integrate-and-fire cells, with inputs x or a common input.
 
     v is in units in which all cells have the same threshold.
@@ -337,44 +336,41 @@ def lif_varied(
     if constants is None:
         return
     decay, rest, slope, noise_step = constants[0], constants[1], constants[2], constants[NOISE_STEP]
-    shared, wait, waiting = _spread_four(common), spread(WAIT), spread(WAITING)
-    top, held = spread(threshold), spread(refractory)
-    for g in range(cells // LANES):
-        c = np.uint64(LANES * g)
-        j = np.uint64(start) + c
-        y, counts = load(v, j), _counts(c, noise_of, ticks)
+    for i in range(cells & WHOLE):
+        c, j = np.uint64(i), np.uint64(start + i)
+        y, noise, marked = v[j], counts[j], np.uint8(0)
         for t in range(len(ticks)):
-            heard = shared[t] if x is None else load(x[t], c)
-            pushed = multiply_add(load(slope, j), heard, load(rest, j))
-            step = multiply_add(load(noise_step, j), ones_in(later(counts, t), 0), pushed)
-            y, spike = _lif(y, multiply_add(y, load(decay, j), step), wait, waiting, top, held)
-            note(fired[t], np.uint64(g), spike)
-        store(v, j, y)
+            heard = common[t] if x is None else x[t, c]
+            pushed = fused(slope[j], heard, rest[j])
+            step = fused(noise_step[j], ones_at(noise, t), pushed)
+            y, spike = _lif(y, fused(y, decay[j], step), threshold, refractory)
+            marked |= np.uint8(spike) << np.uint8(t)
+        v[j] = y
+        marks[c] = marked
 
 
 @numba.njit(inline="always")
-def _phase(old, mean_step, one):
-    """Return the next phase of cells, and whether they fire; visible until the next tick."""
-    new = where(old >= one, old - one, old) + mean_step
-    return new, new >= one
+def _phase(old, mean_step):
+    """Return the next phase of a cell, and whether it fires; visible until the next tick."""
+    new = (old - ONE if old >= ONE else old) + mean_step
+    return new, new >= ONE
 
 
 @part
-def phase_identical(v, fired, start, cells, noise_of, ticks, mean_step, noise_step):
+def phase_identical(v, marks, counts, start, cells, ticks, mean_step, noise_step):
     """Advance phases that differ only in their noise."""
-    steps, each, one = _spread_four(mean_step), _spread_four(_per_bit(noise_step)), spread(ONE)
-    for g in range(cells // LANES):
-        i = np.uint64(LANES * g)
-        j = np.uint64(start) + i
-        x, counts = load(v, j), _counts(i, noise_of, ticks)
+    for i in range(cells & WHOLE):
+        c, j = np.uint64(i), np.uint64(start + i)
+        x, noise, marked = v[j], counts[j], np.uint8(0)
         for t in range(len(ticks)):
-            x, spike = _phase(x, multiply_add(each[t], ones_in(counts, t), steps[t]), one)
-            note(fired[t], np.uint64(g), spike)
-        store(v, j, x)
+            x, spike = _phase(x, fused(noise_step[t], ones_at(noise, t), mean_step[t]))
+            marked |= np.uint8(spike) << np.uint8(t)
+        v[j] = x
+        marks[c] = marked
 
 
 @part
-def phase_varied(v, fired, start, cells, noise_of, ticks, mean, mean_root, x, constants, each):
+def phase_varied(v, marks, counts, start, cells, ticks, mean, mean_root, x, constants, each):
     """Advance phases with individual expected steps: x, or the mean times the cell's factor.
 
     The jitter of an advance m is ``each sqrt(m)``; mean_root is that of the mean, and a cell's
@@ -383,19 +379,17 @@ def phase_varied(v, fired, start, cells, noise_of, ticks, mean, mean_root, x, co
     if constants is None:
         return
     noise_step, factor = constants[NOISE_STEP], constants[FACTOR]
-    means, roots, jitter = _spread_four(mean), _spread_four(mean_root), spread(each)
-    one, half = spread(ONE), spread(HALF_BITS)
-    for g in range(cells // LANES):
-        c = np.uint64(LANES * g)
-        j = np.uint64(start) + c
-        y, counts = load(v, j), _counts(c, noise_of, ticks)
+    for i in range(cells & WHOLE):
+        c, j = np.uint64(i), np.uint64(start + i)
+        y, noise, marked = v[j], counts[j], np.uint8(0)
         for t in range(len(ticks)):
-            m = means[t] * load(factor, j) if x is None else load(x[t], c)
-            width = roots[t] * load(noise_step, j) if x is None else jitter * root(m)
-            step = multiply_add(width, ones_in(later(counts, t), 0), m - half * width)
-            y, spike = _phase(y, step, one)
-            note(fired[t], np.uint64(g), spike)
-        store(v, j, y)
+            m = mean[t] * factor[j] if x is None else x[t, c]
+            width = mean_root[t] * noise_step[j] if x is None else each * math.sqrt(m)
+            step = fused(width, ones_at(noise, t), m - HALF_BITS * width)
+            y, spike = _phase(y, step)
+            marked |= np.uint8(spike) << np.uint8(t)
+        v[j] = y
+        marks[c] = marked
 
 
 @part
@@ -407,30 +401,22 @@ def filtered(x, start, cells, decay, gain, wanted):
 
 
 @part
-def noted(marks, fired, cells, ticks):
-    """Convert the marks of cells, one byte each with a bit per tick, to ``fired``."""
-    for t in range(ticks):
-        for g in range(cells // LANES):
-            note(fired[t], np.uint64(g), marked(marks, np.uint64(LANES * g), t))
-
-
-@part
-def how_many(fired, cells):
-    """Return the number of cells that fired, from a bit for each."""
-    total = 0
-    for g in range(cells // LANES):
-        total += ones(fired[np.uint64(g)])
+def how_many(marks, cells, t):
+    """Return the number of cells that fired in a tick, from a byte for each with a bit per tick."""
+    eight, bit, total = marks.view(np.uint64), np.uint64(0x0101010101010101) << np.uint64(t), 0
+    for i in range((cells & WHOLE) // 8):
+        total += ones(eight[np.uint64(i)] & bit)
     return total
 
 
 @part
-def listed(fired, cells, places):
-    """List the cells that fired; return how many."""
-    count = 0
-    for g in range(cells // LANES):
-        word = fired[np.uint64(g)]
+def listed(marks, cells, t, places):
+    """List the cells that fired in a tick; return how many."""
+    eight, bit, count = marks.view(np.uint64), np.uint64(0x0101010101010101) << np.uint64(t), 0
+    for i in range((cells & WHOLE) // 8):
+        word = eight[np.uint64(i)] & bit
         while word:
-            places[count] = LANES * g + lowest(word)
+            places[count] = 8 * i + lowest(word) // 8
             word &= word - np.uint64(1)
             count += 1
     return count

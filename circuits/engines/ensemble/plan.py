@@ -316,7 +316,6 @@ def workspace(p: records.Plan) -> records.Work:
         states=np.zeros((int(p.blocks["variables"].max(initial=1)), cells), np.float32),
         heard=np.zeros((kernel.WORD, widest)),
         marks=np.zeros(widest, np.uint8),  # a bit for each of four ticks in which one fired
-        fired=np.zeros((kernel.WORD, widest // lanes.LANES), np.uint64),  # a bit for each cell
         unit=np.zeros(units),  # filtered activity before the transfer
         passed=np.zeros((units, window)),  # and after it
         own_input=np.zeros(connected, np.float32),  # filtered activity, divided by the scale

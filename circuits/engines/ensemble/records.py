@@ -37,7 +37,7 @@ Plan = namedtuple(
 """A circuit and a clock in the kernel's format; made by ``plan.plan``, which describes each."""
 Work = namedtuple(
     "Work",
-    "v counts x cell_x ring state total common mean_step noise_step states heard marks fired unit "
+    "v counts x cell_x ring state total common mean_step noise_step states heard marks unit "
     "passed own_input scale sums spiked spiked_n low_pass",
 )
 """Working memory of a trial; made by ``plan.workspace``, which describes each."""

@@ -1,12 +1,13 @@
-"""The ticks of the population engine, compiled: neighbouring trials fill a register.
+"""The ticks of the population engine, compiled: a group of trials advances together.
 
-Each of the ``LANES`` trials of a group is a lane of every register. Lanes are independent: the
-result of a trial is the same to the bit, whatever the others are. A trial that ends is replaced by
-the next, whose clock starts then. Input within the next ticks, up to the shortest delay, is known
-in advance, so each block in turn is advanced through a window of ticks with its state in registers.
+Each of the ``LANES`` trials of a group has one number, its lane, in every row of an array. Lanes
+are independent: the result of a trial is the same to the bit, whatever the others are. A trial that
+ends is replaced by the next, whose clock starts then. Input within the next ticks, up to the
+shortest delay, is known in advance, so each block in turn is advanced through a window of ticks.
 
-Loops over a row of values are vectorised by the compiler if it sees that their number is a multiple
-of ``LANES``, and that no index is negative.
+The compiler turns a loop over lanes into vector instructions if it sees that their number is a
+multiple of a vector's, but not which, that no index is negative, and that no place in an array is
+itself read from an array.
 """
 
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
@@ -20,28 +21,18 @@ import numpy as np
 
 from circuits.declaration.transfer import MOST_NATS
 from circuits.engines.compiling import compiled, part
-from circuits.engines.ensemble.lanes import exp32, tick_key
-from circuits.engines.registers import (
-    TRIALS,
-    byte_counts_of_trials,
-    interpolated,
-    later,
-    least,
-    look_up_rows,
-    most,
-    multiply_add,
-    ones_in,
-    root,
-    store,
-    store_past,
+from circuits.engines.ensemble.lanes import (
+    exp32,
+    fused,
+    lowbias32,
+    ones8,
+    ones_at,
     take_number,
-    transpose,
+    tick_key,
 )
-from circuits.engines.registers import load_trials as load
-from circuits.engines.registers import load_words as words
-from circuits.engines.registers import spread_trials as spread
 
-LANES = TRIALS
+LANES = 32
+"""Trials of a group. A trial of 16 costs more; a few trials cost as much as a group."""
 WHOLE = -LANES
 WINDOWS = {1: (0,), 2: (0, 1), 4: (0, 1, 2, 3)}
 """Ticks through which a block is advanced at a time, by their number, which the compiler knows from
@@ -64,28 +55,36 @@ UNIT, PASSED = 0, 2
 """Rows of a unit's state: its filter, that filter's last input, and its activity before it is
 multiplied by a factor."""
 UNIT_ROWS, STATE_ROWS = 3, 12
-OF_LANES = ("trial", "begun", "samples", "reading", "due", "places", "rows")
+OF_LANES = ("trial", "begun", "samples", "reading", "due", "places")
 """Whole numbers of each lane: its trial, that trial's first tick, numbers of samples and readings
-so far, tick of the next reading, column of the next tick in the tables of courses, and row of
-coefficients."""
+so far, tick of the next reading, and column of the next tick in the tables of courses."""
 EMPTY = -1
 ZERO, ONE, HALF = np.float32(0), np.float32(1), np.float32(0.5)
 MOST, ENDLESS = np.float32(MOST_NATS), np.float32(np.inf)
 CENTRE = np.float32(-(8.0**0.5))
-_PER_ONE = tuple(np.float32(0.5**0.5 * 256.0**-byte) for byte in range(WORD_TICKS))
-"""Noise of zero mean and unit variance from the ones of a byte, as ``ones_in`` counts them."""
+PER_ONE = np.float32(0.5**0.5)
+"""Noise of zero mean and unit variance from the ones of a byte."""
 
 
 @numba.njit(inline="always")
-def _at(row):
-    """Return where a row begins in a flat array: unsigned, so that it is not wrapped."""
-    return np.uint64(row * LANES)
+def _at(row, lane):
+    """Return the place of a lane in a row of a flat array: unsigned, so that it is not wrapped."""
+    return np.uint64(row * LANES + lane)
+
+
+@numba.njit(inline="always")
+def _lanes(values):
+    """Return ``LANES``, from an array of ``WINDOW`` rows.
+
+    The compiler must not know the number, or it unrolls a loop over lanes instead of vectorising.
+    """
+    return len(values) // WINDOW & WHOLE
 
 
 @numba.njit(inline="always")
 def _low_passed(gain, before, value, old, last):
     """Return the next state of a low-pass of values interpolated linearly between ticks."""
-    return multiply_add(gain, value - old, multiply_add(before, last - value, old))
+    return fused(gain, value - old, fused(before, last - value, old))
 
 
 @part
@@ -108,17 +107,31 @@ def _clip(n, values, highest):
 
 
 @part
-def _look_up(n, values, lowest, per, points):
-    """Interpolate a law tabulated at even steps; it is linear beyond the ends."""
-    bottom, step, none = spread(lowest), spread(per), spread(ZERO)
-    last = spread(np.float32(len(points) - 2))
-    for i in range(0, n & WHOLE, LANES):
-        at = (load(values, np.uint64(i)) - bottom) * step
-        store(values, np.uint64(i), interpolated(at, least(most(at, none), last), points))
+def _look_up(n, values, lowest, per, points, found):
+    """Interpolate a law tabulated at even steps; it is linear beyond the ends.
+
+    Separate loops, since one that reads the table at computed places is not vectorised.
+    """
+    below, firsts, nexts = found
+    last = np.float32(len(points) - 2)
+    for i in range(n & WHOLE):
+        j = np.uint64(i)
+        at = (values[j] - lowest) * per
+        # Not a number maps to 0, so that no index is out of range.
+        within = at if at > ZERO else ZERO
+        below[j] = np.int32(within if within < last else last)
+        values[j] = at - np.float32(below[j])
+    for i in range(n & WHOLE):
+        j = np.uint64(i)
+        k = np.uint64(below[j])
+        firsts[j], nexts[j] = points[k], points[k + np.uint64(1)]
+    for i in range(n & WHOLE):
+        j = np.uint64(i)
+        values[j] = fused(values[j], nexts[j] - firsts[j], firsts[j])
 
 
 @part
-def _apply(n, law, values, lowest, per, points):
+def _apply(n, law, values, lowest, per, points, found):
     if law == RECTIFIED:
         _clip(n, values, ENDLESS)
     elif law == SATURATING:
@@ -130,7 +143,7 @@ def _apply(n, law, values, lowest, per, points):
     elif law == S_MINUS_LOG_S:
         _s_minus_log_s(n, values)
     elif law == LOOKED_UP:
-        _look_up(n, values, lowest, per, points)
+        _look_up(n, values, lowest, per, points, found)
 
 
 @part
@@ -143,8 +156,9 @@ def _refresh(p, work, b):
         at = (state[MEAN * LANES + lane] - block.state_lowest) * block.state_per + HALF
         # Not a number maps to 0, so that no index is out of range.
         at = at if at > ZERO else ZERO
-        work.rows[lane] = np.int32(at if at < last else last) * COEFFICIENTS
-    look_up_rows(table, work.rows, work.coefficients[b])
+        row = np.int32(at if at < last else last) * COEFFICIENTS
+        for k in range(COEFFICIENTS):
+            work.coefficients[b, k * LANES + lane] = table[np.uint64(row + k)]
 
 
 @part
@@ -160,129 +174,160 @@ def _derive(work, b, first):
 def _hear(p, work, b, ticks):
     """Write the input of a block in each tick of the window, nats."""
     block, values = p.blocks[b], work.values
-    for t in range(len(ticks)):
-        x = spread(block.bias)
-        for e in range(block.input, block.inputs):
-            heard = load(work.passed[p.inputs[e].index], _at(t))
-            x = multiply_add(spread(p.inputs[e].weight), heard, x)
-        if block.drive >= 0:
-            x = x + load(work.drive[b], _at(0))
-        store(values, _at(t), x)
+    lanes = _lanes(values)
+    n = len(ticks) * lanes
+    if block.input == block.inputs:
+        values[:] = block.bias
+    for e in range(block.input, block.inputs):
+        one, heard = p.inputs[e], work.passed[p.inputs[e].index]
+        if e == block.input:
+            _begin(values, block.bias, one.weight, heard, n)
+        else:
+            _add(values, one.weight, heard, n)
+    if block.drive >= 0:
+        reading = work.drive[b]
+        for t in range(len(ticks)):
+            for i in range(lanes):
+                values[_at(t, i)] += reading[np.uint64(i)]
 
 
 @part
-def _filter(block, state, values, shifts, ticks):
-    gain, before = spread(block.gain), spread(block.before)
-    x, last = load(state, _at(X)), load(state, _at(LAST))
-    for t in range(len(ticks)):
-        value = load(values, _at(t))
-        last = _shifted(last, shifts, t)
-        x = _low_passed(gain, before, value, x, last)
-        last = value
-        store(values, _at(t), x)
-    store(state, _at(X), x)
-    store(state, _at(LAST), last)
+def _begin(values, bias, weight, others, n):
+    for i in range(n & WHOLE):
+        values[np.uint64(i)] = fused(weight, others[np.uint64(i)], bias)
+
+
+@part
+def _add(values, weight, others, n):
+    for i in range(n & WHOLE):
+        values[np.uint64(i)] = fused(weight, others[np.uint64(i)], values[np.uint64(i)])
+
+
+@part
+def _filter(gain, before, state, values, shifts, ticks):
+    for i in range(_lanes(values)):
+        x, last = state[_at(X, i)], state[_at(LAST, i)]
+        for t in range(len(ticks)):
+            value = values[_at(t, i)]
+            x = _low_passed(gain, before, value, x, _shifted(last, shifts, t, i))
+            last = value
+            values[_at(t, i)] = x
+        state[_at(X, i)], state[_at(LAST, i)] = x, last
 
 
 @numba.njit(inline="always")
-def _shifted(last, shifts, t):
+def _shifted(last, shifts, t, i):
     """Return a filter's last input as it would have been at this tick's factors and courses."""
     if shifts is None:
         return last
-    return last + load(shifts, _at(t))
+    return last + shifts[_at(t, i)]
 
 
 @part
 def _drift(slowly, state, values, ticks):
     """Update the running mean of the input; it selects coefficients, without following noise."""
-    mean, slow = load(state, _at(MEAN)), spread(slowly)
-    for t in range(len(ticks)):
-        mean = multiply_add(slow, load(values, _at(t)) - mean, mean)
-    store(state, _at(MEAN), mean)
+    for i in range(_lanes(values)):
+        mean = state[_at(MEAN, i)]
+        for t in range(len(ticks)):
+            mean = fused(slowly, values[_at(t, i)] - mean, mean)
+        state[_at(MEAN, i)] = mean
 
 
 @part
 def _follow(coeffs, state, values, shifts, ticks):
     """Filter the input by the cells' lags (``filters.propagated``), in place."""
-    half, last = spread(HALF), load(state, _at(LAST))
-    low, v = load(state, _at(LOW)), load(state, _at(SLOPE))
-    for t in range(len(ticks)):
-        u = load(values, _at(t))
-        last = _shifted(last, shifts, t)
-        middle = half * (u + last)
-        old, last = low - middle, u
-        low = multiply_add(load(coeffs, _at(0)), old, multiply_add(load(coeffs, _at(1)), v, middle))
-        v = multiply_add(load(coeffs, _at(2)), old, load(coeffs, _at(3)) * v)
-        heard = multiply_add(load(coeffs, _at(5)), v, u)
-        store(values, _at(t), multiply_add(load(coeffs, _at(4)), low - u, heard))
-    store(state, _at(LAST), last)
-    store(state, _at(LOW), low)
-    store(state, _at(SLOPE), v)
+    for i in range(_lanes(values)):
+        last, low, v = state[_at(LAST, i)], state[_at(LOW, i)], state[_at(SLOPE, i)]
+        c0, c1, c2 = coeffs[_at(0, i)], coeffs[_at(1, i)], coeffs[_at(2, i)]
+        c3, c4, c5 = coeffs[_at(3, i)], coeffs[_at(4, i)], coeffs[_at(5, i)]
+        for t in range(len(ticks)):
+            u = values[_at(t, i)]
+            middle = HALF * (u + _shifted(last, shifts, t, i))
+            old, last = low - middle, u
+            low = fused(c0, old, fused(c1, v, middle))
+            v = fused(c2, old, c3 * v)
+            values[_at(t, i)] = fused(c4, low - u, fused(c5, v, u))
+        state[_at(LAST, i)], state[_at(LOW, i)], state[_at(SLOPE, i)] = last, low, v
 
 
 @part
-def _counts(keys, first, ticks):
-    """Return the ones in the bytes of each lane's word, that of the window's first tick lowest."""
+def _count(counts, keys, first):
+    """Write the ones in the bytes of each lane's word, that of the window's first tick lowest."""
     index = (first // WORD_TICKS) % (KEY_TICKS // WORD_TICKS)
-    counts = byte_counts_of_trials(index, words(keys, _at(0)), words(keys, _at(1)))
-    return counts if len(ticks) == WORD_TICKS else later(counts, first % WORD_TICKS)
+    lanes, byte = len(counts) & WHOLE, first % WORD_TICKS
+    for i in range(lanes):
+        counts[np.uint64(i)] = lowbias32(index, keys[_at(0, i)], keys[_at(1, i)])
+    octets = counts.view(np.uint8)
+    for i in range(4 * lanes):
+        octets[np.uint64(i)] = ones8(octets[np.uint64(i)])
+    if byte:
+        for i in range(lanes):
+            counts[np.uint64(i)] >>= np.uint32(8 * byte)
 
 
 @part
-def _noise(coeffs, state, values, counts, ticks):
-    """Write near-Gaussian noise with the spectrum of the cells, by two sections of a filter.
+def _fluctuate(each, coeffs, state, counts, ring, place, fresh, ticks):
+    """Add near-Gaussian noise with the spectrum of the cells to rates, by two sections of a filter.
 
     Except for the response to a constant, the output of a section (``filters.sampled``) is a
-    difference between ticks, which sums to 0 in the long run even if the coefficients change.
+    difference between ticks, which sums to 0 in the long run even if the coefficients change. The
+    amplitude is that of the rate at the first of the ticks that share a word.
     """
-    _white(values, counts, ticks)
-    _section(coeffs, FOLLOWING, state, FIRST, values, ticks)
-    _section(coeffs, FOLLOWING + SECTION, state, SECOND, values, ticks)
+    lanes = len(counts) & WHOLE
+    if fresh:
+        for i in range(lanes):
+            rate = ring[np.uint64(place + i)]
+            state[_at(AMPLITUDE, i)] = each * math.sqrt(rate if rate > ZERO else ZERO)
+    for i in range(lanes):
+        word, amplitude = counts[np.uint64(i)], state[_at(AMPLITUDE, i)]
+        first, second = _section(coeffs, FOLLOWING, i), _section(coeffs, FOLLOWING + SECTION, i)
+        old, older = _kept(state, FIRST, i), _kept(state, SECOND, i)
+        for t in range(len(ticks)):
+            e, old = _sampled(first, old, fused(PER_ONE, ones_at(word, t), CENTRE))
+            e, older = _sampled(second, older, e)
+            j = np.uint64(place + t * LANES + i)
+            ring[j] = fused(amplitude, e, ring[j])
+        for k in range(3):
+            state[_at(FIRST + k, i)], state[_at(SECOND + k, i)] = old[k], older[k]
 
 
 @numba.njit(inline="always")
-def _white(values, counts, ticks):
-    centre = spread(CENTRE)
-    for t in range(len(ticks)):
-        store(values, _at(t), multiply_add(spread(_PER_ONE[t]), ones_in(counts, t), centre))
+def _section(coeffs, c, i):
+    """Return the coefficients of a section of the noise's filter."""
+    top, top1 = coeffs[_at(c + 1, i)], coeffs[_at(c + 2, i)]
+    return coeffs[_at(c, i)], top, top1, coeffs[_at(c + 3, i)], coeffs[_at(c + 4, i)]
 
 
 @numba.njit(inline="always")
-def _section(coeffs, c, state, s, values, ticks):
-    held, top, top1 = load(coeffs, _at(c)), load(coeffs, _at(c + 1)), load(coeffs, _at(c + 2))
-    low1, low2 = load(coeffs, _at(c + 3)), load(coeffs, _at(c + 4))
-    last, before, old = load(state, _at(s)), load(state, _at(s + 1)), load(state, _at(s + 2))
-    for t in range(len(ticks)):
-        e = load(values, _at(t))
-        new = multiply_add(top, e, top1 * old) - multiply_add(low1, last, low2 * before)
-        store(values, _at(t), multiply_add(held, e, new - last))
-        last, before, old = new, last, e
-    store(state, _at(s), last)
-    store(state, _at(s + 1), before)
-    store(state, _at(s + 2), old)
+def _kept(state, s, i):
+    return state[_at(s, i)], state[_at(s + 1, i)], state[_at(s + 2, i)]
+
+
+@numba.njit(inline="always")
+def _sampled(section, state, e):
+    """Return the output of a section, and its next state."""
+    held, top, top1, low1, low2 = section
+    last, before, old = state
+    new = fused(top, e, top1 * old) - fused(low1, last, low2 * before)
+    return fused(held, e, new - last), (new, last, e)
 
 
 @part
-def _send(block, state, values, noise, ring, total, kept, first, ticks):
-    """Turn activity into a rate, with the noise of a finite number of cells; sum rates up.
+def _send(block, values, ring, place, ticks):
+    """Turn activity into a rate."""
+    gain, base, floor = block.hz_per_nat, block.baseline, block.floor
+    for i in range(len(ticks) * _lanes(values)):
+        rate = fused(gain, values[np.uint64(i)], base)
+        ring[np.uint64(place + i)] = rate if rate > floor else floor
 
-    The amplitude of the noise is that of the rate at the first of the ticks that share a word.
-    """
-    gain, base, floor = spread(block.hz_per_nat), spread(block.baseline), spread(block.floor)
-    each, none, amplitude = spread(block.noise), spread(ZERO), load(state, _at(AMPLITUDE))
-    place = first & (len(ring) // LANES - 1)
-    summed = load(total, _at(0))
-    for t in range(len(ticks)):
-        rate = most(multiply_add(gain, load(values, _at(t)), base), floor)
-        if block.noise > ZERO:
-            if t == 0 and first % WORD_TICKS == 0:
-                amplitude = each * root(most(rate, none))
-            rate = multiply_add(amplitude, load(noise, _at(t)), rate)
-        store(ring, _at(place + t), rate)
-        summed = summed + rate
-    store(state, _at(AMPLITUDE), amplitude)
-    if kept:
-        store(total, _at(0), summed)
+
+@part
+def _sum_up(total, ring, place, lanes, ticks):
+    for i in range(lanes):
+        summed = total[np.uint64(i)]
+        for t in range(len(ticks)):
+            summed += ring[np.uint64(place + t * LANES + i)]
+        total[np.uint64(i)] = summed
 
 
 @numba.njit(inline="always")
@@ -341,23 +386,37 @@ def _find_places(factors, places, begun, first):
 def _arrive(p, work, q, first, ticks):
     """Advance a unit through a window: filter and transform the output of its sources."""
     mask, unit, passed = work.ring.shape[1] // LANES - 1, p.units[q], work.passed[q]
-    state, gain, before = work.units[q], spread(unit.gain), spread(unit.before)
-    constant = spread(unit.constant)
-    low, last = load(state, _at(UNIT)), load(state, _at(UNIT + 1))
-    for t in range(len(ticks)):
-        value, place = spread(ZERO), _at((first + t - unit.delay) & mask)
-        for e in range(unit.source, unit.sources):
-            rates = load(work.ring[p.sources[e].index], place)
-            value = multiply_add(spread(p.sources[e].weight), rates, value)
-        low, last = _low_passed(gain, before, value, low, last), value
-        store(passed, _at(t), low + constant)
-    store(state, _at(UNIT), low)
-    store(state, _at(UNIT + 1), last)
+    lanes = _lanes(passed)
+    n = len(ticks) * lanes
+    if unit.source == unit.sources:
+        passed[:] = ZERO
+    for e in range(unit.source, unit.sources):
+        weight, rates = p.sources[e].weight, work.ring[p.sources[e].index]
+        past = (first - unit.delay) & mask
+        turn = min((mask + 1 - past) * lanes, n)
+        if e == unit.source:
+            _begin(passed, ZERO, weight, rates[past * LANES :], turn)
+            _begin(passed[turn:], ZERO, weight, rates, n - turn)
+        else:
+            _add(passed, weight, rates[past * LANES :], turn)
+            _add(passed[turn:], weight, rates, n - turn)
+    _pass(unit.gain, unit.before, unit.constant, work.units[q], passed, ticks)
     if unit.law != LINEAR:
-        _apply(len(ticks) * LANES, unit.law, passed, unit.lowest, unit.per, p.laws[unit.column])
+        _apply(n, unit.law, passed, unit.lowest, unit.per, p.laws[unit.column], work.found)
     if unit.course:
         for t in range(len(ticks)):
-            _scale(p.factors, unit.course, work.places, t, passed, work.jumps[q], state)
+            _scale(p.factors, unit.course, work.places, t, passed, work.jumps[q], work.units[q])
+
+
+@part
+def _pass(gain, before, constant, state, passed, ticks):
+    for i in range(_lanes(passed)):
+        low, last = state[_at(UNIT, i)], state[_at(UNIT + 1, i)]
+        for t in range(len(ticks)):
+            value = passed[_at(t, i)]
+            low, last = _low_passed(gain, before, value, low, last), value
+            passed[_at(t, i)] = low + constant
+        state[_at(UNIT, i)], state[_at(UNIT + 1, i)] = low, last
 
 
 @part
@@ -370,28 +429,36 @@ def _advance(p, work, b, first, ticks):
     _hear(p, work, b, ticks)
     _shift(p, work, work.shifts, b, ticks)
     if block.gain < ONE:
-        _filter(block, state, values, work.shifts, ticks)
+        _filter(block.gain, block.before, state, values, work.shifts, ticks)
     if block.table >= 0:
         _drift(p.clock[0].follow_slowly, state, values, ticks)
+    lanes = _lanes(values)
     if block.lags:
         _follow(coeffs, state, values, work.shifts, ticks)
-    n = len(ticks) * LANES
-    _apply(n, block.law, values, block.lowest, block.per, p.laws[block.column])
+    n = len(ticks) * lanes
+    _apply(n, block.law, values, block.lowest, block.per, p.laws[block.column], work.found)
+    ring = work.ring[b]
+    place = (first & (len(ring) // LANES - 1)) * LANES
+    _send(block, values, ring, place, ticks)
     if block.noise > ZERO:
-        _noise(coeffs, state, work.noise, _counts(work.keys[b], first, ticks), ticks)
-    total, kept = work.totals[b], work.kept
-    _send(block, state, values, work.noise, work.ring[b], total, kept, first, ticks)
+        _count(work.counts, work.keys[b], first)
+        fresh = first % WORD_TICKS == 0
+        _fluctuate(block.noise, coeffs, state, work.counts, ring, place, fresh, ticks)
+    if work.kept:
+        _sum_up(work.totals[b], ring, place, _lanes(values), ticks)
 
 
 @part
 def _read(p, work, k):
     """Low-pass the read-out (step 4 of the scheme)."""
     mask = work.ring.shape[1] // LANES - 1
-    gain, before = spread(p.clock[0].readout_gain), spread(p.clock[0].readout_before)
+    gain, before, lanes = p.clock[0].readout_gain, p.clock[0].readout_before, _lanes(work.values)
     for c in range(len(p.readout)):
         low, rates = work.low_pass[c], work.ring[p.readout[c]]
-        now, past = load(rates, _at(k & mask)), load(rates, _at((k - 1) & mask))
-        store(low, _at(0), _low_passed(gain, before, now, load(low, _at(0)), past))
+        now, past = k & mask, (k - 1) & mask
+        for i in range(lanes):
+            value, last = rates[_at(now, i)], rates[_at(past, i)]
+            low[np.uint64(i)] = _low_passed(gain, before, value, low[np.uint64(i)], last)
 
 
 @part
@@ -448,25 +515,25 @@ def _diverged(p, work, lane, k):
 @part
 def _decode(p, work):
     """Write OUT of every lane, and its lowest value over channels."""
-    lowest, per = spread(ENDLESS), spread(p.clock[0].readout_nats_per_hz)
+    per, baseline = p.clock[0].readout_nats_per_hz, p.clock[0].readout_baseline
+    work.lowest[:] = ENDLESS
     for c in range(len(p.readout)):
-        value = (load(work.low_pass[c], _at(0)) - spread(p.clock[0].readout_baseline)) * per
-        store(work.out[c], _at(0), value)
-        lowest = least(lowest, value)
-    store(work.lowest, _at(0), lowest)
+        for lane in range(LANES):
+            value = (work.low_pass[c, lane] - baseline) * per
+            work.out[c, lane] = value
+            lowest = work.lowest[lane]
+            work.lowest[lane] = lowest if lowest < value else value
 
 
 @part
 def _keep(p, work, rates):
     """Record the mean rates of every lane since the last sample."""
-    per, (_, samples, row) = spread(ONE / np.float32(p.clock[0].sample)), rates.shape
-    for b in range(0, row, LANES):
-        transpose(work.totals, b * LANES, work.square)
-        for lane in range(LANES):
-            trial, sample = work.trial[lane], work.samples[lane]
-            if trial != EMPTY:
-                place = np.uint64((trial * samples + sample) * row + b)
-                store_past(rates, place, load(work.square, _at(lane)) * per)
+    per = ONE / np.float32(p.clock[0].sample)
+    for lane in range(LANES):
+        trial, sample = work.trial[lane], work.samples[lane]
+        if trial != EMPTY:
+            for b in range(len(p.blocks)):
+                rates[trial, sample, b] = work.totals[b, lane] * per
     work.totals[:] = ZERO
 
 
@@ -548,10 +615,9 @@ def trials(p, work, state, entries, drive, streams, level, out, rates, saved, ti
     Return 0, or 1 plus the sample at which rates had diverged. ``entries`` are the initial states
     of trials in ``state``; the drive is (trials, steps, channels), nats; ``streams`` are (trials,
     blocks), or (0, 0) without noise; ``level`` is the OUT below which a trial ends. Written are
-    ``out`` (trials, samples, channels) and ``rates`` (trials, samples, row or 0), NaN after the
-    end, and the final states ``saved``, unless it has no rows. A row of rates has a whole number of
-    cache lines and begins at one (``memory.on_cache_lines``). ``next_trial`` (1,) is the first
-    trial that no thread has begun, shared by all threads.
+    ``out`` (trials, samples, channels) and ``rates`` (trials, samples, blocks or 0), NaN after the
+    end, and the final states ``saved``, unless it has no rows. ``next_trial``
+    (1,) is the first trial that no thread has begun, shared by all threads.
     """
     clock, running, first, left = p.clock[0], 0, 0, True
     work.trial[:] = EMPTY

@@ -258,11 +258,11 @@ def workspace(p: records.Plan, *, kept: bool) -> records.Work:
         jumps=rows(kernel.WINDOW, units),  # change of a previous output due to that of its factor
         # change of a block's previous input due to courses
         shifts=None if p.factors is None else rows(kernel.WINDOW),
-        # sums of rates over a sample; those of some blocks in the order of lanes
-        totals=rows(1, -(-blocks // kernel.LANES) * kernel.LANES),
-        square=rows(kernel.LANES),
+        totals=rows(1, blocks),  # sums of rates over a sample
+        counts=rows(1, kind=np.uint32),  # ones in the bytes of a word of noise
         values=rows(kernel.WINDOW),  # input or activity of one block at a time, nats
-        noise=rows(kernel.WINDOW),  # the noise of its cells
+        # places in a table, the numbers there, and the next ones
+        found=tuple(rows(kernel.WINDOW, kind=kind) for kind in (np.int32, np.float32, np.float32)),
         drive=rows(1, blocks),  # by the current reading, nats
         low_pass=rows(1, channels),  # low-passed rates of the read-out, Hz
         out=rows(1, channels),  # nats

@@ -40,7 +40,7 @@ class State(NamedTuple):
 
 Work = namedtuple(
     "Work",
-    "ring units states coefficients passed jumps shifts totals square values noise drive low_pass "
-    "out lowest streams keys trial begun samples reading due places rows soonest kept",
+    "ring units states coefficients passed jumps shifts totals counts values found drive low_pass "
+    "out lowest streams keys trial begun samples reading due places soonest kept",
 )
 """Working memory of a group of trials; made by ``plan.workspace``, which describes each."""

@@ -67,10 +67,11 @@ def test_the_ensemble_kernel_has_the_same_transfers(name):
 
 @pytest.mark.parametrize("name", population.TRANSFERS)
 def test_the_population_kernel_has_the_same_transfers_in_single_precision(name):
-    """Values that only fill a register are zeros."""
+    """Values that only fill a row are zeros."""
     values = np.zeros(-(-len(X) // population.LANES) * population.LANES, np.float32)
     values[: len(X)] = X
-    no_table = (np.float32(0), np.float32(0), np.zeros(2, np.float32))
+    found = tuple(np.zeros(len(values), kind) for kind in (np.int32, np.float32, np.float32))
+    no_table = (np.float32(0), np.float32(0), np.zeros(2, np.float32), found)
     call(population._apply, len(values), population.TRANSFERS[name], values, *no_table)
     outputs = values[: len(X)]
     np.testing.assert_allclose(outputs, named(name)(X.astype(np.float32)), rtol=3e-7, atol=1e-30)

@@ -18,8 +18,8 @@ def test_memory_of_engines_without_cells_is_that_of_what_they_return(name):
     """The fixed point takes half as much again as its rates on the way."""
     engine = engine_of(name)
     activity = run(TABLE, np.zeros((3, 4, 2)), engine=engine, step_ms=5, seed=1)
-    samples, number = activity.output_nats.shape[1], blocks(TABLE)
-    rates = sum(x.nbytes for x in activity.rates_hz.values()) * engine.row_length(number) / number
+    samples = activity.output_nats.shape[1]
+    rates = sum(x.nbytes for x in activity.rates_hz.values())
     bytes_needed = activity.output_nats.nbytes + rates * (1 if engine.timed else 1.5)
     assert engine.memory_bytes(TABLE, 3, samples) == bytes_needed
     out = activity.output_nats.nbytes if engine.drops else bytes_needed
