@@ -32,7 +32,7 @@ PILOTS, FEWEST_PILOTS = 10, 4
 """Simulated pilots for either reading being true: by default, and at least."""
 FEWEST_TRIALS = 50
 """Least number of trials of a session: each cell has eight numbers that are fitted."""
-Fitted = tuple[CellsLikelihood, Array]
+_Fitted = tuple[CellsLikelihood, Array]
 """The likelihood of a reading, and the numbers of a fit."""
 
 
@@ -101,7 +101,7 @@ def _likelihoods(readings: tuple[Any, Any], recorded: Any) -> list[CellsLikeliho
     return made
 
 
-def _gained(fits: list[Fitted], k: int, number: int, copies: int, seeds: tuple[int, int]) -> Array:
+def _gained(fits: list[_Fitted], k: int, number: int, copies: int, seeds: tuple[int, int]) -> Array:
     """Return the log density of new trials under the fit of reading k to a pilot, less the other's.
 
     Reading k is true. Two sets, (2, copies, trials), nats.
@@ -120,12 +120,12 @@ def _gained(fits: list[Fitted], k: int, number: int, copies: int, seeds: tuple[i
         return np.array([[apart(fitted[k], fitted[1 - k], x) for x in each] for each in pairs])
 
 
-def simulated(fit: Fitted, rng: np.random.Generator) -> tuple[Session, ...]:
+def simulated(fit: _Fitted, rng: np.random.Generator) -> tuple[Session, ...]:
     """Return the sessions of a fit with new choices and spikes of the same cells."""
     return sessions_of(fit[0].simulated(fit[1], rng), fewest=0)
 
 
-def apart(first: Fitted, second: Fitted, sessions: tuple[Session, ...]) -> Array:
+def apart(first: _Fitted, second: _Fitted, sessions: tuple[Session, ...]) -> Array:
     """Return the difference of the log densities of each trial under two fits, (trials,), nats."""
     one, other = (replace(x, sessions=sessions).each(vector) for x, vector in (first, second))
     return np.asarray(one - other)
