@@ -90,8 +90,8 @@ def discriminate(
         latency, so that their times would differ by that of the circuit.
     recording : Recording, optional
         Cells of a nucleus whose spikes are counted in each trial, as a third measure.
-    recorded : Trials, str or path, optional
-        A pilot: one person's trials with the spikes of recorded cells, as for ``fit``. The result
+    recorded : Trials, optional
+        A pilot: trials of one person, from ``read_trials`` with spikes of cells. The result
         is then the number of further trials of the same cells and clicks, in the sessions of the
         pilot in proportion to their trials, that tell two readings of these cells apart. Options
         of tasks and circuits have no place with it.

@@ -68,8 +68,8 @@ def told_apart(
     check, groups, rows = informed(space, slice(None)), likelihoods[0].groups, []
     for name, direction, x in zip(readings, check.directions, gained, strict=True):
         rng = stream(seeds[1] + 1, "recorded", name, "experiments")
-        found = sequential.needed(direction.information, _quantile(pilots))
-        rows.append({"truth": name, **found, **_experiments(x[:, 1], rng, found["median"])})
+        needed = sequential.needed(direction.information, _quantile(pilots))
+        rows.append({"truth": name, **needed, **_experiments(x[:, 1], rng, needed["median"])})
     settings = {
         "recorded": recorded.checksum, "pilots": pilots, "check_trials": least, "seed": seeds[0],
         "check_seed": seeds[1], "recording": None, "left_out": [], "refused": [],
