@@ -112,10 +112,9 @@ def _gained(fits: list[_Fitted], k: int, number: int, copies: int, seeds: tuple[
         return simulated(fits[k], stream(seed, "recorded", name, number, *path))
 
     with quiet():
-        pilot, fitted = new(seeds[0], "pilot"), []
-        for one, start in fits:
-            peak = optimum(replace(one, sessions=pilot), starts=[start])
-            fitted.append((one, peak.vector))
+        pilot = new(seeds[0], "pilot")
+        # Not from the fits to recorded trials: for a false reading, they may be far from the optimum.
+        fitted = [(one, optimum(replace(one, sessions=pilot)).vector) for one, _ in fits]
         pairs = [[new(seed, copy) for copy in range(copies)] for seed in (seeds[1], seeds[1] + 1)]
         return np.array([[apart(fitted[k], fitted[1 - k], x) for x in each] for each in pairs])
 

@@ -124,7 +124,9 @@ def _scales(likelihood: Likelihood, first: Array) -> Array:
 
 def _along_slopes(likelihood: Likelihood, starts: Sequence[Array], tell: Tell) -> tuple[Array, int]:
     if likelihood.scored:
-        vector, value, count = _slid(likelihood, _within(likelihood, starts[0]))
+        tried = [_slid(likelihood, _within(likelihood, start)) for start in starts]
+        vector, value, _ = max(tried, key=lambda each: each[1])
+        count = sum(each[2] for each in tried)
         if tell is not None:
             tell(count, value)
         return vector, count

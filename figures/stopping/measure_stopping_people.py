@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import stream
+from bgmodel.fitting.hierarchy.chains import MOST
 from bgmodel.fitting.hierarchy.fit import GroupFit, fit_group
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.stop_process import FEWEST_GO, TEST, go_process, laid, stop_model
@@ -62,6 +63,8 @@ KNOWN = StopValues(220.0, 0.0, 20.0, 0.0, 0.0)
 """The stop process of simulated participants whose stop-signal reaction time is known."""
 SETS = 4
 """Number of simulated sets of participants to which the fit is repeated."""
+MOST_DRAWS = 1000
+"""Largest number of draws of each chain from which the other half of the trials is predicted."""
 SIMULATED, GO, STOPS = 40, 300, 100
 """Their number, and the numbers of go and stop trials."""
 
@@ -222,10 +225,10 @@ def _fit(name: str, kind: str, people: int) -> GroupFit:
     return _grouped(name, likelihoods_of(name, kind, people))
 
 
-def _grouped(name: str, each: dict[str, StopLikelihood]) -> GroupFit:
+def _grouped(name: str, each: dict[str, StopLikelihood], most: int = MOST) -> GroupFit:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return fit_group(each, shared=FITS[name] or None)
+        return fit_group(each, shared=FITS[name] or None, most_draws=most)
 
 
 def predicted(name: str, kind: str, people: int) -> pd.DataFrame:
@@ -238,7 +241,7 @@ def predicted(name: str, kind: str, people: int) -> pd.DataFrame:
             who: one.part(np.setdiff1d(np.arange(one.trials.trials), left[who]))
             for who, one in every.items()
         }
-        parts = predictions(_grouped(name, some), every, left)
+        parts = predictions(_grouped(name, some, MOST_DRAWS), every, left)
         rows += [table.assign(part=part, half=half) for part, table in parts.items()]
     return pd.concat(rows, ignore_index=True).assign(model=name, delays=kind)
 

@@ -216,6 +216,23 @@ def test_with_a_deadline_predictions_end_there():
     assert likelihood.complete(likelihood.starts()[0]) is likelihood
 
 
+class Scored:
+    """A likelihood of three numbers that is searched along its scores."""
+
+    scored, rough = True, False
+    freedom = SimpleNamespace(
+        low=np.full(3, -100.0), high=np.full(3, 100.0), to_scale=np.asarray,
+        from_scale=np.asarray, scale_rate=np.ones_like, log_prior=lambda v: 0.0,
+        prior_slope=lambda v: (np.zeros(3), np.zeros(3)),
+    )  # fmt: skip
+
+    def scores(self, vector):
+        return self.with_scores(vector)[1]
+
+    def __call__(self, vector):
+        return float(self.with_scores(vector)[0].sum())
+
+
 @pytest.mark.parametrize("third", [0.0, 1.0])
 def test_a_search_along_scores_finds_least_squares_where_only_a_sum_of_numbers_is_known(third):
     """Of two proportional columns only one sum of coefficients follows from the data."""
@@ -224,21 +241,29 @@ def test_a_search_along_scores_finds_least_squares_where_only_a_sum_of_numbers_i
     x[:, 2] = 2 * x[:, 1] + third * x[:, 2]
     y = x @ [1.0, -0.5, 0.25] + rng.standard_normal(3000)
 
-    class Line:
-        freedom = SimpleNamespace(
-            low=np.full(3, -100.0), high=np.full(3, 100.0), to_scale=np.asarray,
-            from_scale=np.asarray, scale_rate=np.ones_like, log_prior=lambda v: 0.0,
-            prior_slope=lambda v: (np.zeros(3), np.zeros(3)),
-        )  # fmt: skip
-
+    class Line(Scored):
         def with_scores(self, vector):
             off = y - x @ vector
             return -(off**2) / 2, off[:, None] * x
-
-        def scores(self, vector):
-            return self.with_scores(vector)[1]
 
     best, height, _ = _slid(Line(), np.zeros(3))
     least, *_ = np.linalg.lstsq(x, y, rcond=None)
     assert height == pytest.approx(-((y - x @ least) ** 2).sum() / 2, abs=1e-3)
     assert x @ best == pytest.approx(x @ least, abs=1e-3)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_of_several_starts_a_search_along_scores_keeps_the_best(order):
+    """Each number has a lower peak near -1 and a higher one near 1."""
+
+    class Peaks(Scored):
+        def with_scores(self, vector):
+            each = -((vector**2 - 1) ** 2) + 0.2 * vector
+            return each, np.diag(-4 * vector * (vector**2 - 1) + 0.2)
+
+    starts = [np.full(3, 0.8), np.full(3, -0.8)][::order]
+    best = optimum(Peaks(), starts=starts)
+    assert best.vector == pytest.approx(np.full(3, 1.0), abs=0.1)
+    alone = optimum(Peaks(), starts=[np.full(3, -0.8)])
+    assert alone.vector == pytest.approx(np.full(3, -1.0), abs=0.1)
+    assert best.log_likelihood > alone.log_likelihood + 1
