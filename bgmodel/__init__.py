@@ -44,9 +44,9 @@ from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.sprt import Msprt, Sprt, threshold_from_posterior
 from bgmodel.simulated_evidence import gaussian_evidence
+from bgmodel.support import __version__
 from bgmodel.support.seeds import stream
 from bgmodel.task import Gaussian
-from bgmodel.version import __version__
 
 if TYPE_CHECKING:
     from bgmodel.comparison.compare import compare

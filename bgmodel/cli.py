@@ -25,8 +25,8 @@ from cyclopts import (
     UnusedCliTokensError,
 )
 
+from bgmodel.support import __version__
 from bgmodel.support.toml_files import as_toml
-from bgmodel.version import __version__
 from circuits.errors import InputError, nearest, require
 
 ABOUT = (

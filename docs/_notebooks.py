@@ -50,7 +50,7 @@ def executed(path: Path) -> NotebookNode:
         from nbclient import NotebookClient
     except ImportError as error:
         raise ImportError(NEEDED) from error
-    from bgmodel.version import __version__
+    from bgmodel.support import __version__
 
     notebook = nbformat.read(path, as_version=4)
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")

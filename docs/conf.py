@@ -11,7 +11,7 @@ from numpydoc import docscrape_sphinx
 from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 
-from bgmodel.version import __version__
+from bgmodel.support import __version__
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]  # the figures are part of a checkout

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from bgmodel.version import __version__
+from bgmodel.support import __version__
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.declaration.table_writer import identity
 from figures.rooms import FOLDER, ROOT

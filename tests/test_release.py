@@ -30,7 +30,7 @@ def test_changelog_citation_build_and_results_have_one_version_and_date():
     assert f"\ndate-released: {newest[2]}\n" in citation
     told = tomllib.loads((ROOT / "pyproject.toml").read_text())
     assert "version" not in told["project"]
-    assert told["tool"]["setuptools"]["dynamic"]["version"]["attr"] == "bgmodel.version.__version__"
+    assert told["tool"]["setuptools"]["dynamic"]["version"]["attr"] == "bgmodel.support.__version__"
 
 
 def test_the_recipe_needs_what_the_core_needs():

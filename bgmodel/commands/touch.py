@@ -25,13 +25,12 @@ from bgmodel.commands.touch_steps import Scale, check_settings, decode, simulate
 from bgmodel.conditions import Setup
 from bgmodel.from_images import COLUMNS, Watched
 from bgmodel.names import MACAQUE, EngineName
-from bgmodel.support import files
+from bgmodel.support import __version__, files
 from bgmodel.support.checks import whole
 from bgmodel.tactile.pressing import PERIODS_MM
 from bgmodel.tactile.source import Tactile
 from bgmodel.tactile.task import EdgeDirection, EdgeTurn, SameDifferent
 from bgmodel.task import Task
-from bgmodel.version import __version__
 from circuits.errors import InputError, require
 
 USUAL = "same-different, or edge-turn with recordings"

@@ -18,6 +18,7 @@ from bgmodel.fitting.model_comparison import ModelComparison
 from bgmodel.fitting.parameters import told_priors
 from bgmodel.fitting.quantiles import residuals, too_few
 from bgmodel.fitting.settings import FitSettings
+from bgmodel.support import __version__
 from bgmodel.support.files import (
     check_new,
     check_writable,
@@ -31,7 +32,6 @@ from bgmodel.support.files import (
 )
 from bgmodel.support.saved import Facts, packed, unpacked
 from bgmodel.support.tables import Readable
-from bgmodel.version import __version__
 from circuits.arrays import Arrays
 from circuits.errors import InputError
 from circuits.store import Entry, safe

@@ -18,9 +18,9 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from bgmodel.support import __version__
 from bgmodel.support.checks import path_of
 from bgmodel.support.processes import NoMemoryError, check_table_memory
-from bgmodel.version import __version__
 from circuits import arrays
 from circuits.errors import InputError
 from circuits.store import Entry

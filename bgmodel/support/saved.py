@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from bgmodel.support import __version__
 from bgmodel.support.checks import path_of
 from bgmodel.support.files import check_new, check_writable, from_json, read_arrays, replacing
-from bgmodel.version import __version__
 from circuits.arrays import Arrays
 from circuits.errors import InputError, require
 

@@ -27,9 +27,9 @@ import numpy as np
 
 from bgmodel.deciding.decision import Decision
 from bgmodel.deciding.measures import Behaviour
+from bgmodel.support import __version__
 from bgmodel.support.processes import NoMemoryError, advance
 from bgmodel.sweeps.plan import BLOCK, Point, Shard
-from bgmodel.version import __version__
 from circuits.arrays import Arrays
 from circuits.errors import InputError, collected, require
 from circuits.store import Entry, remove_partial_files

@@ -15,10 +15,10 @@ from bgmodel.fitting.hierarchy.group import Group
 from bgmodel.fitting.hierarchy.guide import Guide
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler, State, guided, joined
 from bgmodel.fitting.hierarchy.surrogate import Surrogate
+from bgmodel.support import __version__
 from bgmodel.support.arrays import Array
 from bgmodel.support.processes import SharedMap, local_map
 from bgmodel.support.seeds import stream
-from bgmodel.version import __version__
 from circuits.arrays import Arrays
 from circuits.store import Entry
 

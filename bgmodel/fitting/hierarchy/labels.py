@@ -14,10 +14,9 @@ import pandas as pd
 from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.responses import Grid, Observed
-from bgmodel.support import files
+from bgmodel.support import __version__, files
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
-from bgmodel.version import __version__
 from circuits.plots import GREY, PALETTE, panels, styled
 
 if TYPE_CHECKING:
