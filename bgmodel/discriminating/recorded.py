@@ -113,7 +113,6 @@ def _gained(fits: list[_Fitted], k: int, number: int, copies: int, seeds: tuple[
 
     with quiet():
         pilot = new(seeds[0], "pilot")
-        # Not from fits to recorded trials: from there, a false reading may miss its optimum.
         fitted = [(one, optimum(replace(one, sessions=pilot)).vector) for one, _ in fits]
         pairs = [[new(seed, copy) for copy in range(copies)] for seed in (seeds[1], seeds[1] + 1)]
         return np.array([[apart(fitted[k], fitted[1 - k], x) for x in each] for each in pairs])

@@ -186,13 +186,15 @@ def _slid(likelihood: Likelihood, start: Array) -> tuple[Array, float, int]:
         first, rate = freed.to_scale(start), freed.scale_rate(start)
         scores = likelihood.scores(start) * rate
         precision = scores.T @ scores + np.diag(freed.prior_slope(start)[1] * rate**2)
-        axes = np.diag(1 / np.sqrt(np.diag(precision)))
+        # Where the likelihood is flat, a number has no scores at all.
+        curvature = np.maximum(np.diag(precision), SINGULAR)
+        axes = np.diag(1 / np.sqrt(curvature))
         below, above = ((end - first) / np.diag(axes) for end in (low, high))
         inner = np.flatnonzero(np.minimum(-below, above) > FAR)
         below[inner], above[inner] = -np.inf, np.inf
         some = np.ix_(inner, inner)
         # The diagonal is a little larger because the data may determine only a sum of some numbers.
-        damped = precision + SINGULAR * np.diag(np.diag(precision))
+        damped = precision + SINGULAR * np.diag(curvature)
         axes[some] = np.linalg.inv(np.linalg.cholesky(damped[some])).T
 
         def outer(x: Array, first: Array = first, axes: Array = axes) -> Array:

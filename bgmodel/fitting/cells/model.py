@@ -64,6 +64,8 @@ SHARED = (
 SCALE = Parameter(
     "nats_per_click", 0.005, 5.0, 0.1, "log odds of the two sides per click, nats", scale="log"
 )
+LEAKY_PER_S = 15.0
+"""Leak of the sum of clicks at the second start of a search."""
 WARM = 12
 """Iterations of the regression from which a search starts."""
 
@@ -160,8 +162,20 @@ class CellsLikelihood(Likelihood):
         return np.asarray(mass[None] / (self.design.trials.sum() * grid.width_s))
 
     def starts(self) -> list[Array]:
-        """Return the start of a search: each cell from its regression on the sum of clicks."""
-        start, at = self.freedom.start.copy(), self._columns
+        """Return starts of a search: with a sum of clicks that hardly leaks, and a leaky one.
+
+        From one of them alone, a search in a few hundred trials may end at a lower peak.
+        """
+        start, at = self.freedom.start, self._columns
+        if "leak_per_s" not in at:
+            return [self._begun(start)]
+        leaky = start.copy()
+        leaky[at["leak_per_s"]] = LEAKY_PER_S
+        return [self._begun(leaky), self._begun(start)]
+
+    def _begun(self, shared: Array) -> Array:
+        """Return a start in which each cell's numbers are from its regression on the sum."""
+        start, at = shared.copy(), self._columns
         values = self.values(start)
         for session in self.sessions:
             for cell, numbers in zip(session.names, self._regressed(session, values), strict=True):
@@ -169,7 +183,7 @@ class CellsLikelihood(Likelihood):
                     if name in at:
                         k = at[name]
                         start[k] = np.clip(number, self.freedom.low[k], self.freedom.high[k])
-        return [start]
+        return start
 
     def _regressed(self, session: Session, values: Values) -> list[Array]:
         """Return each cell's numbers without noise of the sum: Poisson regression, by scoring."""

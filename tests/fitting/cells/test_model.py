@@ -124,3 +124,30 @@ def test_settings_without_effect_are_refused(simulated):
     for option in ({"runs": 4}, {"noise_nats": 3.0}, {"seed": 3}):
         with refused(next(iter(option))):
             bg.fit(trials, "linear", **option)
+
+
+def test_a_fit_starts_with_and_without_a_leak_and_ends_at_the_higher_peak():
+    """With strong gains on a leaky sum, the start with hardly a leak often ends far lower."""
+    likelihood = likelihood_of(clicked(trials=60, cells=2))
+    true = true_vector(likelihood, noise=20.0, leak_per_s=18.0, start_noise=0.1)
+    for cell, gain in (("0", 0.5), ("1", -0.5)):
+        true[likelihood.freedom.names.index(f"{cell} gain")] = gain
+    lower = []
+    for seed in (2, 3):
+        data = likelihood_of(likelihood.simulated(true, np.random.default_rng(seed)))
+        heights = [optimum(data, starts=[each]).log_likelihood for each in data.starts()]
+        assert optimum(data).log_likelihood == max(heights)
+        lower.append(max(heights) - heights[-1])
+    assert min(lower) > 400
+
+
+def test_where_the_likelihood_is_flat_a_search_goes_on():
+    """A search comes to a point at which no trial's likelihood depends on the bias."""
+    likelihood = likelihood_of(clicked(trials=150, cells=4))
+    true = true_vector(likelihood, noise=20.0, leak_per_s=18.0, start_noise=0.1)
+    at = likelihood.freedom.names.index
+    true[at("deciding_noise")], true[at("deciding_leak_per_s")] = 4.0, -1.0
+    for cell in range(4):
+        true[at(f"{cell} gain")] = 0.5 * (-1) ** cell
+    data = likelihood_of(likelihood.simulated(true, np.random.default_rng(3)))
+    assert np.isfinite(optimum(data, starts=data.starts()[-1:]).log_likelihood)
