@@ -15,7 +15,7 @@ from bgmodel.fitting.cautions import resolved
 from bgmodel.fitting.fit import Fit
 from bgmodel.fitting.hierarchy.fit import GroupFit
 from bgmodel.fitting.hierarchy.labels import each_trial
-from bgmodel.fitting.likelihood import Likelihood, Peak
+from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.simulated.error import jackknifed, without_parts
@@ -53,14 +53,12 @@ def predicted(
     *,
     start: Array | None = None,
     folds: int = FOLDS,
-    seed: int = FOLDS_SEED,
-    tell: Callable[[int], None] | None = None,
 ) -> Predicted:
     """Return the log likelihood of each trial under the fit to the other folds.
 
-    The trials of each cell are divided evenly; with one seed all models have the same folds.
+    The trials of each cell are divided evenly; all models have the same folds.
     """
-    part = _divided(likelihood.groups, folds, seed)
+    part = _divided(likelihood.groups, folds, FOLDS_SEED)
     each = np.empty(len(part))
     without = np.empty((len(likelihood.without_parts()), len(part)))
     starts = None if start is None else [start]
@@ -73,8 +71,6 @@ def predicted(
             moved = without_parts(left, directions(left, vector))
             for row, less, (_, at) in zip(without, rest.without_parts(), moved, strict=True):
                 row[part == fold] = less.each(at)
-        if tell is not None:
-            tell(fold + 1)
     return Predicted(each, without)
 
 
@@ -260,18 +256,16 @@ def compare_fits(
         scores = {name: _left_out(each) for name, each in groups.items()}
         _warn_of_unreliable(scores)
         return ModelComparison(scores, next(iter(groups.values())).people, "PSIS-LOO")
-    optima = {
-        name: {who: (fit.optimum.likelihood, fit.optimum.vector) for who, fit in people.items()}
-        for name, people in ((name, _people(each)) for name, each in fits.items())
-    }
+    optima = {name: {who: fit.optimum for who, fit in _people(each).items()}
+              for name, each in fits.items()}  # fmt: skip
     return crossvalidated(optima)
 
 
 def crossvalidated(
-    optima: Mapping[str, Mapping[str, Peak]], *, tell: Tell = lambda _: None
+    optima: Mapping[str, Mapping[str, Optimum]], *, tell: Tell = lambda _: None
 ) -> ModelComparison:
     """Compare models by cross-validation from each person's optimum; see ``compare_fits``."""
-    _check_same({m: {who: one[0] for who, one in each.items()} for m, each in optima.items()})
+    _check_same({m: {who: one.likelihood for who, one in p.items()} for m, p in optima.items()})
     scores = {}
     for name, people in optima.items():
         tell(f"cross-validation of {name}")
@@ -301,9 +295,9 @@ def _check_same(likelihoods: Mapping[str, Mapping[str, Likelihood]]) -> None:
                 raise InputError(f"{name} and {first_name} are fits to different trials", "fits")
 
 
-def _crossvalidated(people: list[Peak]) -> Score:
+def _crossvalidated(people: list[Optimum]) -> Score:
     """Return the score of fits to single people, in bins as narrow as each fit needs."""
-    fits = [resolved(Optimum(each, vector, each(vector), 1)) for each, vector in people]
+    fits = [resolved(each) for each in people]
     parts = [predicted(each.likelihood, start=each.vector) for each in fits]
     return Score(
         Predicted(

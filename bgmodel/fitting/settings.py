@@ -404,17 +404,6 @@ class FitSettings:
             ],
         }
 
-    def likelihoods(self, designs: Mapping[str, Design], model: AnyModel) -> dict[str, Likelihood]:
-        """Return the likelihoods of a hierarchical fit: all people have the same ranges."""
-        number = max(each.observed.alternatives for each in designs.values())
-        if number > 2:
-            must = "must be 2 in a hierarchical fit: fit each person separately"
-            raise InputError.of("alternatives", must, number)
-        largest = max(float(each.strength.max()) for each in designs.values())
-        return shared_ranges(
-            {who: self.likelihood(each, model, largest) for who, each in designs.items()}
-        )
-
 
 def own_name(name: str, model: AnyModel) -> str:
     """Return a model's own name of a parameter: "threshold" is what sets its criterion."""

@@ -23,6 +23,7 @@ from bgmodel.learning.value_models import (
     simulated,
     value_differences,
 )
+from tests.drawn import with_drift
 from tests.helpers import refused, refusing
 
 TRUE = {"rate": 0.3, "rate_minus": 0.15, "scale": 2.5, "bound": 0.9, "t0_s": 0.35,
@@ -50,7 +51,7 @@ def person():
 def test_densities_are_those_of_first_passages_with_lapses(drift, start):
     times = np.linspace(0.0, 14.0, 14_001)[1:]
     at_rest = passage.constant_at_rest(0.9, times, start)
-    exact = passage.with_drift(at_rest, np.full(14_000, 0.9), times, [drift], start)[0]
+    exact = with_drift(at_rest, np.full(14_000, 0.9), times, [drift], start)[0]
     for response in (0, 1):
         density = np.exp(log_density(times + 0.3, np.array(response), drift, 0.9, start, 0.3))
         lapse = LAPSES / (2 * LONGEST_S)

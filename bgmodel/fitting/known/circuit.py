@@ -52,10 +52,7 @@ class KnownCircuit:
     sign: int = 1
 
     def __post_init__(self) -> None:
-        from circuits.declaration.table import NATS
-
-        must = f"must be one whose OUT is in nats, not in {self.circuit.unit}"
-        require(self.circuit.unit == NATS, "circuit", must, self.circuit.name)
+        self.circuit.check_nats("a fit of choices on known evidence")
 
     @property
     def name(self) -> str:

@@ -161,10 +161,7 @@ class CircuitModel(InParts):
         require(
             few <= channels <= most, "circuit", f"must have {number} channels for a fit", channels
         )
-        from circuits.declaration.table import NATS
-
-        must = f"must be one whose OUT is in nats, not in {self.circuit.unit}"
-        require(self.circuit.unit == NATS, "circuit", must, self.circuit.name)
+        self.circuit.check_nats("a fit of choices and times")
         engine_of(self.engine)
         whole("trials", self.trials, PARTS)  # their parts give the simulation error
 
