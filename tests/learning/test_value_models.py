@@ -11,7 +11,7 @@ from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.likelihood import TrialLikelihood, TrialModel
 from bgmodel.fitting.optimum import optimum
-from bgmodel.learning.value_learners import QLearning, pairs_of, read_pairs
+from bgmodel.learning.value_learners import QLearning, pairs_of
 from bgmodel.learning.value_models import (
     LAPSES,
     LONGEST_S,
@@ -23,6 +23,7 @@ from bgmodel.learning.value_models import (
     simulated,
     value_differences,
 )
+from bgmodel.trials.reading import read_trials
 from tests.drawn import with_drift
 from tests.helpers import refused, refusing
 
@@ -164,7 +165,7 @@ def test_decisions_change_over_trials_and_learners_do_not(person):
 
 
 def test_the_built_in_set_is_read_for_each_person():
-    people = read_pairs().by_participant()
+    people = read_trials("pedersen_frank_2020").by_participant()
     assert len(people) == 28
     assert sum(one.trials for one in people.values()) == 5280
     assert {pairs_of(one).names for one in people.values()} == {("AB", "CD", "EF")}
@@ -191,5 +192,5 @@ test_a_table_with_a_wrong_value_or_without_a_column_is_refused = refusing(
     (TABLE.assign(rt=0.0), "rt"),
     (TABLE.assign(pair=list("xxxxxy")), "pair"),
     *((LONGER.drop(columns=column), column) for column in ("pair", "response", "reward")),
-    of=read_pairs,
+    of=lambda table: pairs_of(read_trials(table, conditions="pair")),
 )
