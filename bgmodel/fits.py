@@ -36,7 +36,7 @@ from bgmodel.fitting.several import (
     settings_shared,
     stem,
 )
-from bgmodel.support.checks import path_of, whole
+from bgmodel.support.checks import check_unused, path_of, whole
 from bgmodel.support.files import checksum
 from bgmodel.support.seeds import stream
 from bgmodel.trials.reading import OURS, Columns
@@ -193,11 +193,11 @@ def _origin(data: object, trials: Trials) -> tuple[str, str]:
 
 def _check_settings(asked: FitSettings, kind: Kind, trials: Trials) -> None:
     """Raise ValueError for settings without effect on these trials."""
-    asked.check_unused(kind.unused, f"on {trials.kind}")
+    check_unused(asked, kind.unused, f"on {trials.kind}")
     if not trials.timed:
-        asked.check_unused(["rt_window"], "on choices without times")
+        check_unused(asked, ["rt_window"], "on choices without times")
     if asked.hierarchical:
-        asked.check_unused(["draws"], "in a hierarchy, which always draws")
+        check_unused(asked, ["draws"], "in a hierarchy, which always draws")
         must = "must be 2 in a hierarchical fit: fit each person separately"
         require(kind is not CHOICES or trials.alternatives == 2, "alternatives", must,
                 trials.alternatives)  # fmt: skip

@@ -128,14 +128,9 @@ class Score:
     unreliable: int = 0  # number of trials with an unreliable score
 
     @property
-    def trials(self) -> Array:
-        """Log density of each trial, nats."""
-        return self.predicted.each
-
-    @property
     def bic(self) -> float:
         """Bayesian information criterion, nats: smaller is better (Schwarz 1978)."""
-        return float(self.numbers * np.log(len(self.trials)) - 2 * self.log_likelihood)
+        return float(self.numbers * np.log(len(self.predicted.each)) - 2 * self.log_likelihood)
 
 
 @dataclass(frozen=True, repr=False)
@@ -149,12 +144,12 @@ class ModelComparison(Facts):
     @property
     def best(self) -> str:
         """Name of the model with the highest score."""
-        return max(self.scores, key=lambda name: self.scores[name].trials.sum())
+        return max(self.scores, key=lambda name: self.scores[name].predicted.each.sum())
 
     def facts(self) -> dict[str, str]:
         """Return the method, the number of trials and the verdict on each model."""
         table = self.table
-        facts = {"method": self.method, "trials": f"{len(self.scores[self.best].trials)}"}
+        facts = {"method": self.method, "trials": f"{len(self.scores[self.best].predicted.each)}"}
         return facts | {str(name): str(verdict) for name, verdict in table["verdict"].items()}
 
     @cached_property
@@ -170,7 +165,7 @@ class ModelComparison(Facts):
                 "log_likelihood": score.log_likelihood,
                 "parameters": score.numbers,
                 "bic": score.bic,
-                "score": score.trials.sum(),
+                "score": score.predicted.each.sum(),
                 **_apart(score, best),
             }
             for name, score in self.scores.items()
@@ -189,7 +184,7 @@ class ModelComparison(Facts):
 
     def summary(self) -> str:
         """Return the table and how to read it, as text."""
-        trials = len(self.scores[self.best].trials)
+        trials = len(self.scores[self.best].predicted.each)
         head = (
             f"{trials} trials of {len(self.people)} participants, predicted by {self.method}. "
             f"Differences of less than {UNCERTAIN:g} standard errors decide nothing."
@@ -206,16 +201,18 @@ class ModelComparison(Facts):
 
         best = self.scores[self.best]
         apart = {
-            name: by_person(score.trials - best.trials, score.person)
+            name: by_person(score.predicted.each - best.predicted.each, score.person)
             for name, score in self.scores.items()
         }
-        title = f"{len(best.trials)} trials of {len(self.people)} participants, {self.method}"
+        title = (
+            f"{len(best.predicted.each)} trials of {len(self.people)} participants, {self.method}"
+        )
         return draw_comparison(self.table, apart, title)
 
 
 def _apart(score: Score, best: Score) -> dict[str, float]:
     advantage = better_by(score.predicted, best.predicted, score.person)
-    each = by_person(score.trials - best.trials, score.person)
+    each = by_person(score.predicted.each - best.predicted.each, score.person)
     return {
         "difference": advantage.nats,
         "standard_error": advantage.error,
@@ -339,7 +336,7 @@ def _warn_of_unreliable(scores: Mapping[str, Score]) -> None:
     for name, score in scores.items():
         if score.unreliable:
             FitWarning.warn(
-                f"{name}: the scores of {score.unreliable} of {len(score.trials)} trials are "
+                f"{name}: the scores of {score.unreliable} of {len(score.person)} trials are "
                 f"unreliable (Pareto k above {SMOOTH:g}), since the fit depends much on them. "
                 "If the models hardly differ, compare fits to single people by cross-validation "
                 "(without --people hierarchical)"

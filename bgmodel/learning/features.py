@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -128,16 +128,9 @@ class Features(Facts):
     def at(self, chosen: npt.ArrayLike) -> Features:
         """Return the features of some trials, by index (M,)."""
         index = np.asarray(chosen)
-
-        def part(values: Reals | None) -> Reals | None:
-            return None if values is None else values[index]
-
-        lengths = None if self.lengths is None else self.lengths[index]
-        exact = part(self.log_likelihood)
-        return Features(
-            self.values[index], self.truth[index], self.names, self.step_ms, lengths, exact,
-            self.removed,
-        )  # fmt: skip
+        of_trials = ("values", "truth", "lengths", "log_likelihood")
+        known = {name: each for name in of_trials if (each := getattr(self, name)) is not None}
+        return replace(self, **{name: each[index] for name, each in known.items()})
 
 
 class FeatureSource(Protocol):
