@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -131,14 +130,6 @@ class Features(Facts):
         of_trials = ("values", "truth", "lengths", "log_likelihood")
         known = {name: each for name in of_trials if (each := getattr(self, name)) is not None}
         return replace(self, **{name: each[index] for name, each in known.items()})
-
-
-class FeatureSource(Protocol):
-    """Anything that draws trials of features: a distribution, a pool of taps, or a table."""
-
-    def draw(self, trials: int, *, rng: np.random.Generator | int) -> Features:
-        """Draw trials with their truth."""
-        ...
 
 
 def check_learnable(features: Features) -> None:

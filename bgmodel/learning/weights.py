@@ -17,8 +17,8 @@ from bgmodel.learning.deciders import (
     Trials,
     WeightLearner,
 )
-from bgmodel.learning.feature_sources import source_at
-from bgmodel.learning.features import Features, FeatureSource, check_learnable
+from bgmodel.learning.feature_sources import FeatureSource, source_at
+from bgmodel.learning.features import Features, check_learnable
 from bgmodel.learning.learned_weights import LearnedWeights, WeightCourse
 from bgmodel.learning.weight_rules import Rule, rule_of
 from bgmodel.support.arrays import Array, Truths
