@@ -36,7 +36,7 @@ from bgmodel.fitting.several import (
     settings_shared,
     stem,
 )
-from bgmodel.support.checks import path_of, whole
+from bgmodel.support.checks import check_unused, path_of, whole
 from bgmodel.support.files import checksum
 from bgmodel.support.seeds import stream
 from bgmodel.trials.reading import OURS, Columns
@@ -60,8 +60,8 @@ class Kind:
 
     # The model of a name or record; the folder keeps simulated trials.
     model: Callable[[Question, Any, Path | None], AnyModel]
-    # The likelihood of each person's trials under a model.
-    likelihoods: Callable[[FitSettings, Question, Any], dict[str, Likelihood]]
+    # The likelihood of one person's trials under a model.
+    likelihood: Callable[[FitSettings, Question, str, Any], Likelihood]
     defaults: tuple[str, ...]  # models that the command compares; the last is that of ``fit``
     unused: tuple[str, ...]  # settings without effect
     # Estimates without a model, one row per person.
@@ -92,9 +92,22 @@ class Question:
         return {who: self.asked.design(some) for who, some in self.people.items()}
 
     def likelihoods(self, name: str) -> dict[str, Likelihood]:
-        """Return the likelihood of each person's trials under a model."""
+        """Return the likelihood of each person's trials under a model.
+
+        People with too few stop trials are left out, with a warning.
+        """
         asked, model, kind = self.versions[name]
-        return asked.with_priors(kind.likelihoods(asked, self, model), model)
+        made: dict[str, Likelihood] = {}
+        for who in self.people:
+            try:
+                made[who] = kind.likelihood(asked, self, who, model)
+            except InputError as error:
+                if error.field != "ssd" or len(self.people) == 1:
+                    raise
+                DataWarning.warn(f"{within(f'participant {who}', error, 'data')}; left out")
+        if not made:
+            raise InputError("no participant has stop trials and enough go responses", "data")
+        return asked.with_priors(shared_ranges(made) if asked.hierarchical else made, model)
 
     def predictors(self, likelihoods: Mapping[str, Likelihood]) -> Predictors:
         """Return the predictors between people that shift parameters of a hierarchy."""
@@ -180,11 +193,14 @@ def _origin(data: object, trials: Trials) -> tuple[str, str]:
 
 def _check_settings(asked: FitSettings, kind: Kind, trials: Trials) -> None:
     """Raise ValueError for settings without effect on these trials."""
-    asked.check_unused(kind.unused, f"on {trials.kind}")
+    check_unused(asked, kind.unused, f"on {trials.kind}")
     if not trials.timed:
-        asked.check_unused(["rt_window"], "on choices without times")
+        check_unused(asked, ["rt_window"], "on choices without times")
     if asked.hierarchical:
-        asked.check_unused(["draws"], "in a hierarchy, which always draws")
+        check_unused(asked, ["draws"], "in a hierarchy, which always draws")
+        must = "must be 2 in a hierarchical fit: fit each person separately"
+        require(kind is not CHOICES or trials.alternatives == 2, "alternatives", must,
+                trials.alternatives)  # fmt: skip
     pooled = asked.pooled and "pooled" in kind.unused
     require(not pooled, "people", f"must be another on {trials.kind}", asked.people)
 
@@ -198,11 +214,10 @@ def _model_of_choices(one: Question, name: Any, folder: Path | None) -> AnyModel
     )  # fmt: skip
 
 
-def _of_choices(asked: FitSettings, one: Question, model: AnyModel) -> dict[str, Likelihood]:
-    """Return the likelihood of each person's choices and times."""
-    if asked.hierarchical:
-        return asked.likelihoods(one.designs, model)
-    return {who: asked.likelihood(each, model) for who, each in one.designs.items()}
+def _of_choices(asked: FitSettings, one: Question, who: str, model: AnyModel) -> Likelihood:
+    """Return the likelihood of one person's choices and times."""
+    strengths = [float(each.strength.max()) for each in one.designs.values()]
+    return asked.likelihood(one.designs[who], model, max(strengths) if asked.hierarchical else None)
 
 
 def _known_model(one: Question, name: Any, folder: Path | None) -> AnyModel:
@@ -225,17 +240,13 @@ def _known_model(one: Question, name: Any, folder: Path | None) -> AnyModel:
     return OnTrials(KnownCircuit(circuit, one.asked.engine, runs, one.asked.seed), known)
 
 
-def _of_known(asked: FitSettings, one: Question, model: Any) -> dict[str, Likelihood]:
-    """Return the likelihood of each person's trials with known evidence."""
+def _of_known(asked: FitSettings, one: Question, who: str, model: Any) -> Likelihood:
+    """Return the likelihood of one person's trials with known evidence."""
     from bgmodel.fitting.known.trials import known_design, known_trials
 
-    made = {
-        who: asked.likelihood(
-            known_design(some, one.asked.by), replace(model, trials=known_trials(some))
-        )
-        for who, some in one.people.items()
-    }
-    return shared_ranges(made) if asked.hierarchical else made
+    some = one.people[who]
+    design = known_design(some, one.asked.by)
+    return asked.likelihood(design, replace(model, trials=known_trials(some)))
 
 
 def _cells(one: Question, name: Any, folder: Path | None) -> AnyModel:
@@ -245,14 +256,12 @@ def _cells(one: Question, name: Any, folder: Path | None) -> AnyModel:
     return cells_model(name, next(iter(one.people.values())))
 
 
-def _of_cells(asked: FitSettings, one: Question, model: Any) -> dict[str, Likelihood]:
-    """Return the likelihood of each person's choices and recorded cells."""
+def _of_cells(asked: FitSettings, one: Question, who: str, model: Any) -> Likelihood:
+    """Return the likelihood of one person's choices and recorded cells."""
     from bgmodel.fitting.known.trials import known_design
 
-    return {
-        who: asked.likelihood(known_design(some), replace(model, trials=some))
-        for who, some in one.people.items()
-    }
+    some = one.people[who]
+    return asked.likelihood(known_design(some), replace(model, trials=some))
 
 
 def _learner(one: Question, name: Any, folder: Path | None) -> AnyModel:
@@ -262,14 +271,11 @@ def _learner(one: Question, name: Any, folder: Path | None) -> AnyModel:
     return model_of(name)
 
 
-def _of_learners(asked: FitSettings, one: Question, model: Any) -> dict[str, Likelihood]:
-    """Return the likelihood of each person's trials, who learns values."""
+def _of_learners(asked: FitSettings, one: Question, who: str, model: Any) -> Likelihood:
+    """Return the likelihood of the trials of one person who learns values."""
     from bgmodel.learning.value_models import likelihood
 
-    made = {
-        who: likelihood(model, some, **asked.freedom(model)) for who, some in one.people.items()
-    }
-    return dict(shared_ranges(made)) if asked.hierarchical else dict(made)
+    return likelihood(model, one.people[who], **asked.freedom(model))
 
 
 def _stop_process(one: Question, name: Any, folder: Path | None) -> AnyModel:
@@ -280,21 +286,11 @@ def _stop_process(one: Question, name: Any, folder: Path | None) -> AnyModel:
     return StopRace(stop_model(name, one.asked.noise_nats))
 
 
-def _of_stops(asked: FitSettings, one: Question, model: Any) -> dict[str, Likelihood]:
-    """Return the likelihood of each person who has enough stop trials; warn of the others."""
+def _of_stops(asked: FitSettings, one: Question, who: str, model: Any) -> Likelihood:
+    """Return the likelihood of one person's stop trials; ValueError if they are too few."""
     from bgmodel.fitting.stop_race import likelihood
 
-    likelihoods: dict[str, Likelihood] = {}
-    for who, some in one.people.items():
-        try:
-            likelihoods[who] = likelihood(model, some, **asked.freedom(model))
-        except InputError as error:
-            if error.field != "ssd" or len(one.people) == 1:
-                raise
-            DataWarning.warn(f"{within(f'participant {who}', error, 'data')}; left out")
-    if not likelihoods:
-        raise InputError("no participant has stop trials and enough go responses", "data")
-    return likelihoods
+    return likelihood(model, one.people[who], **asked.freedom(model))
 
 
 def _ssrt(people: dict[str, Trials]) -> pd.DataFrame:
@@ -608,10 +604,9 @@ def _fitted(
                 FitWarning.warn(f"{title}: {caution}")
     if not one.asked.compare:
         return Fits(fits)
-    peaks = {name: {who: (fit.optimum.likelihood, fit.optimum.vector) for who, fit in each.items()}
-             for name, each in fits.items()}  # fmt: skip
+    optima = {name: {who: fit.optimum for who, fit in each.items()} for name, each in fits.items()}
     with stages("comparison") as tell:
-        return Fits(fits, crossvalidated(peaks, tell=tell))
+        return Fits(fits, crossvalidated(optima, tell=tell))
 
 
 def _key(one: Question, who: str, likelihood: Likelihood) -> dict[str, Any]:

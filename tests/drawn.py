@@ -46,6 +46,14 @@ def drawn(model, strengths, trials, seed, *, seconds=4.0, deadline_s=None, **val
     )
 
 
+def with_drift(at_rest, bound, time_s, drift, start=0.0, drift_sd=0.0):
+    """Return the densities of both responses at drifts, (cells, 2, times); see ``binned``."""
+    v, c = np.asarray(drift, float)[:, None, None], np.stack([-bound - start, bound - start])
+    spread = 1 + drift_sd**2 * time_s
+    weight = np.exp((2 * v * c + drift_sd**2 * c**2 - v**2 * time_s) / (2 * spread))
+    return weight / np.sqrt(spread) * at_rest
+
+
 def choices(strength, response, rt_s=None, deadline_s=None, **conditions):
     """Return choices of one participant; response -1 is a miss."""
     response = np.asarray(response, np.int8)

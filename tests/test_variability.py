@@ -10,6 +10,7 @@ from scipy.stats import norm
 from bgmodel.fitting import passage
 from bgmodel.fitting.algorithms import CONSTANT, EXPONENTIAL, GapModel
 from bgmodel.fitting.responses import Grid
+from tests.drawn import with_drift
 from tests.test_start_point import drawn, fitted
 
 GRID = Grid(1500)
@@ -38,14 +39,12 @@ def test_varying_drifts_give_the_mean_density_at_any_bound(mean, sd, bound, shar
     for gap in (CONSTANT, EXPONENTIAL):
         at, slope = gap.at(bound, {"fall_per_s": 0.7}, times)
         rest = passage.falling_at_rest(at, slope, times, start=start)
-        (shares,) = passage.with_drift(rest, at, times, [mean], start, sd)
+        (shares,) = with_drift(rest, at, times, [mean], start, sd)
         for place in (2, 20, 55):
             one = slice(place, place + 1)
 
             def density(drift, one=one, rest=rest, at=at):
-                return passage.with_drift(rest[:, one], at[one], times[one], [drift], start)[
-                    0, :, 0
-                ]
+                return with_drift(rest[:, one], at[one], times[one], [drift], start)[0, :, 0]
 
             wide = (mean - 9 * sd, mean + 9 * sd)
             for response in (0, 1):

@@ -9,7 +9,12 @@ import numpy as np
 
 from bgmodel.learning.critics import CRITICS
 from bgmodel.learning.deciders import Feedback, WeightLearner
-from bgmodel.learning.feature_sources import UNITS, GaussianFeatures, tap_features
+from bgmodel.learning.feature_sources import (
+    UNITS,
+    FeatureSource,
+    GaussianFeatures,
+    tap_features,
+)
 from bgmodel.learning.weight_rules import RULES
 from bgmodel.support import toml_files
 from bgmodel.support.checks import check_range, whole
@@ -23,7 +28,7 @@ from circuits.errors import InputError, require
 if TYPE_CHECKING:
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
-    from bgmodel.learning.features import Features, FeatureSource
+    from bgmodel.learning.features import Features
     from bgmodel.learning.learned_weights import LearnedWeights
 
 

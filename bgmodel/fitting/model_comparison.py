@@ -15,7 +15,7 @@ from bgmodel.fitting.cautions import resolved
 from bgmodel.fitting.fit import Fit
 from bgmodel.fitting.hierarchy.fit import GroupFit
 from bgmodel.fitting.hierarchy.labels import each_trial
-from bgmodel.fitting.likelihood import Likelihood, Peak
+from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.simulated.error import jackknifed, without_parts
@@ -53,14 +53,12 @@ def predicted(
     *,
     start: Array | None = None,
     folds: int = FOLDS,
-    seed: int = FOLDS_SEED,
-    tell: Callable[[int], None] | None = None,
 ) -> Predicted:
     """Return the log likelihood of each trial under the fit to the other folds.
 
-    The trials of each cell are divided evenly; with one seed all models have the same folds.
+    The trials of each cell are divided evenly; all models have the same folds.
     """
-    part = _divided(likelihood.groups, folds, seed)
+    part = _divided(likelihood.groups, folds, FOLDS_SEED)
     each = np.empty(len(part))
     without = np.empty((len(likelihood.without_parts()), len(part)))
     starts = None if start is None else [start]
@@ -73,8 +71,6 @@ def predicted(
             moved = without_parts(left, directions(left, vector))
             for row, less, (_, at) in zip(without, rest.without_parts(), moved, strict=True):
                 row[part == fold] = less.each(at)
-        if tell is not None:
-            tell(fold + 1)
     return Predicted(each, without)
 
 
@@ -132,14 +128,9 @@ class Score:
     unreliable: int = 0  # number of trials with an unreliable score
 
     @property
-    def trials(self) -> Array:
-        """Log density of each trial, nats."""
-        return self.predicted.each
-
-    @property
     def bic(self) -> float:
         """Bayesian information criterion, nats: smaller is better (Schwarz 1978)."""
-        return float(self.numbers * np.log(len(self.trials)) - 2 * self.log_likelihood)
+        return float(self.numbers * np.log(len(self.predicted.each)) - 2 * self.log_likelihood)
 
 
 @dataclass(frozen=True, repr=False)
@@ -153,12 +144,12 @@ class ModelComparison(Facts):
     @property
     def best(self) -> str:
         """Name of the model with the highest score."""
-        return max(self.scores, key=lambda name: self.scores[name].trials.sum())
+        return max(self.scores, key=lambda name: self.scores[name].predicted.each.sum())
 
     def facts(self) -> dict[str, str]:
         """Return the method, the number of trials and the verdict on each model."""
         table = self.table
-        facts = {"method": self.method, "trials": f"{len(self.scores[self.best].trials)}"}
+        facts = {"method": self.method, "trials": f"{len(self.scores[self.best].predicted.each)}"}
         return facts | {str(name): str(verdict) for name, verdict in table["verdict"].items()}
 
     @cached_property
@@ -174,7 +165,7 @@ class ModelComparison(Facts):
                 "log_likelihood": score.log_likelihood,
                 "parameters": score.numbers,
                 "bic": score.bic,
-                "score": score.trials.sum(),
+                "score": score.predicted.each.sum(),
                 **_apart(score, best),
             }
             for name, score in self.scores.items()
@@ -193,7 +184,7 @@ class ModelComparison(Facts):
 
     def summary(self) -> str:
         """Return the table and how to read it, as text."""
-        trials = len(self.scores[self.best].trials)
+        trials = len(self.scores[self.best].predicted.each)
         head = (
             f"{trials} trials of {len(self.people)} participants, predicted by {self.method}. "
             f"Differences of less than {UNCERTAIN:g} standard errors decide nothing."
@@ -210,16 +201,18 @@ class ModelComparison(Facts):
 
         best = self.scores[self.best]
         apart = {
-            name: by_person(score.trials - best.trials, score.person)
+            name: by_person(score.predicted.each - best.predicted.each, score.person)
             for name, score in self.scores.items()
         }
-        title = f"{len(best.trials)} trials of {len(self.people)} participants, {self.method}"
+        title = (
+            f"{len(best.predicted.each)} trials of {len(self.people)} participants, {self.method}"
+        )
         return draw_comparison(self.table, apart, title)
 
 
 def _apart(score: Score, best: Score) -> dict[str, float]:
     advantage = better_by(score.predicted, best.predicted, score.person)
-    each = by_person(score.trials - best.trials, score.person)
+    each = by_person(score.predicted.each - best.predicted.each, score.person)
     return {
         "difference": advantage.nats,
         "standard_error": advantage.error,
@@ -260,18 +253,16 @@ def compare_fits(
         scores = {name: _left_out(each) for name, each in groups.items()}
         _warn_of_unreliable(scores)
         return ModelComparison(scores, next(iter(groups.values())).people, "PSIS-LOO")
-    optima = {
-        name: {who: (fit.optimum.likelihood, fit.optimum.vector) for who, fit in people.items()}
-        for name, people in ((name, _people(each)) for name, each in fits.items())
-    }
+    optima = {name: {who: fit.optimum for who, fit in _people(each).items()}
+              for name, each in fits.items()}  # fmt: skip
     return crossvalidated(optima)
 
 
 def crossvalidated(
-    optima: Mapping[str, Mapping[str, Peak]], *, tell: Tell = lambda _: None
+    optima: Mapping[str, Mapping[str, Optimum]], *, tell: Tell = lambda _: None
 ) -> ModelComparison:
     """Compare models by cross-validation from each person's optimum; see ``compare_fits``."""
-    _check_same({m: {who: one[0] for who, one in each.items()} for m, each in optima.items()})
+    _check_same({m: {who: one.likelihood for who, one in p.items()} for m, p in optima.items()})
     scores = {}
     for name, people in optima.items():
         tell(f"cross-validation of {name}")
@@ -301,9 +292,9 @@ def _check_same(likelihoods: Mapping[str, Mapping[str, Likelihood]]) -> None:
                 raise InputError(f"{name} and {first_name} are fits to different trials", "fits")
 
 
-def _crossvalidated(people: list[Peak]) -> Score:
+def _crossvalidated(people: list[Optimum]) -> Score:
     """Return the score of fits to single people, in bins as narrow as each fit needs."""
-    fits = [resolved(Optimum(each, vector, each(vector), 1)) for each, vector in people]
+    fits = [resolved(each) for each in people]
     parts = [predicted(each.likelihood, start=each.vector) for each in fits]
     return Score(
         Predicted(
@@ -345,7 +336,7 @@ def _warn_of_unreliable(scores: Mapping[str, Score]) -> None:
     for name, score in scores.items():
         if score.unreliable:
             FitWarning.warn(
-                f"{name}: the scores of {score.unreliable} of {len(score.trials)} trials are "
+                f"{name}: the scores of {score.unreliable} of {len(score.person)} trials are "
                 f"unreliable (Pareto k above {SMOOTH:g}), since the fit depends much on them. "
                 "If the models hardly differ, compare fits to single people by cross-validation "
                 "(without --people hierarchical)"

@@ -26,6 +26,7 @@ POLISHED, MOST_DAMPING, GAINED_NATS, SCORED_SHARE = 20, 1e3, 1e-3, 3e-8
 one if the search is along scores alone, of hundreds of numbers."""
 SINGULAR, FAR = 1e-10, 50.0
 """Least precision; distance of a bound, in standard errors, that a search along scores ignores."""
+Tell = Callable[[int, float], None] | None
 
 
 @dataclass(frozen=True)
@@ -62,8 +63,7 @@ def optimum(
     likelihood: Likelihood,
     *,
     starts: Sequence[Array] | None = None,
-    seed: int = OPTIMUM_SEED,
-    tell: Callable[[int, float], None] | None = None,
+    tell: Tell = None,
 ) -> Optimum:
     """Return the optimum; by default from ``likelihood.starts``.
 
@@ -73,18 +73,13 @@ def optimum(
     """
     begin = likelihood.starts() if starts is None else list(starts)
     if likelihood.rough:
-        vector, evaluations = _stochastic(likelihood, begin, seed, tell)
+        vector, evaluations = _stochastic(likelihood, begin, tell)
     else:
         vector, evaluations = _along_slopes(likelihood, begin, tell)
     return Optimum(likelihood, vector, likelihood(vector), evaluations)
 
 
-Tell = Callable[[int, float], None] | None
-
-
-def _stochastic(
-    likelihood: Likelihood, starts: Sequence[Array], seed: int, tell: Tell
-) -> tuple[Array, int]:
+def _stochastic(likelihood: Likelihood, starts: Sequence[Array], tell: Tell) -> tuple[Array, int]:
     import cma
 
     low, high = likelihood.freedom.low, likelihood.freedom.high
@@ -95,7 +90,7 @@ def _stochastic(
         options = {
             "bounds": [(low / scale).tolist(), (high / scale).tolist()],
             # Its own numbers: those of numpy's global generator are shared by all threads.
-            "randn": np.random.RandomState(seed + number).randn,
+            "randn": np.random.RandomState(OPTIMUM_SEED + number).randn,
             "seed": np.nan,
             "popsize": POPULATION,
             "tolfun": TOLERANCE_NATS,
@@ -218,14 +213,12 @@ def _slid(likelihood: Likelihood, start: Array) -> tuple[Array, float, int]:
     return start, -float(minimum.fun), evaluations * (len(start) + 1)
 
 
-def _polished(
-    likelihood: Likelihood, vector: Array, value: float, most: int = POLISHED
-) -> tuple[Array, float, int]:
+def _polished(likelihood: Likelihood, vector: Array, value: float) -> tuple[Array, float, int]:
     """Return the end of steps by the outer product of scores, damped until they lead uphill."""
     freed = likelihood.freedom
     low, high = freed.low, freed.high
     evaluations, damping = 0, 1e-3
-    for _ in range(most):
+    for _ in range(POLISHED):
         inside = ~freed.at_bound(vector)
         scores = likelihood.scores(vector)[:, inside]
         pull, precision = (each[inside] for each in freed.prior_slope(vector))

@@ -148,30 +148,6 @@ def _solved_of(first: Array, bound: Array, slope: Array, times: Array, width: Ar
 _solved = compiled(_solved_of, fastmath={"reassoc", "contract"}, error_model="numpy")
 
 
-def with_drift(
-    at_rest: Array,
-    bound: Array,
-    time_s: Array,
-    drift: npt.ArrayLike,
-    start: float = 0.0,
-    drift_sd: npt.ArrayLike = 0.0,
-) -> Array:
-    """Return the densities of both responses at drifts, (cells, 2, times), 1/s.
-
-    With c the signed distance from the start to the bound, the mean of ``exp(u c - u^2 t / 2)``
-    over Gaussian drifts u of mean v and variance s^2 is ``exp((2 v c + s^2 c^2 - v^2 t) / (2 q)) /
-    sqrt(q)`` with ``q = 1 + s^2 t`` (Tuerlinckx 2004).
-    """
-    v = np.asarray(drift, float)[:, None]
-    variance = np.broadcast_to(np.asarray(drift_sd, float) ** 2, v.shape[:1])[:, None]
-    spread = 1 + variance * time_s
-    weights = [
-        np.exp(np.minimum((2 * v * c + variance * c**2 - v**2 * time_s) / (2 * spread), LARGEST))
-        for c in (-bound - start, bound - start)
-    ]
-    return np.asarray(np.stack(weights, axis=1) / np.sqrt(spread)[:, None] * at_rest)
-
-
 def binned(
     at_rest: Array,
     bound: Array,
@@ -183,7 +159,12 @@ def binned(
     width_s: Array,
     bins: Integers,
 ) -> Array:
-    """Return the probabilities of both responses in bins of time, at drifts, (cells, 2, bins)."""
+    """Return the probabilities of both responses in bins of time, at drifts, (cells, 2, bins).
+
+    With c the signed distance from the start to the bound, the mean of ``exp(u c - u^2 t / 2)``
+    over Gaussian drifts u of mean v and variance s^2 is ``exp((2 v c + s^2 c^2 - v^2 t) / (2 q)) /
+    sqrt(q)`` with ``q = 1 + s^2 t`` (Tuerlinckx 2004).
+    """
     v = np.asarray(drift, float)
     variance = np.zeros(v.shape) + np.asarray(drift_sd, float) ** 2
     return _binned(at_rest * width_s, bound, time_s, bins, v, float(start), variance)
@@ -194,7 +175,7 @@ def _binned(
     mass: Array, bound: Array, time_s: Array, bins: Integers, drift: Array, start: float,
     variance: Array,
 ) -> Array:  # fmt: skip
-    """Sum the masses at times without drift (2, times), weighted as in ``with_drift``, by bin."""
+    """Sum the masses at times without drift (2, times), weighted as in ``binned``, by bin."""
     probability = np.zeros((len(drift), 2, bins[-1] + 1))
     for i in range(len(drift)):
         v, s2, last, up, down = drift[i], variance[i], -1.0, 1.0, 1.0

@@ -108,11 +108,6 @@ class Posterior:
         """Whether the chain is long compared with its autocorrelation time."""
         return self.lasts >= ENOUGH
 
-    @property
-    def mean(self) -> Array:
-        """Mean of each parameter."""
-        return np.asarray(self.draws.mean(axis=0))
-
     def interval(self, share: float = 0.9) -> Array:
         """Return the central interval with a share of the posterior, (2, parameters)."""
         return np.asarray(np.quantile(self.draws, [(1 - share) / 2, (1 + share) / 2], axis=0))

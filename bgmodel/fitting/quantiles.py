@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,11 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    Row = Mapping[Any, Any]
-
+Row = Mapping[Any, Any]
 FEWEST = 20
 """Number of responses from which their quantiles are given. With fewer, the standard error of the
 outer quantiles is unreliable: at 10 responses intervals of 1.96 standard errors miss the truth in a

@@ -18,8 +18,8 @@ from bgmodel.fitting.hierarchy.group import Predictors
 from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel, likelihood_of
 from bgmodel.fitting.parameters import ADDED, Parameter
 from bgmodel.fitting.responses import ENDS_S
-from bgmodel.fitting.simulated.circuit import MECHANISMS
-from bgmodel.support.checks import check_flag, check_positive, whole
+from bgmodel.fitting.simulated.circuit import MECHANISMS, CircuitModel
+from bgmodel.support.checks import check_flag, check_positive, check_unused, whole
 from bgmodel.trials.columns import named_participant
 from bgmodel.trials.reading import OURS, Columns, read_trials
 from bgmodel.trials.readings import Source
@@ -118,15 +118,6 @@ class FitSettings:
     def hierarchical(self) -> bool:
         """Whether all participants are fitted together, with a distribution of the group."""
         return self.people in ("hierarchical", "correlated")
-
-    def check_unused(self, names: Iterable[str], reason: str) -> None:
-        """Raise ValueError for one of some settings that was given though it has no effect."""
-        for each in fields(self):
-            value, usual = getattr(self, each.name), each.default
-            same = value is usual or (isinstance(value, type(usual)) and value == usual)
-            if each.name in names and not same:
-                message = f"{each.name} has no effect {reason}: leave it out"
-                raise InputError(message, each.name)
 
     @property
     def by(self) -> list[str]:
@@ -280,7 +271,7 @@ class FitSettings:
         """Return the trials of a table, with the conditions of the fit, or those that are given."""
         if isinstance(data, Trials):
             reading = ("strength", "columns", "evidence", "step_ms", "forced")
-            self.check_unused(reading, "on trials that are read (give it to read_trials)")
+            check_unused(self, reading, "on trials that are read (give it to read_trials)")
             lacking = [name for name in self.by if name not in data.conditions]
             must = "must be read with the trials: read_trials(..., conditions=...)"
             require(not lacking, "conditions", must, lacking)
@@ -320,7 +311,7 @@ class FitSettings:
         alternatives: int | None = None,
     ) -> AnyModel:
         """Return a model by its name, as a circuit, or a ``TrialModel``; see ``fits.fit``."""
-        from bgmodel.fitting.simulated.alternatives import MODELS, check_many, circuit_model
+        from bgmodel.fitting.simulated.alternatives import MODELS, ManyCircuitModel, check_many
         from circuits.anatomy import CIRCUITS, checked_circuit
         from circuits.declaration.table_writer import is_path
 
@@ -342,7 +333,8 @@ class FitSettings:
         if number > 2 and circuit.channels != number:
             must = f"must have a channel for each of {number} alternatives"
             raise InputError.of("circuit", must, circuit.channels)
-        return circuit_model(number)(
+        kind = CircuitModel if number == 2 else ManyCircuitModel
+        return kind(
             circuit,
             self.engine,
             MECHANISMS[self.mechanism],
@@ -403,17 +395,6 @@ class FitSettings:
                 if name_of(name) in known
             ],
         }
-
-    def likelihoods(self, designs: Mapping[str, Design], model: AnyModel) -> dict[str, Likelihood]:
-        """Return the likelihoods of a hierarchical fit: all people have the same ranges."""
-        number = max(each.observed.alternatives for each in designs.values())
-        if number > 2:
-            must = "must be 2 in a hierarchical fit: fit each person separately"
-            raise InputError.of("alternatives", must, number)
-        largest = max(float(each.strength.max()) for each in designs.values())
-        return shared_ranges(
-            {who: self.likelihood(each, model, largest) for who, each in designs.items()}
-        )
 
 
 def own_name(name: str, model: AnyModel) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -187,20 +187,26 @@ class GroupFits(Facts):
         """Return each table of ``GroupFit``, of all models, by name; empty ones are left out."""
         tables = {
             "group": self.to_dataframe(),
-            "people": _all({name: fit.to_dataframe() for name, fit in self.fits.items()}),
-            "people_cells": _all({name: fit.cells() for name, fit in self.fits.items()}),
+            "people": self._joined(GroupFit.to_dataframe),
+            "people_cells": self._joined(GroupFit.cells),
             "group_effects": self.effects(),
             "group_correlations": self.correlations(),
         }
         return {name: table for name, table in tables.items() if not table.empty}
 
+    def _joined(self, table_of: Callable[[GroupFit], pd.DataFrame]) -> pd.DataFrame:
+        every = [table_of(fit).assign(model=name) for name, fit in self.fits.items()]
+        table: pd.DataFrame = pd.concat(every, ignore_index=True)
+        table.insert(0, "model", table.pop("model"))
+        return table
+
     def effects(self) -> pd.DataFrame:
         """Return ``GroupFit.effects`` of each model."""
-        return _all({name: fit.effects().reset_index() for name, fit in self.fits.items()})
+        return self._joined(lambda fit: fit.effects().reset_index())
 
     def correlations(self) -> pd.DataFrame:
         """Return ``GroupFit.correlations`` of each model."""
-        return _all({name: fit.correlations().reset_index() for name, fit in self.fits.items()})
+        return self._joined(lambda fit: fit.correlations().reset_index())
 
     def summary(self) -> pd.DataFrame:
         """Return the parameters of each model's group, with effects, priors and correlations."""
@@ -216,7 +222,7 @@ class GroupFits(Facts):
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return ``GroupFit.summary`` of each model."""
-        return _all({name: fit.summary().reset_index() for name, fit in self.fits.items()})
+        return self._joined(lambda fit: fit.summary().reset_index())
 
     def figures(self) -> dict[str, Drawn]:
         """Return what draws each model's parameters, and its cells, by the name of a file."""
@@ -228,14 +234,6 @@ class GroupFits(Facts):
     def plot(self, model: str | None = None) -> Figure:
         """Draw the parameters of a model, by default the first; see ``GroupFit.plot``."""
         return next(iter(self.fits.values())).plot() if model is None else self.fits[model].plot()
-
-
-def _all(parts: Mapping[str, Any]) -> pd.DataFrame:
-    """Return the tables of all models as one, with a first column of their names."""
-    every = [part.assign(model=name) for name, part in parts.items()]
-    table: pd.DataFrame = pd.concat(every, ignore_index=True)
-    table.insert(0, "model", table.pop("model"))
-    return table
 
 
 def stem(model: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -26,6 +25,9 @@ from circuits.errors import InputError, quiet, require
 
 TIE = 1e-9
 """Size of the noise that breaks ties of drives, nats."""
+AFTER_MS, WINDOW_MS = 40.0, 40.0
+"""Time from a circuit's decision to the reading of its confidence from OUT, and how long it is
+read."""
 
 
 @dataclass(frozen=True)
@@ -36,27 +38,6 @@ class Trials:
     choice: Integers  # (runs,)
     drive: Array  # (runs, hypotheses), nats, by the readings up to the last one
     read_out: Array  # (runs,), posterior of the choice as read from OUT
-
-
-class Decider(Protocol):
-    """Turns features and weights into choices, for several runs at once."""
-
-    @property
-    def criterion(self) -> float:
-        """Posterior at which it decides."""
-        ...
-
-    @property
-    def gain(self) -> float:
-        """Nats of drive per nat of evidence, kappa."""
-        ...
-
-    def choose(self, part: Features, weights: Array, noise: Array, number: int) -> Trials:
-        """Choose in trial ``number`` of every run; ``part`` holds one trial per run.
-
-        ``weights`` is (runs, hypotheses, units), and ``noise`` standard normal, (runs, hypotheses).
-        """
-        ...
 
 
 @dataclass(frozen=True)
@@ -81,7 +62,11 @@ class FixedPoint:
             whole("sampled", self.sampled, 1)
 
     def choose(self, part: Features, weights: Array, noise: Array, number: int) -> Trials:
-        """Choose at the first reading at which a posterior reaches the criterion."""
+        """Choose in trial ``number`` of every run; ``part`` holds one trial per run.
+
+        At the first reading at which a posterior reaches the criterion. ``weights`` is (runs,
+        hypotheses, units), and ``noise`` standard normal, (runs, hypotheses).
+        """
         runs = np.arange(len(weights))
         drive = self.gain * np.cumsum(part.values @ weights.swapaxes(1, 2), axis=1)
         out = minus_log_softmax(drive)
@@ -116,18 +101,15 @@ class InCircuit:
 
     model: BasalGanglia  # any engine that has times
     criterion: float = 0.85  # posterior at which it decides
-    after_ms: float = 40.0  # from the decision to the reading of OUT
-    window_ms: float = 40.0
 
     def __post_init__(self) -> None:
         must = "must have times: population, rate or a spiking engine"
         require(self.model.engine.timed, "model", must, self.model.engine.id)
         self.model.circuit.check_nats("confidence, a posterior")
         self.model.threshold(None, self.criterion)
-        check_range(0, np.inf, after_ms=self.after_ms)
+        must = f"must sample OUT every {WINDOW_MS:g} ms or more often"
         sample_ms = self.model.engine.sample_ms
-        least = f"must be at least the time between samples of OUT, {sample_ms:g} ms"
-        require(sample_ms <= self.window_ms < np.inf, "window_ms", least, self.window_ms)
+        require(sample_ms <= WINDOW_MS, "model", must, sample_ms)
 
     @property
     def gain(self) -> float:
@@ -140,7 +122,7 @@ class InCircuit:
         return float(np.exp(-self.model.circuit.readable_nats[0]))
 
     def choose(self, part: Features, weights: Array, noise: Array, number: int) -> Trials:
-        """Choose in one trial of every run; see ``Decider``."""
+        """Choose in one trial of every run; see ``FixedPoint``."""
         # What the channels' weights have in common is no evidence, and can exceed their range.
         weights = weights - weights.mean(axis=1, keepdims=True)
         nats = part.values @ weights.swapaxes(1, 2)
@@ -166,11 +148,15 @@ class InCircuit:
         """Return the posterior of the choice read from OUT after the decision, (runs,)."""
         time_ms = trace.time_ms - trace.onset_ms
         end = time_ms[trace.of_trials()[0] - 1]
-        start = np.minimum(decision.time_ms + self.after_ms, end - self.window_ms)
-        inside = (time_ms >= start[:, None]) & (time_ms <= (start + self.window_ms)[:, None])
+        start = np.minimum(decision.time_ms + AFTER_MS, end - WINDOW_MS)
+        inside = (time_ms >= start[:, None]) & (time_ms <= (start + WINDOW_MS)[:, None])
         out = trace.out_nats[np.arange(len(start)), :, decision.choice]
         mean = (out * inside).sum(axis=1) / inside.sum(axis=1)
         return np.asarray(np.exp(-np.maximum(mean, 0.0)))
+
+
+Decider = FixedPoint | InCircuit
+"""What turns features and weights into choices, for several runs at once."""
 
 
 @dataclass(frozen=True)

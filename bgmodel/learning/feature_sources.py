@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.learning.features import Features, FeatureSource, even_centres, soft_histogram
+from bgmodel.learning.features import Features, even_centres, soft_histogram
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import check_finite, check_positive, check_range, whole
 from bgmodel.support.seeds import generator
@@ -248,6 +248,10 @@ class DriftingSensor:
     def draw(self, trials: int, *, rng: np.random.Generator | int) -> Features:
         """Draw trials from before the drift."""
         return self.pool.draw(trials, rng=rng)
+
+
+FeatureSource = PooledFeatures | GaussianFeatures | PoissonFeatures | DriftingSensor | Features
+"""What draws trials of features: a distribution, a pool of taps, or a table."""
 
 
 def source_at(source: FeatureSource, number: int) -> FeatureSource:

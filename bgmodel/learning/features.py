@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -128,24 +127,9 @@ class Features(Facts):
     def at(self, chosen: npt.ArrayLike) -> Features:
         """Return the features of some trials, by index (M,)."""
         index = np.asarray(chosen)
-
-        def part(values: Reals | None) -> Reals | None:
-            return None if values is None else values[index]
-
-        lengths = None if self.lengths is None else self.lengths[index]
-        exact = part(self.log_likelihood)
-        return Features(
-            self.values[index], self.truth[index], self.names, self.step_ms, lengths, exact,
-            self.removed,
-        )  # fmt: skip
-
-
-class FeatureSource(Protocol):
-    """Anything that draws trials of features: a distribution, a pool of taps, or a table."""
-
-    def draw(self, trials: int, *, rng: np.random.Generator | int) -> Features:
-        """Draw trials with their truth."""
-        ...
+        of_trials = ("values", "truth", "lengths", "log_likelihood")
+        known = {name: each for name in of_trials if (each := getattr(self, name)) is not None}
+        return replace(self, **{name: each[index] for name, each in known.items()})
 
 
 def check_learnable(features: Features) -> None:

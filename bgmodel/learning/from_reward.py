@@ -111,14 +111,10 @@ class FromReward(Facts):
 
     def summary(self) -> pd.DataFrame:
         """Return learned and best value, and regret with its 95 % interval, one row each."""
-        rows = {"learned": [self.learned.mean(), *self._ends()], "best": [self.best] * 3}
+        rows = {"learned": _over_runs(self.learned), "best": [self.best] * 3}
         rows |= {f"regret_percent, {name}": list(row) for name, row in self.regrets.iterrows()}
         table = pd.DataFrame.from_dict(rows, orient="index", columns=["value", "low", "high"])
         return Readable(table.rename_axis("measure").reset_index())
-
-    def _ends(self) -> tuple[float, float]:
-        spread = _half_width(self.learned)
-        return self.learned.mean() - spread, self.learned.mean() + spread
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return ``table``."""
@@ -462,14 +458,8 @@ def _features(
     return learns, scores.draw
 
 
-def _half_width(values: Array) -> float:
-    """Return half of the 95 % interval of a mean over runs."""
-    if len(values) < 2:
-        return float("nan")
-    return float(1.96 * values.std(ddof=1) / np.sqrt(len(values)))
-
-
 def _over_runs(values: Array) -> list[float]:
     """Return the mean over runs and its 95 % interval."""
-    mean, half = float(values.mean()), _half_width(values)
+    mean, runs = float(values.mean()), len(values)
+    half = 1.96 * float(values.std(ddof=1)) / np.sqrt(runs) if runs > 1 else np.nan
     return [mean, mean - half, mean + half]

@@ -8,19 +8,17 @@ options were tuned, it was for reversals every 50 trials at probabilities of 0.8
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import lru_cache
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 from scipy.special import expit, logit
 
+from bgmodel.learning.critics import made
 from bgmodel.support.arrays import Array, Integers
-from bgmodel.trials.reading import read_trials
 from bgmodel.trials.record import Trials
 from circuits.errors import InputError, require
 
@@ -236,11 +234,7 @@ LEARNERS: dict[str, Callable[[], Learner]] = {
 
 def learner_of(learner: Learner | str) -> Learner:
     """Return a learner, given as such or by name; ValueError for an unknown name."""
-    if isinstance(learner, Learner):
-        return learner
-    if learner not in LEARNERS:
-        raise InputError.of("learner", f"must be one of {', '.join(LEARNERS)}", learner)
-    return LEARNERS[learner]()
+    return learner if isinstance(learner, Learner) else made("learner", learner, LEARNERS)
 
 
 def check_option(name: str, value: Any, low: float, high: float) -> None:
@@ -264,10 +258,6 @@ def _rates(learner: QLearning | Confidence, error: Array) -> Array:
 
 def _kept(learner: Confidence | Reinforce, state: Array) -> Array:
     return np.asarray((1 - np.asarray(learner.decay)[..., None]) * state)
-
-
-SET = "pedersen_frank_2020"
-"""The set that is read by default."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,13 +299,3 @@ def pairs_of(trials: Trials) -> Pairs:
     before = np.concatenate([np.zeros((1, len(names))), 2 * better[:-1] - 1])
     chosen = np.stack([1 - better, better], axis=-1)
     return Pairs(tuple(names.tolist()), pair, within, chosen, reward, before[within, pair])
-
-
-def read_pairs(
-    source: str | Path | pd.DataFrame = SET, *, conditions: Sequence[str] = ()
-) -> Trials:
-    """Return the trials of people who learn pairs, checked by ``pairs_of``."""
-    trials = read_trials(source, conditions=["pair", *conditions])
-    for each in trials.by_participant().values():
-        pairs_of(each)
-    return trials

@@ -35,12 +35,12 @@ class Rule:
         return parameters
 
     def change(self, parameters: Array, trial: Trial, error: Array) -> Array:
-        """Return the change of parameters for a step size of 1.
+        """Return the change of parameters for a step size of 1, by default at the choice alone.
 
         ``error``, (runs,), is the reward less the critic's expectation, times the gain for its
         sign; 0 without feedback.
         """
-        raise NotImplementedError
+        return _outer(error[:, None] * _at_choice(trial), trial.eligibility)
 
     def bounded(self, parameters: Array) -> Array:
         """Return parameters clipped to the range that the rule allows."""
@@ -82,10 +82,6 @@ class ChosenRule(Rule):
     """The confidence rule in the chosen channel alone: eligibility, choice and dopamine."""
 
     name: ClassVar[str] = "chosen"
-
-    def change(self, parameters: Array, trial: Trial, error: Array) -> Array:
-        """Return the change of the chosen channel."""
-        return _outer(error[:, None] * _at_choice(trial), trial.eligibility)
 
 
 @dataclass(frozen=True)
@@ -143,10 +139,6 @@ class QLearning(Rule):
     name: ClassVar[str] = "q"
     critic: ClassVar[str] = "value"
 
-    def change(self, parameters: Array, trial: Trial, error: Array) -> Array:
-        """Return the change of the chosen channel."""
-        return _outer(error[:, None] * _at_choice(trial), trial.eligibility)
-
 
 @dataclass(frozen=True)
 class OpponentActor(Rule):
@@ -177,7 +169,7 @@ class OpponentActor(Rule):
 
     def change(self, parameters: Array, trial: Trial, error: Array) -> Array:
         """Return the changes of G and N of the chosen channel."""
-        step = _outer(error[:, None] * _at_choice(trial), trial.eligibility)
+        step = super().change(parameters, trial, error)
         return np.stack([parameters[0] * step, -parameters[1] * step])
 
     def bounded(self, parameters: Array) -> Array:

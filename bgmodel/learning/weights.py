@@ -17,8 +17,8 @@ from bgmodel.learning.deciders import (
     Trials,
     WeightLearner,
 )
-from bgmodel.learning.feature_sources import source_at
-from bgmodel.learning.features import Features, FeatureSource, check_learnable
+from bgmodel.learning.feature_sources import FeatureSource, source_at
+from bgmodel.learning.features import Features, check_learnable
 from bgmodel.learning.learned_weights import LearnedWeights, WeightCourse
 from bgmodel.learning.weight_rules import Rule, rule_of
 from bgmodel.support.arrays import Array, Truths
@@ -65,19 +65,13 @@ class Loop:
         self._state = self.critic.start(self.runs)
         self._mean = np.zeros((self.runs, sample.units))
         self._variance = np.zeros((self.runs, 1, 1))
-        self._total = np.zeros((self.runs, sample.hypotheses, sample.units))
+        self.total = np.zeros((self.runs, sample.hypotheses, sample.units))
         self._parameters = self.rule.start((self.runs, sample.hypotheses, sample.units))
 
     @property
     def weights(self) -> Array:
         """Weights (runs, hypotheses, units), nats of evidence per unit of activity."""
         return self.rule.weights(self._parameters)
-
-    @property
-    def final(self) -> Array:
-        """Weights averaged over the last trials so far, (runs, hypotheses, units)."""
-        count = self.number - (self.learner.trials - self.learner.last)
-        return self._total / count if count > 0 else self.weights
 
     def trial(self) -> tuple[Trial, Truths, Array]:
         """Run one trial of every run, and learn from it.
@@ -94,7 +88,7 @@ class Loop:
         trial = self._seen(part, chosen, self.feedback.reward(correct, chance))
         self._learn(trial)
         if self.number >= self.learner.trials - self.learner.last:
-            self._total += self.weights
+            self.total += self.weights
         self.number += 1
         if self.number % BLOCK == 0:
             advance(BLOCK)
@@ -204,7 +198,7 @@ def learn_weights(
     if critic == Affine():
         critic = Affine(valid=feedback.valid)
     loop = Loop(source, rule, critic, feedback, learner, decider, runs, seed, name)
-    course = run_loop(loop)
+    course = _run(loop)
     return LearnedWeights(course.final, loop.names, decider.gain, course)
 
 
@@ -220,7 +214,7 @@ def learn_weights_in_circuit(
     return learn_weights(source, critic=critic, decider=decider, **options)
 
 
-def run_loop(loop: Loop) -> WeightCourse:
+def _run(loop: Loop) -> WeightCourse:
     """Run all trials of a loop, and return the course of learning."""
     learner, runs = loop.learner, loop.runs
     kept = np.unique(np.linspace(0, learner.trials, learner.keep + 1).round().astype(int))[1:]
@@ -233,4 +227,4 @@ def run_loop(loop: Loop) -> WeightCourse:
         if k + 1 in kept:
             weights.append(loop.weights.copy())
     course = np.stack(weights, axis=1)
-    return WeightCourse(kept, course, correct, readings, confidence, loop.final)
+    return WeightCourse(kept, course, correct, readings, confidence, loop.total / learner.last)

@@ -182,8 +182,9 @@ def cancelled(evidence: Evidence, at_ms: npt.ArrayLike) -> Evidence:
         return replace(evidence, log_likelihood=values)
 
 
-SETTLE_MS = 300.0
-"""Time for which ``step_response`` holds the evidence constant before the signal."""
+SETTLE_MS, LEADS = 300.0, 0.8
+"""Time for which ``step_response`` holds the evidence constant before the signal, and the posterior
+of the leader."""
 CANCELLED = ("ctx", "ctx_inh", "GPe_ctx")
 """Populations at which a stop signal has no effect: circuits driven by raw evidence cancel input
 that is common to all channels of cortex. The last two act on all channels even if only one receives
@@ -204,14 +205,13 @@ def decide_with_stop(
     *,
     threshold: float | None = None,
     posterior: float | None = None,
-    every_ms: float | None = None,
 ) -> StopTrials:
     """Simulate a circuit in stop-signal trials; parameters as of ``with_stop`` and ``decide``."""
     model = receiving(model, signal)
     level = model.threshold(threshold, posterior)
     model.warn_beyond_range(evidence)
     model.warn_of_noise(level)
-    stopped = with_stop(evidence, ssd_ms, signal, every_ms)
+    stopped = with_stop(evidence, ssd_ms, signal)
     decision = model.decided(stopped, level, forced=False)
     return stop_trials(decision, ssd_ms, evidence.hypotheses)
 
@@ -229,23 +229,19 @@ def receiving(model: BasalGanglia, signal: StopSignal) -> BasalGanglia:
 
 
 def step_response(
-    model: BasalGanglia,
-    signal: StopSignal,
-    *,
-    posterior: float = 0.8,
-    time_ms: float = 1000.0,
-    step_ms: float = 10.0,
+    model: BasalGanglia, signal: StopSignal, *, time_ms: float = 1000.0
 ) -> tuple[Array, Array]:
     """Return times and c(t), nats: how a signal at time 0 changes the leader's OUT, without noise.
 
-    The leader's posterior is constant; the afferent delay is left out.
+    The leader's posterior is constant, ``LEADS``; the afferent delay is left out.
     """
-    channels, steps = model.circuit.channels, round((SETTLE_MS + time_ms) / step_ms)
-    nats = np.log([posterior, *[(1 - posterior) / (channels - 1)] * (channels - 1)]) / model.gain
+    channels, steps = model.circuit.channels, round((SETTLE_MS + time_ms) / RESOLUTION_MS)
+    nats = np.log([LEADS, *[(1 - LEADS) / (channels - 1)] * (channels - 1)]) / model.gain
     prior = np.exp(nats - nats.max())
     held = Evidence(
-        np.zeros((2, steps, channels)), prior=prior / prior.sum(), step_ms=step_ms, baseline=0.0
-    )
+        np.zeros((2, steps, channels)), prior=prior / prior.sum(), step_ms=RESOLUTION_MS,
+        baseline=0.0,
+    )  # fmt: skip
     signalled = with_stop(held, [SETTLE_MS, np.nan], replace(signal, delay_ms=0.0))
     quiet = replace(model, circuit=model.circuit.with_inputs(signal.nucleus), engine="rate")
     activity = quiet.activity(signalled)

@@ -19,7 +19,7 @@ from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array
 from bgmodel.trials.files import STOP_SET
 from bgmodel.trials.reading import OURS, Columns, read_trials
-from circuits.errors import DataWarning, InputError, collected, quiet, require, within
+from circuits.errors import DataWarning, InputError, collected, quiet, within
 
 SHIPPED = STOP_SET
 """126 healthy adults, UCLA Consortium for Neuropsychiatric Phenomics (Poldrack et al. 2016)."""
@@ -65,17 +65,16 @@ AFTER = ("failed stop", "successful stop")
 """Outcomes after which go responses are compared with those after a go response."""
 
 
-def violations(trials: StopTrials, ssrt_ms: float, width_ms: float = WIDTH_MS) -> pd.DataFrame:
+def violations(trials: StopTrials, ssrt_ms: float) -> pd.DataFrame:
     """Return how much slower failed stops are than an independent race predicts, by delay.
 
     ``race_ms`` is the mean of go times truncated at SSD + SSRT; ``impossible`` counts failed stops
     that no go time explains.
     """
-    require(width_ms > 0, "width_ms", "must be > 0", width_ms)
     go = trials.rt_ms[~trials.stop & trials.responded]
     ssd, rt = trials.ssd_ms[trials.stop], trials.rt_ms[trials.stop]
     race = truncated_means(go, ssd + ssrt_ms)
-    centre = width_ms * np.floor(ssd / width_ms + 0.5)
+    centre = WIDTH_MS * np.floor(ssd / WIDTH_MS + 0.5)
     rows = []
     for each in np.unique(centre):
         here = (centre == each) & ~np.isnan(rt)
@@ -95,13 +94,13 @@ def truncated_means(times_ms: Array, limits_ms: Array) -> Array:
     return np.where(count > 0, sums[np.maximum(count, 1) - 1] / np.maximum(count, 1), np.nan)
 
 
-def violations_of(people: Mapping[str, StopTrials], width_ms: float = WIDTH_MS) -> pd.DataFrame:
+def violations_of(people: Mapping[str, StopTrials]) -> pd.DataFrame:
     """Return violations of independence by delay, over participants with an accepted SSRT."""
     accepted = []
     for trials in people.values():
         with quiet(), suppress(InputError):
             accepted.append((trials, estimate_ssrt(trials).ssrt_ms))
-    tables = [violations(trials, ssrt_ms, width_ms) for trials, ssrt_ms in accepted]
+    tables = [violations(trials, ssrt_ms) for trials, ssrt_ms in accepted]
     if not tables:
         raise InputError("no participant has an accepted stop-signal reaction time", "people")
     rows = []

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import fields
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -84,6 +85,15 @@ def checked_truth(truth: npt.ArrayLike, trials: int, hypotheses: int) -> Integer
 def check_flag(name: str, value: object) -> None:
     """Raise ValueError unless a value is True or False."""
     require(isinstance(value, (bool, np.bool_)), name, "must be True or False", value)
+
+
+def check_unused(settings: Any, names: Iterable[str], reason: str) -> None:
+    """Raise ValueError for one of some fields of a record that was given without effect."""
+    for each in fields(settings):
+        value, usual = getattr(settings, each.name), each.default
+        same = value is usual or (isinstance(value, type(usual)) and value == usual)
+        if each.name in names and not same:
+            raise InputError(f"{each.name} has no effect {reason}: leave it out", each.name)
 
 
 def path_of(path: str | Path, field: str = "path") -> Path:

@@ -38,11 +38,8 @@ def number_of(table: pd.DataFrame, alternatives: int | None, stimulus: str | Non
     That given, that of its column, or of the names in ``response`` and ``stimulus``.
     """
     held = _held(table)
-    if alternatives is not None:
-        check_number(alternatives)
-        if held not in (None, alternatives):
-            must = f"must be that of the column {COLUMN}, {held}"
-            raise InputError.of(COLUMN, must, alternatives)
+    agree = held is None or alternatives in (None, held)
+    require(agree, COLUMN, f"must be that of the column {COLUMN}, {held}", alternatives)
     number = held if alternatives is None else alternatives
     if stimulus is None:
         return 2 if number is None else number

@@ -11,7 +11,6 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.support.arrays import Array, Truths
-from bgmodel.support.checks import check_positive
 from circuits.checks import is_whole
 from circuits.errors import DataWarning, InputError, require
 
@@ -184,7 +183,6 @@ def check_answers(
         )
         refuse(absent, rt, "given unless trials have a deadline", hint)
     else:
-        check_positive(deadline_s=deadline_s)
         refuse(rt_s > deadline_s, rt, f"no later than deadline_s, {deadline_s:g} s")
 
 
@@ -276,8 +274,6 @@ def numbers(column: pd.Series) -> Array:
 
 def times(column: pd.Series, unit: str = "s") -> Array:
     """Return response times above 0, (rows,), s; NaN if missing, or HSSM's code for that."""
-    known = isinstance(unit, str) and unit in UNITS
-    require(known, "rt_unit", f"must be one of {', '.join(UNITS)}", unit)
     values = numbers(column)
     values[values == MISSING_RT] = np.nan
     finite = values[np.isfinite(values)]
@@ -319,7 +315,6 @@ def delays(column: pd.Series, unit: str = "s") -> Array:
 
 def responses(column: pd.Series, rt: pd.Series, upper: str | None = None) -> npt.NDArray[np.int8]:
     """Return 1 for 1 or the name ``upper``, 0 for the other, -1 without a response; (rows,)."""
-    require(isinstance(upper, str | None), "upper", "must be the name of a response", upper)
     missing = silent(pd.DataFrame({"rt": rt, "response": column}))
     names = names_of(column)
     if upper is None:

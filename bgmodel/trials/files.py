@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
@@ -180,19 +180,14 @@ class Shipped:
         )
 
 
-def shipped() -> dict[str, Shipped]:
-    """Return the shipped sets of choices by name."""
-    return {name: _read(name) for name in SETS}
-
-
-def every_set() -> dict[str, Shipped]:
-    """Return all shipped sets by name: those of choices, then the others."""
-    return {name: _read(name) for name in (*SETS, *OTHERS)}
+def shipped(names: Sequence[str] = SETS) -> dict[str, Shipped]:
+    """Return shipped sets by name, by default those of choices."""
+    return {name: _read(name) for name in names}
 
 
 def listed() -> tuple[str, pd.DataFrame]:
     """Return all shipped sets with their sources, as text and as a table."""
-    sets = every_set().values()
+    sets = shipped((*SETS, *OTHERS)).values()
     rows = [{"name": one.name, "trials": one.trials, "participants": one.people,
              "strength": one.strength, "conditions": ", ".join(one.conditions), **one.about}
             for one in sets]  # fmt: skip

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.support.arrays import Array, Truths
-from bgmodel.support.checks import Problems, check_flag, check_positive, path_of
+from bgmodel.support.checks import Problems, check_flag, check_positive, check_unused, path_of
 from bgmodel.trials import alternatives as several
 from bgmodel.trials.cautions import (
     LEAST_RIGHT,
@@ -225,18 +225,17 @@ def read_trials(
             table = in_sessions(table)
             evidence = clicks_of(table) if evidence is None else evidence
         if evidence is not None:
-            kind = "known evidence" if spikes is None else "spikes and choices"
-            check_effect(kind, columns, strength)
+            _check_effect("known evidence", columns, strength)
             asked = (evidence, step_ms, forced)
             trials = _known(table, wanted, participant, columns, asked, spikes)
         elif "ssd" in table:
-            check_effect("stop-signal trials", columns, strength)
+            _check_effect("stop-signal trials", columns, strength)
             trials = _stop_signals(table, wanted, participant, columns)
         elif {"pair", "reward"} <= set(table):
-            check_effect("rewarded choices", columns, strength)
+            _check_effect("rewarded choices", columns, strength)
             trials = _rewarded(table, wanted, participant, columns)
         else:
-            check_effect("choices", columns, strength)
+            _check_effect("choices", columns, strength)
             trials = _choices(table, strength, wanted, participant, columns)
     except ValueError as error:
         raise within(name, error, "source") from None
@@ -250,17 +249,15 @@ USED = {
     "stop-signal trials": NAMES | {"ssd", "trial_type", "deadline_s", "restore_delays"},
     "rewarded choices": NAMES,
     "known evidence": NAMES | {"upper"},
-    "spikes and choices": NAMES | {"upper"},
 }
-"""Settings that have an effect on each kind of trials."""
+"""Settings that have an effect on each kind of trials, with spikes or without."""
 
 
-def check_effect(kind: str, columns: Columns, strength: str | None = None) -> None:
+def _check_effect(kind: str, columns: Columns, strength: str | None) -> None:
     """Raise ValueError for a setting without effect on a kind of trials."""
-    changed = {each.name: getattr(columns, each.name) != each.default for each in fields(Columns)}
-    for name, is_given in (changed | {"strength": strength is not None}).items():
-        if is_given and name not in USED[kind]:
-            raise InputError(f"{name} has no effect on {kind}: leave it out", name)
+    check_unused(columns, {each.name for each in fields(columns)} - USED[kind], f"on {kind}")
+    if strength is not None and "strength" not in USED[kind]:
+        raise InputError(f"strength has no effect on {kind}: leave it out", "strength")
 
 
 def _choices(

@@ -183,14 +183,12 @@ def read_nwb(path: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
                 "spike_times",
             )
         first, last = (np.searchsorted(times, x) for x in (start - BEFORE_S, stop + AFTER_S))
-        trains = [
-            (k, times[a:b] - start[k]) for k, (a, b) in enumerate(zip(first, last, strict=True))
-        ]
-        count = [len(each) for _, each in trains]
-        if sum(count) == 0:
+        trial = np.repeat(np.arange(len(start)), last - first)
+        if not len(trial):
             DataWarning.warn(f"unit {name} has no spikes in any trial: it is left out")
-        columns = {"cell": str(name), "trial": np.repeat(np.arange(len(trains)), count)}
-        rows.append(pd.DataFrame({**columns, "time_s": np.concatenate([x for _, x in trains])}))
+        inside = np.concatenate([np.arange(*ends) for ends in zip(first, last, strict=True)])
+        time_s = times[inside] - start[trial]
+        rows.append(pd.DataFrame({"cell": str(name), "trial": trial, "time_s": time_s}))
     table = pd.DataFrame(trials).assign(trial=np.arange(len(start)), stimulus_s=stop - start)
     return table, pd.concat(rows, ignore_index=True)
 

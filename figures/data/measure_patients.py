@@ -15,11 +15,12 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+from bgmodel.fits import question
 from bgmodel.fitting.hierarchy.chains import chains_entry
 from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, SHARE, GroupFit, fit_group
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.model_comparison import compare_fits
-from bgmodel.fitting.settings import seconds_of, settings_of
+from bgmodel.fitting.settings import settings_of
 from bgmodel.trials.files import shipped_table
 from circuits.anatomy import DEFAULT
 from circuits.errors import FitWarning
@@ -72,12 +73,9 @@ def likelihoods(by: str, terms: str, fast: bool) -> dict[str, Likelihood]:
     """Return the likelihood of each patient's trials."""
     asked = settings_of(
         formula=[f"{THRESHOLDS[by]} ~ {TERMS[terms]}"], vary={"sensitivity": "conflict"},
-        trials=COARSE_TRIALS if fast else TRIALS, noise_nats=SLOW_NATS,
+        trials=COARSE_TRIALS if fast else TRIALS, noise_nats=SLOW_NATS, people="hierarchical",
     )  # fmt: skip
-    designs = {who: asked.design(some) for who, some in asked.by_person(asked.read(DATA)).items()}
-    seconds = seconds_of(designs.values())
-    model = asked.model(MODELS[by], seconds=seconds, folder=OUT / "stored")
-    return asked.likelihoods(designs, model)
+    return question(asked, DATA, [MODELS[by]], OUT / "stored").likelihoods(MODELS[by])
 
 
 def fitted(by: str, terms: str, fast: bool, workers: int) -> GroupFit:
@@ -145,9 +143,8 @@ def theta(fast: bool, workers: int) -> pd.DataFrame:
     table, _ = shipped_table(DATA)
     formula = f"bound ~ theta * {ON.removesuffix('[T.on]')}"
     asked = settings_of(formula=formula, people="hierarchical")
-    trials = asked.read(table[table["conflict"] == "high"])
-    designs = {who: asked.design(some) for who, some in asked.by_person(trials).items()}
-    every = asked.likelihoods(designs, asked.model(MODELS["test"]))
+    one = question(asked, table[table["conflict"] == "high"], [MODELS["test"]])
+    every = one.likelihoods(MODELS["test"])
     fit = kept_fit("theta", every, fast, workers)
     rows = []
     for name, weights in THETA.items():
@@ -158,7 +155,7 @@ def theta(fast: bool, workers: int) -> pd.DataFrame:
         ):  # fmt: skip
             rows.append({"of": of, "effect": name, **middle(draws), **agreed(draws)})
     return pd.DataFrame(rows).assign(
-        trials=trials.trials, people_in_all=len(fit.people), draws=len(fit.chains[0]),
+        trials=one.trials.trials, people_in_all=len(fit.people), draws=len(fit.chains[0]),
         largest_rhat=fit.agreement.rhat.max(), fewest_effective=fit.agreement.effective.min(),
     )  # fmt: skip
 

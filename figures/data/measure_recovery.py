@@ -105,7 +105,7 @@ def recovered(by: str, first: int, sets: int, trials: int) -> pd.DataFrame:
             rows.append(
                 {
                     "set": number, "parameter": name, "truth": truth[k],
-                    "optimum": best.vector[k], "mean": draws.mean[k],
+                    "optimum": best.vector[k], "mean": draws.draws.mean(axis=0)[k],
                     "low": low[k], "high": high[k],
                     "rank": int((some[:, k] < truth[k]).sum()), "effective": draws.effective,
                 }

@@ -39,8 +39,8 @@ import pandas as pd
 
 from bgmodel.fitting.model_comparison import predicted
 from bgmodel.fitting.optimum import Optimum, optimum
-from bgmodel.learning.value_learners import read_pairs
 from bgmodel.learning.value_models import MODELS, likelihood, simulated
+from bgmodel.trials.reading import read_trials
 from bgmodel.trials.record import Trials
 from figures.learning.value_people import (
     by_difference,
@@ -73,7 +73,7 @@ CONFOUNDED = {"rate": 0.15, "scale": 2.0, "bound": 0.9, "t0_s": 0.4, "stickiness
 @cache
 def people_of(people: int) -> dict[str, Trials]:
     """Return the first people of the built-in set."""
-    return dict(list(read_pairs().by_participant().items())[:people])
+    return dict(list(read_trials("pedersen_frank_2020").by_participant().items())[:people])
 
 
 @cache

@@ -12,8 +12,13 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel import stream
-from bgmodel.learning.feature_sources import PoissonFeatures, PooledFeatures, tap_features
-from bgmodel.learning.features import Features, FeatureSource
+from bgmodel.learning.feature_sources import (
+    FeatureSource,
+    PoissonFeatures,
+    PooledFeatures,
+    tap_features,
+)
+from bgmodel.learning.features import Features
 from bgmodel.learning.learned_weights import LearnedWeights
 from bgmodel.tactile.source import FOLDS, Tactile, held_out_taps
 from bgmodel.tactile.task import Orientation, SameDifferent

@@ -10,7 +10,7 @@ from bgmodel.fitting import model_comparison, passage
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.cautions import PARTS, finer, moved_by_bins, of_bins, resolved
 from bgmodel.fitting.model_comparison import crossvalidated
-from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.responses import Grid, moments, responded
 from bgmodel.fitting.settings import settings_of
@@ -105,8 +105,8 @@ def test_models_are_compared_in_the_bins_of_their_fits(monkeypatch):
     monkeypatch.setattr(model_comparison, "FOLDS", 2)
     some = likelihood(0.3, start=0.85, trials=300)
     fine = resolved(optimum(some))
-    peaks = {"wide": (some, fine.vector), "narrow": (fine.likelihood, fine.vector)}
-    scores = crossvalidated({name: {"a": peak} for name, peak in peaks.items()}).table
+    wide = Optimum(some, fine.vector, some(fine.vector), 1)
+    scores = crossvalidated({"wide": {"a": wide}, "narrow": {"a": fine}}).table
     assert scores.loc["wide", "log_likelihood"] == pytest.approx(
         scores.loc["narrow", "log_likelihood"], abs=0.02
     )

@@ -55,7 +55,7 @@ def test_a_model_without_sensitivity_is_told_from_the_right_one(some, right):
 
 def test_held_out_trials_are_less_likely_than_fitted_ones_by_about_a_nat_per_parameter(twice):
     score = twice.scores["one"]
-    lost = score.log_likelihood - score.trials.sum()
+    lost = score.log_likelihood - score.predicted.each.sum()
     # In expectation k parameters lose k (F / (F - 1) + 1) / 2 nats or so (Stone 1977).
     assert 0 < lost < 12
 
@@ -66,7 +66,7 @@ def test_error_is_over_people_if_there_are_several():
     shift = rng.normal(0, 1, 10)[person]
     base, moved = score(np.zeros(500), person), score(-np.abs(shift), person)
     table = ModelComparison({"a": base, "b": moved}, list("abcdefghij"), "test").table
-    by_person = np.bincount(person, moved.trials)
+    by_person = np.bincount(person, moved.predicted.each)
     expected = np.sqrt(10) * by_person.std(ddof=1)
     assert table.loc["b", "standard_error"] == pytest.approx(expected)
 
@@ -85,7 +85,7 @@ def test_scores_of_a_hierarchy_are_near_the_log_likelihood(group):
     comparison = compare_fits({"one": group, "two": group})
     assert comparison.method == "PSIS-LOO"
     score = comparison.scores["one"]
-    per_person = np.bincount(score.person, score.trials)
+    per_person = np.bincount(score.person, score.predicted.each)
     highest = group.log_likelihood.max(axis=(0, 1))
     assert (per_person < highest).all()
     assert (per_person > highest - 8).all()

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from bgmodel.fitting import passage
 from bgmodel.fitting.algorithms import EXPONENTIAL
+from tests.drawn import with_drift
 
 DRIFT = st.floats(-6.0, 6.0)
 BOUND = st.floats(0.2, 1.5)
@@ -24,7 +25,7 @@ def densities(drift, bound):
     """Return times and both densities of a constant bound."""
     times = np.linspace(0.0, 18 * bound**2, 6001)[1:]
     at_rest = passage.constant_at_rest(bound, times)
-    (density,) = passage.with_drift(at_rest, np.full(len(times), bound), times, [drift])
+    (density,) = with_drift(at_rest, np.full(len(times), bound), times, [drift])
     return times, density
 
 
@@ -82,13 +83,11 @@ def test_at_the_bound_the_responses_stand_as_the_likelihood_ratio_says(drifts, b
     gap, slope = exponential(bound, fall_s, times)
     at_rest = passage.falling_at_rest(gap, slope, times)
     drift = np.array(drifts)
-    density = passage.with_drift(at_rest, gap, times, drift)
+    density = with_drift(at_rest, gap, times, drift)
     some = density[:, 0] > 1e-200
     odds = np.exp(2 * drift[:, None] * gap)
     assert density[:, 1][some] == pytest.approx((density[:, 0] * odds)[some], rel=1e-9)
-    assert density[:, ::-1] == pytest.approx(
-        passage.with_drift(at_rest, gap, times, -drift), rel=1e-12
-    )
+    assert density[:, ::-1] == pytest.approx(with_drift(at_rest, gap, times, -drift), rel=1e-12)
 
 
 START = st.floats(-0.85, 0.85)
@@ -96,7 +95,7 @@ START = st.floats(-0.85, 0.85)
 
 def from_start(bound, start, drift, times):
     at_rest = passage.constant_at_rest(bound, times, start)
-    (density,) = passage.with_drift(at_rest, np.full(len(times), bound), times, [drift], start)
+    (density,) = with_drift(at_rest, np.full(len(times), bound), times, [drift], start)
     return density * (times[1] - times[0])
 
 
@@ -130,7 +129,7 @@ def test_a_start_and_a_drift_of_the_other_sign_exchange_the_responses(bound, sha
             else:
                 gap, slope = exponential(bound, fall_s, times)
                 at_rest = passage.falling_at_rest(gap, slope, times, start=z)
-            both.append(passage.with_drift(at_rest, gap, times, [sign * drift], z)[0])
+            both.append(with_drift(at_rest, gap, times, [sign * drift], z)[0])
         assert both[0] == pytest.approx(both[1][::-1], rel=1e-9, abs=1e-9)
 
 
@@ -169,7 +168,7 @@ def test_a_falling_gap_is_where_pyddm_goes_as_its_step_goes_to_nothing(bound, fa
     times = np.arange(1, 1500) * 0.002
     gap, slope = exponential(bound, fall_s, times)
     at_rest = passage.falling_at_rest(gap, slope, times)
-    (mass,) = passage.with_drift(at_rest, gap, times, [drift]) * 0.002
+    (mass,) = with_drift(at_rest, gap, times, [drift]) * 0.002
     ours = np.array([*mass.sum(axis=1), mass.sum(axis=0) @ times])
     coarse, fine = (of_pyddm(bound, fall_s, drift, dt) for dt in (0.002, 0.001))
     # Its error is of the first order in its step.
@@ -184,7 +183,7 @@ def test_sums_in_bins_are_those_of_the_densities(fall_per_s, start, drift_sd):
     bins, drifts = np.arange(300) // 4, np.array([-3.0, 0.0, 0.4, 90.0])
     gap, slope = EXPONENTIAL.at(0.8, {"fall_per_s": fall_per_s}, times)
     at_rest = passage.falling_at_rest(gap, slope, times, start=start)
-    mass = passage.with_drift(at_rest, gap, times, drifts, start, drift_sd) * width_s
+    mass = with_drift(at_rest, gap, times, drifts, start, drift_sd) * width_s
     wanted = mass.reshape(4, 2, 75, 4).sum(axis=3)
     sums = passage.binned(at_rest, gap, times, drifts, start, drift_sd, width_s=width_s, bins=bins)
     assert sums == pytest.approx(wanted, rel=1e-11, abs=1e-200)

@@ -166,7 +166,8 @@ def test_a_slope_has_one_range_for_all_people_of_a_hierarchy():
     asked = settings_of(formula="bound ~ theta", people="hierarchical")
     designs = {who: asked.design(some) for who, some in asked.by_person(asked.read(table)).items()}
     alone = [asked.likelihood(each, GapModel()).freedom for each in designs.values()]
-    shared = [each.freedom for each in asked.likelihoods(designs, GapModel()).values()]
+    one = question(asked, table, ["constant_gap"])
+    shared = [each.freedom for each in one.likelihoods("constant_gap").values()]
     k = shared[0].names.index("bound[theta]")
     assert alone[0].high[k] > 2 * alone[1].high[k]
     for each in shared:

@@ -57,10 +57,6 @@ def test_a_circuit_without_times_or_nats_has_no_confidence_to_read():
         InCircuit(bg.BasalGanglia("macaque", engine="algebra"))
     with refused("thresholds macaque resolves no OUT below"):
         InCircuit(MODEL, criterion=0.999)
-    with refused("after_ms"):
-        InCircuit(MODEL, after_ms=-1)
-    with refused("window_ms"):
-        InCircuit(MODEL, window_ms=0)
 
 
 def test_noise_differs_between_runs_and_trials(gratings, counted):

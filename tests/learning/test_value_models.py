@@ -11,7 +11,7 @@ from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.likelihood import TrialLikelihood, TrialModel
 from bgmodel.fitting.optimum import optimum
-from bgmodel.learning.value_learners import QLearning, pairs_of, read_pairs
+from bgmodel.learning.value_learners import QLearning, pairs_of
 from bgmodel.learning.value_models import (
     LAPSES,
     LONGEST_S,
@@ -23,6 +23,8 @@ from bgmodel.learning.value_models import (
     simulated,
     value_differences,
 )
+from bgmodel.trials.reading import read_trials
+from tests.drawn import with_drift
 from tests.helpers import refused, refusing
 
 TRUE = {"rate": 0.3, "rate_minus": 0.15, "scale": 2.5, "bound": 0.9, "t0_s": 0.35,
@@ -50,7 +52,7 @@ def person():
 def test_densities_are_those_of_first_passages_with_lapses(drift, start):
     times = np.linspace(0.0, 14.0, 14_001)[1:]
     at_rest = passage.constant_at_rest(0.9, times, start)
-    exact = passage.with_drift(at_rest, np.full(14_000, 0.9), times, [drift], start)[0]
+    exact = with_drift(at_rest, np.full(14_000, 0.9), times, [drift], start)[0]
     for response in (0, 1):
         density = np.exp(log_density(times + 0.3, np.array(response), drift, 0.9, start, 0.3))
         lapse = LAPSES / (2 * LONGEST_S)
@@ -163,7 +165,7 @@ def test_decisions_change_over_trials_and_learners_do_not(person):
 
 
 def test_the_built_in_set_is_read_for_each_person():
-    people = read_pairs().by_participant()
+    people = read_trials("pedersen_frank_2020").by_participant()
     assert len(people) == 28
     assert sum(one.trials for one in people.values()) == 5280
     assert {pairs_of(one).names for one in people.values()} == {("AB", "CD", "EF")}
@@ -190,5 +192,5 @@ test_a_table_with_a_wrong_value_or_without_a_column_is_refused = refusing(
     (TABLE.assign(rt=0.0), "rt"),
     (TABLE.assign(pair=list("xxxxxy")), "pair"),
     *((LONGER.drop(columns=column), column) for column in ("pair", "response", "reward")),
-    of=read_pairs,
+    of=lambda table: pairs_of(read_trials(table, conditions="pair")),
 )

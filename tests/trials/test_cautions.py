@@ -19,7 +19,7 @@ from bgmodel.trials.cautions import (
 from bgmodel.trials.files import shipped
 from bgmodel.trials.reading import read_trials
 from circuits.errors import DataWarning
-from tests.helpers import refused, unwarned
+from tests.helpers import refused, told, unwarned
 from tests.read import read
 
 TRIALS = 400
@@ -44,11 +44,7 @@ NAMED = {"strength": "coherence"}
 
 def texts(source, **options):
     """Return the warnings of reading a table."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        read(source, **options)
-    assert all(issubclass(each.category, UserWarning) for each in caught)
-    return [str(each.message) for each in caught]
+    return told(read, source, **options)
 
 
 def test_good_tables_and_the_published_ones_are_read_without_a_word():
@@ -75,14 +71,11 @@ def test_a_deadline_in_another_unit_is_refused(deadline_s):
 @given(st.floats(0.1, 100), st.floats(0.1, 100))
 def test_a_deadline_is_judged_by_its_ratio_to_the_slowest_response(slowest, deadline_s):
     rt_s = np.array([slowest / 2, slowest, np.nan])
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        if deadline_s >= 10 * slowest:
-            with refused("deadline_s"):
-                check_deadline(rt_s, deadline_s)
-        else:
+    if deadline_s >= 10 * slowest:
+        with refused("deadline_s"), unwarned():
             check_deadline(rt_s, deadline_s)
-    assert len(caught) == (3 * slowest <= deadline_s < 10 * slowest)
+    else:
+        assert len(told(check_deadline, rt_s, deadline_s)) == (deadline_s >= 3 * slowest)
 
 
 def test_hundredths_of_a_second_are_no_seconds():

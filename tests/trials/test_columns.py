@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.learning.value_learners import read_pairs
 from bgmodel.stopping.people import read_people
 from bgmodel.trials.reading import read_trials
 from circuits.errors import DataWarning
@@ -14,7 +13,7 @@ ROWS = 48
 READERS = {
     "choices": lambda data: read_trials(data, strength="coherence"),
     "stop signals": read_people,
-    "pairs": read_pairs,
+    "pairs": read_trials,
 }
 
 

@@ -35,9 +35,9 @@ def unrecorded(trials):
     return replace(trials, ssd_ms=np.where(trials.rt_ms < trials.ssd_ms, 0.0, trials.ssd_ms))
 
 
-def restored(trials, **settings):
+def restored(trials):
     """Return one person's trials with restored delays."""
-    return StopTrials.of(restored_delays(trials.to_trials(), **settings))
+    return StopTrials.of(restored_delays(trials.to_trials()))
 
 
 def test_delays_that_are_known_are_found_again():
@@ -83,5 +83,3 @@ def test_delays_that_are_no_staircase_are_warned_of():
     ssd[np.flatnonzero(trials.stop & trials.responded)[:5]] = 0.0
     with pytest.warns(DataWarning, match="contradict two staircases"):
         restored(replace(trials, ssd_ms=ssd))
-    with refused("step_ms must be > 0"):
-        restored(trials, step_ms=0)

@@ -17,6 +17,7 @@ from bgmodel.trials.evidence import read_evidence_table, trials_from_table
 from bgmodel.trials.named import trial_table
 from circuits.errors import CalibrationWarning, DataWarning
 from tests.helpers import long_table, refused, unwarned
+from tests.read import at, changed, renamed, without
 
 
 def test_a_users_table_gives_back_the_evidence():
@@ -175,22 +176,9 @@ def test_a_million_nats_are_the_most_that_a_reading_says():
             trials_from_table(table.assign(ll_b=np.where(at == 5, beyond, 0.0)))
 
 
-def changed(**columns):
-    return lambda good: good.assign(**columns)
-
-
-def at(name, row, value):
-    """Return what puts a value into one row of a column."""
-    return changed(**{name: lambda t: t[name].astype(object).where(t.index != row, value)})
-
-
-def renamed(old, new):
-    return lambda good: good.rename(columns={old: new})
-
-
 BAD = {
-    "columns needs the columns trial, step": lambda good: good.drop(columns="step"),
-    "columns at least two ll_": lambda good: good.drop(columns="ll_a"),
+    "columns needs the columns trial, step": without("step"),
+    "columns at least two ll_": without("ll_a"),
     "table at least one trial": lambda good: good.head(0),
     "step trial 0 has step 0 twice": lambda good: pd.concat([good, good.head(1)]),
     "step trial 0 starts with 1": lambda good: good.iloc[1:],
@@ -206,16 +194,16 @@ BAD = {
     "truth got several in one trial, first 'b' in row 1": changed(
         truth=lambda good: np.where(good.index == 1, "b", "a")
     ),
-    "columns 'LL_a' is not a hypothesis": renamed("ll_a", "LL_a"),
-    "columns 'll_a ' is not a hypothesis": renamed("ll_a", "ll_a "),
-    "columns 'll_ b' is not a hypothesis": renamed("ll_b", "ll_ b"),
+    "columns 'LL_a' is not a hypothesis": renamed(ll_a="LL_a"),
+    "columns 'll_a ' is not a hypothesis": renamed(ll_a="ll_a "),
+    "columns 'll_ b' is not a hypothesis": renamed(ll_b="ll_ b"),
     **{
         f"columns {name!r} is not a hypothesis": changed(**{name: 0.0})
         for name in ("ll_", " ll_c", "ll-c", "Ll c")
     },
     "truth 'Truth' is not 'truth'": changed(Truth="a"),
     "trial 'trial ' is not 'trial'": changed(**{"trial ": 1}),
-    "columns 'll_a' twice": renamed("ll_b", "ll_a"),
+    "columns 'll_a' twice": renamed(ll_b="ll_a"),
     "columns the column row is reserved for results": changed(row=1),
     "ll_a must be a finite number within .* got '2000000.0'": changed(ll_a=2e6),
     "ll_a must hold numbers, got bool": changed(ll_a=True),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bgmodel.support.files import read_provenance
-from bgmodel.trials.files import SIMON_SET, every_set, shipped
+from bgmodel.trials.files import SIMON_SET, shipped
 from bgmodel.trials.reading import read_trials
 from bgmodel.trials.record import statistics
 from tests.helpers import ROOT
@@ -86,7 +86,7 @@ def test_patients_are_as_fast_and_as_right_as_published_in_each_condition():
     assert len(statistics(choices)) == 14 * 4
 
 
-SIMON = every_set()[SIMON_SET].table
+SIMON = shipped([SIMON_SET])[SIMON_SET].table
 TRAINED = SIMON[SIMON["phase"] == "training"]
 MEANS = {
     "none": ((553, 13), (586, 11), (33, 4), (0.956, 0.923)),
@@ -141,7 +141,7 @@ def test_learned_pairs_are_as_accurate_and_fast_as_published_and_rewarded_as_des
 
 
 def test_striatal_cells_are_read_with_their_clicks_and_choices():
-    about = every_set()["striatum_clicks"]
+    about = shipped(["striatum_clicks"])["striatum_clicks"]
     assert about.licence == "Apache-2.0"
     text = (resources.files("bgmodel") / "data" / about.licence_file).read_text()
     assert "Apache License" in text

@@ -13,7 +13,7 @@ from bgmodel.trials.reading import Columns, read_trials
 from bgmodel.trials.record import Trials, statistics
 from circuits.errors import DataWarning, InputError
 from tests.helpers import refused, unwarned
-from tests.read import read
+from tests.read import at, changed, read, renamed, without
 
 TRIALS = 60
 
@@ -157,24 +157,6 @@ def test_choices_that_contradict_themselves_are_refused():
         replace(trials, rt_s=np.append(np.nan, trials.rt_s[1:]))
     with refused("response hold 1, 0 or -1"):
         replace(trials, response=trials.response * 2)
-
-
-def changed(**columns):
-    return lambda good: good.assign(**columns)
-
-
-def at(name, row, value):
-    return lambda good: good.assign(
-        **{name: good[name].astype(object).where(good.index != row, value)}
-    )
-
-
-def without(column):
-    return lambda good: good.drop(columns=column)
-
-
-def renamed(**columns):
-    return lambda good: good.rename(columns=columns)
 
 
 BAD = {

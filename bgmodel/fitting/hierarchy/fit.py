@@ -74,24 +74,23 @@ class GroupFit(Facts):
         """Diagnostics of the chains."""
         return agreement(self.chains)
 
+    def _all(self, name: str) -> Array:
+        return np.stack([getattr(each, name) for each in self.chains])
+
     @cached_property
     def group(self) -> Array:
         """The median person's parameters, (chains, draws, parameters), in their own units."""
-        return self.scale.back(np.stack([each.mean for each in self.chains]))
+        return self.scale.back(self._all("mean"))
 
     @cached_property
     def between(self) -> Array:
         """Standard deviation between people, (chains, draws, parameters), in their own units."""
-        mean = np.stack([each.mean for each in self.chains])
-        sd = np.stack([each.sd for each in self.chains])
-        return np.asarray(sd * self.scale.slope(mean))
+        return np.asarray(self._all("sd") * self.scale.slope(self._all("mean")))
 
     @cached_property
     def slopes(self) -> dict[str, Array]:
         """Change of the median person's parameter per unit of each predictor, in its units."""
-        mean = np.stack([each.mean for each in self.chains])
-        slope = np.stack([each.slopes for each in self.chains])
-        changes = {}
+        mean, slope, changes = self._all("mean"), self._all("slopes"), {}
         for n, (name, k) in enumerate(zip(self.predictors.names, self.predictors.of, strict=True)):
             values = np.unique(self.predictors.columns[n])
             ends = values if len(values) == 2 else np.array([-0.5, 0.5])
@@ -109,7 +108,7 @@ class GroupFit(Facts):
     @cached_property
     def correlation(self) -> dict[tuple[str, str], Array]:
         """Correlation of two parameters between people, on the scale, (chains, draws)."""
-        draws = np.stack([each.correlation for each in self.chains])
+        draws = self._all("correlation")
         pairs = zip(*np.tril_indices(draws.shape[2], -1), strict=True)
         return {(self.parameters[j], self.parameters[k]): draws[..., k, j] for k, j in pairs}
 
@@ -135,7 +134,7 @@ class GroupFit(Facts):
     @cached_property
     def individual(self) -> Array:
         """Each person's parameters, (chains, draws, people, parameters)."""
-        return self.scale.back(np.stack([each.scaled for each in self.chains]))
+        return self.scale.back(self._all("scaled"))
 
     @cached_property
     def typical(self) -> dict[str, Optimum]:
@@ -154,7 +153,7 @@ class GroupFit(Facts):
     @property
     def log_likelihood(self) -> Array:
         """Log likelihood of each person's trials, (chains, draws, people), nats."""
-        return np.stack([each.log_likelihood for each in self.chains])
+        return self._all("log_likelihood")
 
     def facts(self) -> dict[str, str]:
         """Return the numbers of people, trials and draws, and the group's parameters."""
@@ -177,7 +176,7 @@ class GroupFit(Facts):
             for each in (self.agreement.rhat, self.agreement.effective)
         )
         columns = {
-            **_middle(self.group, ("median", "low", "high")),
+            **_middle(self.group, MIDDLE),
             **_middle(self.between, ("between_people", "between_low", "between_high")),
             "rhat": rhat.max(axis=0),
             "effective_sample_size": effective.min(axis=0),
@@ -197,7 +196,7 @@ class GroupFit(Facts):
             [self.people, self.parameters], names=["participant", "parameter"]
         )
         flat = self.individual.reshape(*self.individual.shape[:2], -1)
-        return pd.DataFrame(_middle(flat, ("median", "low", "high")), index=index).reset_index()
+        return pd.DataFrame(_middle(flat, MIDDLE), index=index).reset_index()
 
     def cells(self) -> pd.DataFrame:
         """Return ``Fit.cells`` of each participant, at the medians of the person's parameters."""
@@ -333,7 +332,6 @@ def fit_group(
     seed: int = HIERARCHY_SEED,
     workers: int = 1,
     most_draws: int = MOST,
-    scale: Scale | None = None,
     shared: Sequence[str] | None = None,
     correlated: bool = False,
     kept: Entry[Arrays] | None = None,
@@ -341,7 +339,7 @@ def fit_group(
 ) -> GroupFit:
     """Fit a model to a group of people, with partial pooling of their parameters.
 
-    Parameters named ``shared`` are the same for everyone; people are Gaussian on ``scale``, see
+    Parameters named ``shared`` are the same for everyone; people are Gaussian on a scale, see
     ``group.Group``. Chains run until they agree or have ``most_draws``, and continue from ``kept``.
     Warns of misfit, and of chains that do not agree.
     """
@@ -352,7 +350,7 @@ def fit_group(
         raise InputError("correlated needs two parameters in which people differ", "correlated")
     tell(f"start of {len(every)} people")
     first = estimates(every, min(workers, len(every)))
-    scale = scale or Scale.of(every[0].freedom, np.median(first, axis=0))
+    scale = Scale.of(every[0].freedom, np.median(first, axis=0))
     people = [Person(each, scale) for each in every]
     with shared_map(min(workers, max(len(people), CHAINS)), people) as over_people:
         group, expansion = started(over_people, scale.to(first), same)

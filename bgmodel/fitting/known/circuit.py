@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
 from bgmodel.evidence import Evidence
 from bgmodel.fitting.known.hazard import lowest_between
-from bgmodel.fitting.known.models import LEAK, Outputs, Values, leaky_sums, read, sizes
+from bgmodel.fitting.known.models import LEAK, Values, leaky_sums, read, sizes
 from bgmodel.fitting.known.trials import KnownTrials, gaps_s, intervals
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.simulated.circuit import SIMULATION_SEED
@@ -49,13 +49,10 @@ class KnownCircuit:
     engine: str = "population"
     runs: int | None = None
     seed: int = SIMULATION_SEED
-    sign: int = 1
+    sign: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
-        from circuits.declaration.table import NATS
-
-        must = f"must be one whose OUT is in nats, not in {self.circuit.unit}"
-        require(self.circuit.unit == NATS, "circuit", must, self.circuit.name)
+        self.circuit.check_nats("a fit of choices on known evidence")
 
     @property
     def name(self) -> str:
@@ -72,8 +69,8 @@ class KnownCircuit:
             *sizes((low, high, 0.3 * high), (0.01, 2 * high, 0.05 * high), "OUT, nats"),
         )
 
-    def on(self, trials: KnownTrials, values: Mapping[str, float]) -> Outputs:
-        """Return its simulated OUT on some trials; the leak must be fixed."""
+    def on(self, trials: KnownTrials, values: Mapping[str, float]) -> Simulated:
+        """Return its simulated OUT on some trials, of ``values`` the leak, which must be fixed."""
         channels, count = self.circuit.channels, trials.alternatives
         require(channels == count, "circuit", f"must have {count} channels", channels)
         if LEAK.name not in values:
@@ -142,7 +139,7 @@ class Simulated:
             return np.tensordot(weights[0], self.stored, axes=1)
         return np.asarray(np.einsum("kg,gnka->nka", weights[kind[self.trial]], self.stored))
 
-    def parts(self) -> list[Outputs]:
+    def parts(self) -> list[Self]:
         """Return the outputs without each of ``PARTS`` parts of the runs in turn."""
         runs = self.stored.shape[1]
         left = np.array_split(np.arange(runs), min(runs, PARTS)) if runs > 1 else []

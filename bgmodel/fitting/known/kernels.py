@@ -29,13 +29,11 @@ DATA = "data"
 """Name of the kernel of the data."""
 
 
-def kernels(likelihood: Any, vector: Array, *, positions: int = POSITIONS) -> pd.DataFrame:
+def kernels(likelihood: Any, vector: Array) -> pd.DataFrame:
     """Return psychophysical kernels of the data and of a model, aligned to onset and response."""
     of = {DATA: None, likelihood.model.name: likelihood.chosen(vector)}
     tables = [
-        kernel(likelihood.trials, chosen, positions=positions, align=align).assign(
-            of=name, align=align
-        )
+        kernel(likelihood.trials, chosen, align=align).assign(of=name, align=align)
         for align in ALIGNED
         for name, chosen in of.items()
     ]

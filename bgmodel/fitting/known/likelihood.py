@@ -11,8 +11,9 @@ import numpy as np
 
 from bgmodel.evidence import Evidence
 from bgmodel.fitting.design import Design
+from bgmodel.fitting.known.circuit import KnownCircuit, Simulated
 from bgmodel.fitting.known.hazard import answered, decisions, delayed
-from bgmodel.fitting.known.models import LEAK, KnownModel, Outputs, Values, read, runs_of_cues
+from bgmodel.fitting.known.models import LEAK, Exact, ExactModel, Values, read, runs_of_cues
 from bgmodel.fitting.known.trials import KnownTrials, responding, waiting
 from bgmodel.fitting.likelihood import RESPONSES, Likelihood, Peak
 from bgmodel.fitting.parameters import RESPONSE, Parameter, ParameterSpace
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+KnownModel = ExactModel | KnownCircuit
+"""A model of decisions on known evidence."""
 RUN = Parameter("run_effect", -2.0, 2.0, 0.0, "OUT per further cue of a run, nats", free=False)
 URGENCY = Parameter("urgency", 0.0, 20.0, 0.0, "rise of the threshold on OUT, 1/s", free=False)
 BIAS = "bias_"
@@ -50,7 +53,7 @@ class KnownLikelihood(Likelihood):
 
     model: KnownModel
     trials: KnownTrials
-    outputs: Outputs
+    outputs: Exact | Simulated
     cell: Integers  # (all trials,), the cell of each
     kept: Integers | None = None  # Which trials count; all by default.
     _decided: dict[tuple[bytes, ...], tuple[Array, Array]] = field(

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Protocol
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -32,34 +32,6 @@ def sizes(
         Parameter("threshold", *threshold, f"{what}, at a decision", scale="log"),
         Parameter("noise", *noise, f"scale of the noise of {what}", scale="log"),
     )
-
-
-class Outputs(Protocol):
-    """OUT of a model on the readings of some trials."""
-
-    def out(self, values: Values) -> Array:
-        """Return OUT (runs, seen readings, alternatives), all trials' readings concatenated."""
-
-    def parts(self) -> list[Outputs]:
-        """Return the outputs without each part of simulated runs; empty without simulation."""
-
-
-class KnownModel(Protocol):
-    """A model of decisions on known evidence."""
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-
-    @property
-    def sign(self) -> int:
-        """1 if thresholds are levels of OUT, -1 if they are levels of minus OUT."""
-
-    def parameters(self, alternatives: int) -> tuple[Parameter, ...]:
-        """Return its own parameters, the threshold and the noise among them."""
-
-    def on(self, trials: KnownTrials, values: Mapping[str, float]) -> Outputs:
-        """Return its OUT on some trials; ``values`` are those of fixed parameters."""
 
 
 def read(trials: KnownTrials) -> tuple[Array, Array]:
@@ -104,18 +76,19 @@ class ExactModel:
 
     name: ClassVar[str]
     sign: ClassVar[int] = -1
+    """1 if thresholds are levels of OUT, -1 if they are levels of minus OUT."""
     sums: ClassVar[bool] = True
     """Whether readings are added up; otherwise runs of them are counted."""
 
     def parameters(self, alternatives: int) -> tuple[Parameter, ...]:
-        """Return its own parameters."""
+        """Return its own parameters, the threshold and the noise among them."""
         raise NotImplementedError
 
     def of(self, state: Array, gain: Array) -> Array:
         """Return OUT from sums of readings, or from lengths of runs, (..., alternatives)."""
         raise NotImplementedError
 
-    def on(self, trials: KnownTrials, values: Mapping[str, float]) -> Outputs:
+    def on(self, trials: KnownTrials, values: Mapping[str, float]) -> Exact:
         """Return its OUT on some trials."""
         return Exact(trials, self)
 
@@ -128,7 +101,7 @@ class Exact:
     model: ExactModel
 
     def out(self, values: Values) -> Array:
-        """Return OUT (1, seen readings, alternatives)."""
+        """Return OUT (1, seen readings, alternatives), all trials' readings concatenated."""
         leak_hz = values.get(LEAK.name, 0.0) if self.model.sums else 0.0
         state = self._without_leak
         if np.any(leak_hz):
@@ -143,7 +116,7 @@ class Exact:
         states = leaky_sums(values, time_s) if self.model.sums else runs_of_cues(values)
         return np.asarray(states[self.trials.seen_places])
 
-    def parts(self) -> list[Outputs]:
+    def parts(self) -> list[Self]:
         """Return an empty list, since no run is simulated."""
         return []
 

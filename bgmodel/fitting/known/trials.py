@@ -156,11 +156,8 @@ def known_trials(trials: Trials) -> KnownTrials:
     readings = trials.readings
     if readings is None or readings.choice is None:
         raise InputError("these trials have no readings: give read_trials evidence", "evidence")
-    return KnownTrials(
-        readings.log_likelihood, readings.time_s, readings.lengths, readings.names,
-        readings.choice, trials.rt_s, tuple(trial for _, trial in readings.ids), readings.forced,
-        name_of(trials),
-    )  # fmt: skip
+    blank = waiting(readings, readings.forced)
+    return replace(blank, choice=readings.choice, rt_s=trials.rt_s, who=name_of(trials))
 
 
 def known_design(trials: Trials, by: Sequence[str] = ()) -> Design:

@@ -237,11 +237,6 @@ OF_TWO = {
 """Parameters that models of more than two alternatives do not have."""
 
 
-def circuit_model(alternatives: int) -> type[CircuitModel]:
-    """Return the model of a circuit that chooses between some number of alternatives."""
-    return CircuitModel if alternatives == 2 else ManyCircuitModel
-
-
 def check_many(
     model: str | Path | Circuit, mechanism: str, named: Iterable[str], alternatives: int
 ) -> None:

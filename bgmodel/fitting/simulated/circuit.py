@@ -161,22 +161,14 @@ class CircuitModel(InParts):
         require(
             few <= channels <= most, "circuit", f"must have {number} channels for a fit", channels
         )
-        from circuits.declaration.table import NATS
-
-        must = f"must be one whose OUT is in nats, not in {self.circuit.unit}"
-        require(self.circuit.unit == NATS, "circuit", must, self.circuit.name)
+        self.circuit.check_nats("a fit of choices and times")
         engine_of(self.engine)
         whole("trials", self.trials, PARTS)  # their parts give the simulation error
 
     @property
     def threshold_name(self) -> str:
         """``threshold_nats``, or the parameter that replaces it."""
-        return self.axes[0].parameter.name if self.mechanism.instead else THRESHOLD
-
-    @property
-    def axes(self) -> tuple[Axis, ...]:
-        """Axes of the mechanism."""
-        return self.mechanism.axes
+        return self.mechanism.axes[0].parameter.name if self.mechanism.instead else THRESHOLD
 
     @property
     def lowest_log_odds(self) -> float:
@@ -201,7 +193,7 @@ class CircuitModel(InParts):
     @property
     def _more(self) -> tuple[Parameter, ...]:
         """Parameters at whose values trials are simulated."""
-        return (*(axis.parameter for axis in self.axes), BIAS)
+        return (*(axis.parameter for axis in self.mechanism.axes), BIAS)
 
     def identity(self) -> dict[str, object]:
         """Return all that its predictions depend on."""
@@ -210,7 +202,7 @@ class CircuitModel(InParts):
             "circuit": identity(self.circuit),
             "engine": self.engine,
             "edits": list(self.mechanism.edits),
-            "axes": {axis.parameter.name: axis.values.tolist() for axis in self.axes},
+            "axes": {axis.parameter.name: axis.values.tolist() for axis in self.mechanism.axes},
             "noise_nats": self.noise_nats,
             "seconds": self.seconds,
             "trials": self.trials,
@@ -231,7 +223,7 @@ class CircuitModel(InParts):
         for setting in distinct(settings):
             cells = (settings == setting).all(axis=1)
             threshold, *point, bias = map(float, setting)
-            corners = list(_corners(self.axes, point))
+            corners = list(_corners(self.mechanism.axes, point))
             for size, weight in _near(bias):
                 near = [(self.biased(corner, size), share) for corner, share in corners]
                 probability[cells] += weight * decided(near, threshold, drift[cells], grid)
@@ -274,12 +266,8 @@ class CircuitModel(InParts):
     def _part(self, parts: Truths) -> Self:
         return replace(self, _kept={}, _part_of=(self, parts))
 
-    def at(self, point: tuple[float, ...]) -> Circuit:
-        """Return the circuit at values of its axes."""
-        return self.mechanism.apply(self.circuit, point)
-
     def _key(self, point: tuple[float, ...], bias: float = 0.0) -> dict[str, Any]:
-        key = {**self.identity(), "circuit": identity(self.at(point))}
+        key = {**self.identity(), "circuit": identity(self.mechanism.apply(self.circuit, point))}
         key["thresholds_nats"] = self.thresholds_nats.tolist()
         more: dict[str, Any] = {"centred": True} if self.circuit.centred else {}
         more |= {"bias_nats": bias} if bias else {}
@@ -301,7 +289,8 @@ class CircuitModel(InParts):
 
     def run(self, point: tuple[float, ...], lowest_nats: float, bias: float = 0.0) -> Run:
         """Return the ``crossings.Run`` at a point; trials below ``lowest_nats`` may end early."""
-        model = BasalGanglia(self.at(point), self.engine, seed=self.seed)
+        circuit = self.mechanism.apply(self.circuit, point)
+        model = BasalGanglia(circuit, self.engine, seed=self.seed)
         model = model.until(lowest_nats - ROUNDING_NATS)
         model = replace(model, engine=model.engine.tuned(workers=2, rates=False))
         # An engine without dynamics responds at once, and a reading is complete at its end.

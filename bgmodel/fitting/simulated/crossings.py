@@ -19,7 +19,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -100,13 +100,6 @@ Run = Callable[[Array, int], Trace]
 OUT. From k to k + 1 bins, reading k is the last that OUT may depend on."""
 
 
-class Divided(Protocol):
-    """An object that can be restricted to some parts of the trials, such as ``error.Control``."""
-
-    def part(self, parts: Truths) -> Divided:
-        """Return the object for some parts."""
-
-
 @dataclass(frozen=True, repr=False)
 class FirstPassageTimes:
     """Times and choices of trials at each of several thresholds."""
@@ -118,8 +111,8 @@ class FirstPassageTimes:
     choice: Integers  # (thresholds, trials); -1 if none; positive drift favours 0
     # (thresholds, trials), sqrt(s): X, the difference of both channels up to then.
     evidence: npt.NDArray[np.floating[Any]]
-    # Walks on the same evidence, whose chance differences are subtracted.
-    control: Divided | None = None
+    # Walks on the same evidence, whose chance differences are subtracted: an ``error.Control``.
+    control: Any = None
     # Trial k counts if ``parts[k % len(parts)]``; estimates from different parts are independent.
     parts: Truths = field(default_factory=lambda: np.ones(1, dtype=np.bool_))
     # Trials with the opposite bias, whose mirror images count; without a bias, each trial's own
