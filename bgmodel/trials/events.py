@@ -127,7 +127,7 @@ def _column(cells: pd.DataFrame, name: str, columns: Mapping[str, str]) -> str:
     if not matches:
         must = f"must be a column, called {' or '.join(wanted)}; columns= gives another name"
         if name == "ssd":
-            must += f" (trials without stop signals are read if their file does not end in {ENDING})"
+            must += " (choices without stop signals are read from files with another ending)"
         raise InputError.of(name, must, list(cells.columns))
     return matches[0]
 
