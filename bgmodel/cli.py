@@ -71,6 +71,9 @@ def main(arguments: list[str] | None = None) -> int:
         run(words)
     except BrokenPipeError:  # the reader closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if any(word.startswith("--save") for word in words):
+            print("bgmodel: stopped, since its output was read no further", file=sys.stderr)
+            return 2
         return 0
     except (ImportError, ValueError, OSError) as error:
         print(f"bgmodel: {error}", file=sys.stderr)

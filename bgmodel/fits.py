@@ -673,7 +673,9 @@ def simulate(
         freed = likelihood.freedom
         pairs = zip(freed.names, freed.start, strict=True)
         vector = np.array([float(values.get(key, usual)) for key, usual in pairs])
-        must = "must lie within the ranges of the parameters"
+        ranges = zip(freed.names, freed.low, vector, freed.high, strict=True)
+        outside = [f"{key} {low:g} to {up:g}" for key, low, x, up in ranges if not low <= x <= up]
+        must = f"must lie within the ranges of the parameters ({', '.join(outside) or 'combined'})"
         require(freed.inside(vector), "values", must, dict(values))
         complete = likelihood.complete(vector)
         parts.append(complete.simulated(vector, stream(seed, "simulate", who)))

@@ -342,6 +342,19 @@ def test_help_of_every_command_has_an_example_that_its_parser_takes(capsys):
             cli.parsed(words[1:])
 
 
+@pytest.mark.parametrize(("words", "code"), [(["--save", "x.csv"], 2), ([], 0)])
+def test_a_reader_that_stops_is_told_if_a_file_may_be_missing(words, code):
+    text = """
+import sys
+from bgmodel import cli
+def run(words): raise BrokenPipeError
+cli.run = run
+sys.exit(cli.main(sys.argv[1:]))"""
+    asked = [sys.executable, "-c", text, *words]
+    done = subprocess.run(asked, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.count("read no further")) == (code, code / 2)
+
+
 @pytest.mark.parametrize("encoding", ["cp1252", "latin-1", "ascii", "utf-8"])
 def test_a_terminal_of_any_encoding_shows_a_result(tmp_path, monkeypatch, encoding):
     file = tmp_path / "mine.toml"

@@ -287,7 +287,7 @@ def test_every_kind_of_trials_is_simulated_for_every_person():
     assert failed[0] > failed[1] + 0.3
     with refused("fix"):
         bg.simulate("constant_gap", {"speed": 1.0}, "roitman_shadlen_2002", seed=1, **MONKEY)
-    with refused("values"):
+    with refused(r"values \(bound 0.1 to 8\), got"):
         bg.simulate("constant_gap", {"bound": 99.0}, "roitman_shadlen_2002", seed=1, **MONKEY)
 
 

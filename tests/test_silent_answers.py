@@ -19,6 +19,7 @@ from bgmodel.tactile.source import load_taps, source
 from bgmodel.tactile.task import EdgeDirection
 from bgmodel.task import Gaussian
 from bgmodel.trials.evidence import read_evidence_table, trials_from_table
+from bgmodel.trials.given import EvidenceTable, trials_of
 from bgmodel.trials.reading import Columns, read_trials
 from circuits.engines import run
 from circuits.errors import DataWarning, EditWarning, NoiseWarning
@@ -299,3 +300,77 @@ def test_a_non_decision_time_above_a_second_is_doubted():
     late = replace(late, rt_s=late.rt_s + 0.9)
     likelihood = likelihood_of(GapModel(), design_of(late))
     assert any("check that rt begins" in text for text in told(fit_likelihood, likelihood))
+
+
+def rewarded(trials=120):
+    rng = np.random.default_rng(6)
+    return pd.DataFrame({
+        "participant_id": np.repeat(["a", "b"], trials), "trial": np.tile(np.arange(trials), 2),
+        "pair": rng.choice(["AB", "CD"], 2 * trials), "response": rng.integers(0, 2, 2 * trials),
+        "rt": rng.uniform(0.3, 1.5, 2 * trials).round(4),
+    }).assign(reward=lambda table: table["response"])  # fmt: skip
+
+
+def stopped(trials=120):
+    table = rewarded(trials).drop(columns=["pair", "reward", "response"])
+    return table.assign(ssd=np.where(table["trial"] % 4 == 0, 0.2, np.nan))
+
+
+@pytest.mark.parametrize("made", [rewarded, stopped])
+def test_rows_out_of_the_order_of_presentation_are_doubted(made):
+    table = made()
+    blocks = table.assign(trial=table["trial"] % 20)
+    for right in (table, blocks, table.drop(columns="trial")):
+        assert not told(read_trials, right)
+    for wrong in (table[::-1], table.sample(frac=1, random_state=1), blocks[::-1]):
+        [text] = told(read_trials, wrong)
+        assert "in the order of presentation" in text
+    by_pair = rewarded().sort_values(["pair", "participant_id", "trial"])
+    assert not told(read_trials, by_pair)  # each pair has values of its own
+    by_kind = stopped().sort_values(["ssd", "participant_id", "trial"])
+    assert any("order of presentation" in text for text in told(read_trials, by_kind))
+
+
+def test_a_number_of_trials_is_no_strength():
+    table = rewarded().drop(columns=["pair", "reward"])
+    table["response"] = (table["trial"] > 40).astype(int)
+    assert not any("may hold it" in text for text in told(read_trials, table))
+    named = table.rename(columns={"trial": "level"})
+    assert any("level" in text for text in told(read_trials, named))
+
+
+def test_a_table_of_evidence_is_read_again_if_it_changed_and_warned_of_once(tmp_path):
+    path = tmp_path / "mine.csv"
+
+    def written(trials):
+        rng = np.random.default_rng(7)
+        rows = [(k, step, *rng.uniform(0.1, 0.9, 2)) for k in range(trials) for step in range(3)]
+        pd.DataFrame(rows, columns=["trial", "step", "ll_a", "ll_b"]).to_csv(path, index=False)
+
+    written(60)
+    task = EvidenceTable(path)
+    [text] = told(lambda: (task.channels, trials_of(task, 0, "x"), trials_of(task, 0, "y")))
+    assert "as probabilities do" in text
+    prior = trials_of(task, 0, "x", prior=[0.9, 0.1]).evidence.prior
+    np.testing.assert_array_equal(prior, [0.9, 0.1])
+    written(61)
+    assert task.trials == trials_of(task, 0, "x").evidence.trials == 61
+
+
+def test_slow_trials_that_were_left_out_before_a_fit_are_asked_for():
+    """The bound would be too low: without the slowest 10 %, 0.69 +- 0.01 instead of 0.85."""
+    table = choices(("a",), trials=1500)
+    table["rt"] = 0.3 + np.random.default_rng(4).wald(0.5, 1.0, 1500)
+    made = read_trials(table, strength="coh")
+    assert not told(design_of, made)
+    for share in (0.02, 0.1, 0.3):
+        end_s = float(np.quantile(made.rt_s, 1 - share))
+        trimmed = made.where(made.rt_s <= end_s)
+        [text] = told(design_of, trimmed)
+        assert f"end abruptly at {trimmed.rt_s.max():.4g} s" in text
+        assert not told(lambda: design_of(trimmed, rt_window=(0, end_s)))  # noqa: B023
+    for name in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005"):
+        kept = read_trials(name, strength="coherence")
+        for who in kept.people():
+            texts = told(design_of, kept.where(kept.participant == who))
+            assert not any("abruptly" in each for each in texts)

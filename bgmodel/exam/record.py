@@ -145,7 +145,7 @@ LEGEND = """\
 ±: one standard error; z: difference from the published number in standard errors.
 agrees: within 2 standard errors (root of the published and the simulated variance), or the whole
 95 % interval in the published direction; disagrees: not; left open: the interval contains both;
-fails: the circuit does not do what the number is about; not answered: it cannot be results.
+fails: the circuit does not do what the number is about; not answered: it cannot be asked.
 share: weight of the numbers that agree among those that agree, disagree or fail. A: only the
 abstract was read. *: the circuit, or an assumed size, was set by this number; predicted_agrees
 counts the others that agree. An edited circuit carries no stars, although numbers may have set rows

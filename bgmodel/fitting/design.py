@@ -27,6 +27,10 @@ fewer than one of 10^12 trials. Lapses may.
 ENOUGH = 20
 """Least number of responses of a cell for its quartiles to be used separately."""
 
+SHORT_TAIL, TAIL_CHANCE = 2.2, 1e-5
+"""Means of an exponential tail within which the slowest tenth of times ends if it was cut off
+(that of a Gaussian does not), and the probability of so early an end by chance."""
+
 
 def fence_s(rt_s: Array, cell: Integers) -> float:
     """Return the end of the default window, s; infinity if the quartiles are equal.
@@ -83,8 +87,23 @@ def in_window(
         )
     elif rule:
         # All trials are included: the likelihood is that of all times.
+        _warn_of_cut(rt_s[np.isfinite(rt_s)], who)
         window = EVERY_TIME
     return window, inside
+
+
+def _warn_of_cut(times_s: Array, who: str) -> None:
+    """Warn if times end abruptly, compared with an exponential tail from the upper quartile on."""
+    upper, tenth = np.quantile(times_s, [0.75, 0.9]) if len(times_s) else (0.0, 0.0)
+    if upper == tenth:
+        return
+    tail = math.log(2.5) * (times_s.max() - tenth) / (tenth - upper)
+    if tail < SHORT_TAIL and (1 - math.exp(-tail)) ** (len(times_s) / 10) < TAIL_CHANCE:
+        DataWarning.warn(
+            f"{who}: response times end abruptly at {times_s.max():.4g} s: if later trials were "
+            "left out, the fit needs to know, since it takes all times to be there: end the "
+            "window at that time (rt_window, at the terminal --columns rt_window=0,T)"
+        )
 
 
 FAVOURS = "favours"

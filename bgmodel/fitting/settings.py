@@ -327,7 +327,8 @@ class FitSettings:
             return MODELS[model](number, self.trials, self.seed, seconds)
         if isinstance(model, str) and model not in CIRCUITS and not is_path(model):
             allowed = ", ".join((*GAPS, *MODELS, *CIRCUITS))
-            must = f"must be of {allowed}, or .toml files (constant_gap is the diffusion model)"
+            must = f"must be of {allowed}, or .toml files (constant_gap is the diffusion model, "
+            must += "and learners need trials with the columns pair and reward)"
             raise InputError.of("models", must, model)
         circuit = checked_circuit(model, number)
         if number > 2 and circuit.channels != number:

@@ -133,7 +133,7 @@ class FromReward(Facts):
         figure, ax = one_panel(None)
         every = self.table[self.table["episode"] % max(1, len(self.table) // 4000) == 0]
         wide = every.pivot(index="run", columns="episode", values="mean")
-        acquisition(ax, wide, color=PALETTE[0], label="Median of runs")
+        acquisition(ax, wide, color=PALETTE[0], label="Median and 10 to 90 % of runs")
         ax.axhline(self.best, color="k", lw=0.8, ls="--", label="Best")
         ax.set(xlabel="Trial", ylabel=self.unit[0].upper() + self.unit[1:])
         ax.legend(frameon=False)

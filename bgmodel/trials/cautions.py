@@ -57,6 +57,8 @@ with equal ones."""
 SAME = 1e-6
 """Relative difference below which two strengths differ only by rounding."""
 
+NUMBERS = ("trial", "trial_number", "trial_index")
+"""Columns of numbers that trials have in the order of presentation."""
 DELAYS = ("ssd", "stop_signal_delay", "stopsignaldelay")
 """Names of a column of stop-signal delays, without capitals."""
 STOPS = "Columns(ssd=...), at the terminal --columns ssd="
@@ -262,6 +264,24 @@ def warn_of_twins(
         )
 
 
+def warn_of_order(table: pd.DataFrame, *groups: npt.NDArray[np.str_]) -> None:
+    """Warn if numbers of trials fall within groups (rows,): what is learned depends on the order.
+
+    Numbers that start anew, as in each block, may fall in a quarter of trials.
+    """
+    for name in (name for name in NUMBERS if name in table):
+        numbers = pd.to_numeric(table[name], errors="coerce").reset_index(drop=True)
+        for _, mine in numbers.groupby(list(groups)):
+            falls = int((mine.diff() < 0).sum())
+            if falls > (0 if mine.is_unique else len(mine) / 4):
+                DataWarning.warn(
+                    f"rows must be in the order of presentation, since a trial depends on earlier "
+                    f"ones, yet {name} falls {falls} times in {len(mine)} rows, first to "
+                    f"{mine[mine.diff() < 0].iloc[0]:g}: sort them"
+                )
+                return
+
+
 def check_deadline(rt_s: Array, deadline_s: float) -> None:
     """Refuse a deadline from 10 times the slowest response on, and warn of one from 3 times on."""
     known_s = rt_s[np.isfinite(rt_s)]
@@ -313,7 +333,7 @@ def warn_without_strength(
     """Warn if a column may hold the strength, or else if response 1 may not be correct."""
     candidates = []
     for name in table:
-        if name in (*OURS, *used):
+        if name in (*OURS, *NUMBERS, *used):
             continue
         values = pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float, na_value=np.nan)
         distinct = len(np.unique(values)) if np.isfinite(values).all() else 0

@@ -14,7 +14,7 @@ from bgmodel.support.arrays import Array, Truths
 from circuits.checks import is_whole
 from circuits.errors import DataWarning, InputError, require
 
-MISSING = ("", "NA", "N/A", "<NA>", "NaN", "nan", "None", "null")
+MISSING = ("", "NA", "N/A", "<NA>", "n/a", "NaN", "nan", "None", "null")
 """Contents of a cell for a missing number or response."""
 NOT_GIVEN = ("NA", "N/A", "n/a", "<NA>", "NaN", "nan")
 """Contents of a cell that are no level of a condition; "None" may well be one."""
@@ -291,13 +291,15 @@ def times(column: pd.Series, unit: str = "s") -> Array:
             "are seconds",
             column.name,
         )
-    refuse(values <= 0, column, f"above 0 {unit}")
+    hint = ": if it is a code of a missing response, leave rt and response empty"
+    refuse(values <= 0, column, f"above 0 {unit}", hint)
     return values * UNITS[unit]
 
 
 def code(column: pd.Series) -> npt.NDArray[np.int8]:
     """Return a column of 0 and 1; ValueError for any other cell."""
-    values = numbers(column)
+    check_numeric(column)
+    values = np.array([_number(value) for value in column])
     refuse(~np.isin(values, (0, 1)), column, "0 or 1 in every trial")
     return values.astype(np.int8)
 

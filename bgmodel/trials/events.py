@@ -126,6 +126,8 @@ def _column(cells: pd.DataFrame, name: str, columns: Mapping[str, str]) -> str:
     matches = [each for each in wanted if each in cells]
     if not matches:
         must = f"must be a column, called {' or '.join(wanted)}; columns= gives another name"
+        if name == "ssd":
+            must += " (choices without stop signals are read from files with another ending)"
         raise InputError.of(name, must, list(cells.columns))
     return matches[0]
 
@@ -133,7 +135,7 @@ def _column(cells: pd.DataFrame, name: str, columns: Mapping[str, str]) -> str:
 def _numbers(cells: pd.DataFrame, column: str) -> Array:
     text = cells[column].str.strip()
     numbers = pd.to_numeric(text, errors="coerce").to_numpy(float)
-    wrong = np.isnan(numbers) & ~text.isin([*MISSING, "n/a"]).to_numpy(bool)
+    wrong = np.isnan(numbers) & ~text.isin(MISSING).to_numpy(bool)
     require(not wrong.any(), column, "must hold numbers or n/a", text[wrong].tolist()[:3])
     return numbers
 

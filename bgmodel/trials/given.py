@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
 
+from bgmodel.evidence import checked_prior
 from bgmodel.support.seeds import stream
 from bgmodel.task import Drawn, Task
 from bgmodel.trials.named import NamedEvidence
@@ -57,9 +58,13 @@ class EvidenceTable(Task):
         return self.evidence.name
 
 
-@cache
 def read_once(task: EvidenceTable) -> NamedEvidence:
-    """Return the trials of an evidence table, which is read only once (cached)."""
+    """Return the trials of an evidence table, which is read again only if it has changed."""
+    return _read(task, task.evidence.stat().st_mtime_ns if task.evidence.is_file() else 0)
+
+
+@lru_cache(maxsize=4)
+def _read(task: EvidenceTable, changed_ns: int) -> NamedEvidence:
     from bgmodel.trials.evidence import read_evidence_table
 
     return read_evidence_table(task.evidence, step_ms=task.step_ms)
@@ -70,9 +75,11 @@ def trials_of(
 ) -> NamedEvidence:
     """Return a task's trials: drawn with the stream of ``seed`` and ``name``, or of a table."""
     if isinstance(task, EvidenceTable):
-        from bgmodel.trials.evidence import read_evidence_table
-
-        return read_evidence_table(task.evidence, prior=prior, step_ms=task.step_ms)
+        read = read_once(task)
+        if prior is None:
+            return read
+        checked = checked_prior(prior, read.evidence.hypotheses)
+        return replace(read, evidence=replace(read.evidence, prior=checked))
     assert isinstance(task, Drawn)
     ahead = stream(seed, name, "expectancy")
     evidence = task.drawn_with(stream(seed, name), ahead, prior, **more)

@@ -23,6 +23,7 @@ from bgmodel.trials.cautions import (
     warn_of_copies,
     warn_of_far,
     warn_of_mixed_units,
+    warn_of_order,
     warn_of_twins,
     warn_of_units,
     warn_without_strength,
@@ -348,6 +349,7 @@ def _stop_signals(
         check_deadline(rt_s, columns.deadline_s)
     ssd_s, correct = delays(table["ssd"], columns.rt_unit), _correct(table, rt_s)
     warn_of_twins(who, rt_s, np.isnan(ssd_s).astype(np.int8))
+    warn_of_order(table, who)
     for each in np.unique(who).tolist():
         if not np.isnan(ssd_s[who == each]).any():
             text = f"ssd must be empty in some trials of {each}, the go trials: it is given in all"
@@ -373,6 +375,7 @@ def _rewarded(
     refuse(timed & np.isnan(rt_s), table["rt"], "given for every trial, or for none")
     response, reward = (code(table[column]) for column in ("response", "reward"))
     warn_of_twins(who, rt_s, response)
+    warn_of_order(table, who, held["pair"].to_numpy())
     better, other = (reward[response == side] for side in (1, 0))
     if len(better) and len(other) and better.mean() < other.mean():
         DataWarning.warn(

@@ -95,7 +95,8 @@ def clicks_of(table: pd.DataFrame) -> pd.DataFrame:
     if len(sides) < 2:
         raise InputError(
             "trials with spikes need the times of their clicks: two columns of lists, such as "
-            f"left_s and right_s, or evidence; got {', '.join(map(str, table))}", "evidence",
+            "left_s and right_s (of a .parquet, since a .csv holds text), or evidence; got "
+            f"{', '.join(map(str, table))}", "evidence",
         )  # fmt: skip
     keys = [name for name in ("participant_id", "trial") if name in table]
     parts = []

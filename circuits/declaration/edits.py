@@ -265,7 +265,9 @@ def parsed(line: str) -> Edit:
     else:
         edit = Edit(line, verb) if f"{verb} {rest}".strip() == kind.example else None
     if edit is None:
-        raise InputError(f"{line!r}: {verb} is written as in {kind.example!r}", "edits", line)
+        hint = "; a pathway is cut, as in 'cut GPe->STN 30%'" if "->" in rest else ""
+        reason = f"{line!r}: {verb} is written as in {kind.example!r}{hint}"
+        raise InputError(reason, "edits", line)
     return edit
 
 

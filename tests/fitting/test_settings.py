@@ -75,7 +75,7 @@ def test_python_and_the_command_have_the_same_defaults():
 @pytest.mark.parametrize(
     ("wrong", "named"),
     [
-        ({"model": "gap"}, "models"),
+        ({"model": "gap"}, "models learners need trials with the columns pair and reward"),
         ({"model": 3}, "circuit"),
         ({"participant": None}, "participant"),
         ({"mechanism": "posterior"}, "mechanism"),

@@ -69,6 +69,7 @@ def test_the_guide_refuses_three_people(table):
         (lambda t: t.assign(rt=1000 * t["rt"]), "rt seconds"),
         (lambda t: t.assign(ssd=[np.nan, np.nan, 250.0] * 4), "ssd seconds"),
         (lambda t: t.assign(ssd=-0.1), "ssd 0 s or more, got .-0.1. in row 0"),
+        (lambda t: t.assign(correct="true"), "correct must be 0 or 1 in every trial, got 'true'"),
         (lambda t: t.assign(ssd=0.2), "ssd must be empty in some trials of a"),
     ],
 )

@@ -81,6 +81,7 @@ def test_events_of_other_types_are_left_out_with_a_warning(tmp_path):
             None,
             "response_time sub-01_.*must be 0 s or more.*got .-0.08. in row 3",
         ),
+        (GENERIC.replace("stop_signal_delay", "x"), None, "ssd files with another ending"),
         (GENERIC.replace(" stop", ""), None, "trial_type must include stop trials"),
         (GENERIC.replace("0.25", "250").replace("0.3\n", "300\n"), None, "ssd must be in seconds"),
         (GENERIC, "events/task-stop_events.tsv", "path must have a name with .sub-"),

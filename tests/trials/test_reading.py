@@ -163,8 +163,8 @@ BAD = {
     "rt must be in seconds, got a median of [0-9.]+: divide by 1000": changed(
         rt=lambda good: 1000 * good["rt"]
     ),
-    "rt must be above 0 s, got '-0.2' in row 7$": at("rt", 7, -0.2),
-    "rt must be above 0 s, got '0' in row 0$": at("rt", 0, 0),
+    "rt must be above 0 s, got '-0.2' in row 7:": at("rt", 7, -0.2),
+    "rt must be above 0 s, got '0' in row 0:": at("rt", 0, 0),
     "rt must be a finite number, got 'fast' in row 59$": at("rt", 59, "fast"),
     "rt must be a finite number, got 'inf' in row 2$": at("rt", 2, np.inf),
     "rt must be a finite number, got '1_0' in row 2$": at("rt", 2, "1_0"),
@@ -208,6 +208,13 @@ def test_bad_tables_get_one_sentence(says):
         read_trials(BAD[says](people()), **READ)
     assert str(raised.value).startswith("a table: ")
     assert "\n" not in str(raised.value)
+
+
+def test_a_missing_time_may_be_written_as_in_bids(tmp_path):
+    text = people().astype(object)
+    text.loc[3, ["rt", "response"]] = "n/a"
+    trials = read_trials(text, **READ, columns=Columns(deadline_s=2.0))
+    assert np.flatnonzero(np.isnan(trials.rt_s)).tolist() == [3]
 
 
 @pytest.mark.parametrize("code", ["NA", "n/a", "nan"])

@@ -79,6 +79,9 @@ def test_spikes_need_clicks_and_names_of_their_own_trials():
         read_trials(table.drop(columns=["left_s"]), columns=NAMED, spikes=spikes)
     with refused("trial"):
         read_trials(table, columns=NAMED, spikes=spikes.drop(columns=["session"]))
+    texts = table.assign(left_s=table["left_s"].map(str))  # as in a .csv
+    with refused("evidence of a .parquet, since a .csv holds text"):
+        read_trials(texts, columns=NAMED, spikes=spikes)
     with pytest.raises(InputError):
         read_trials(table, columns=NAMED, spikes=spikes.drop(columns=["cell"]))
     with refused("trial"):

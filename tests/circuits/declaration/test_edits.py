@@ -162,6 +162,7 @@ def test_a_fraction_above_one_is_refused_with_both_spellings(verb):
 @pytest.mark.parametrize(
     ("line", "says"),
     [
+        ("lesion GPe->STN 30%", "a pathway is cut, as in 'cut GPe->STN 30%'"),
         ("lesion STN 150%", "fraction must be within 0..1, got 1.5"),
         ("lesion GPe[2] 50%", "GPe: channel must be within 0..1, got 2"),
         ("lesion GPi", "spiking_msprt has no nucleus 'GPi': ctx"),
