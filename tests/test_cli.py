@@ -158,7 +158,7 @@ BAD_USE = {
     "learn --posterior 0.9": "posterior",
     "learn --rule chosen": "rule",
     "learn --levels 4": "levels",
-    "fit roitman_shadlen_2002 --strength coherence --models gpr": "circuit",
+    "fit roitman_shadlen_2002 --strength coherence --models gpr": "unit",
     "touch mine --task edge-turn": "task",
     "touch mine --task period_mm=7": "period_mm",
     "touch mine --task orientation channels=9": "channels",
