@@ -313,6 +313,9 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     kinds = {"people": "people", "people_delays": "delays", "people_fits": "fits",
              "people_simulated": "simulated", "people_refitted": "refitted"}  # fmt: skip
     every = {name: (kind, made[kind]) for name, kind in kinds.items()}
+    fits = made["fits"]
+    same = fits["model"].eq("test, same in all") & fits["parameter"].str.contains("people_sd")
+    every["people_fits"] = ("fits", fits[~same])
     for part in ("halves", "deciles", "times"):
         rows = made["predicted"]
         rows = rows[rows["part"] == part].dropna(axis=1, how="all").drop(columns="part")
