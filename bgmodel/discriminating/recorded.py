@@ -1,4 +1,4 @@
-"""Cells recorded in a pilot: the further trials that tell two readings of them apart."""
+"""How many more trials of recorded cells tell two readings of them apart, from a pilot."""
 
 from __future__ import annotations
 

@@ -1,10 +1,11 @@
 """The likelihood of one person's trials under a model, for every search and sampler.
 
-Models come in two kinds. A model of decisions gives the distribution of decision times in each cell
-of a design (``algorithms.Model``): its responses follow with a non-decision time and lapses,
+Models come in three kinds. A model of decisions gives the distribution of decision times in each
+cell of a design (``algorithms.Model``): its responses follow with a non-decision time and lapses,
 and trials are counted in bins. A model of trials (``TrialModel``) gives the density of each trial,
-which may depend on all trials before it, and simulates trials. Optimum, posterior, hierarchy,
-comparison and misfit are the same for both.
+which may depend on all trials before it, and simulates trials. A model of known evidence or of
+recorded cells makes its own likelihood (``OwnModel``). Optimum, posterior, hierarchy, comparison
+and misfit are the same for all.
 """
 
 from __future__ import annotations
@@ -413,7 +414,7 @@ def likelihood_of(
 def _without_times(
     model: AnyModel, known: Sequence[Parameter], named: Sequence[str]
 ) -> list[Parameter]:
-    """Return parameters of which those that choices alone leave open are not free by default."""
+    """Return the parameters; those that choices without times leave open are fixed by default."""
     late = {RESPONSE[0].name, RESPONSE[1].name}
     for name in (each.removeprefix(ADDED) for each in named):
         must = "must be left out: it has no effect on choices without times"

@@ -51,7 +51,7 @@ class GaussianPolicy:
 
     @property
     def pace(self) -> float:
-        """The learner's step suits a gap of 0..8 nats; gradients have the inverse unit."""
+        """Factor on the step, which suits bounds 8 nats apart: the ratio of ranges, squared."""
         return ((self.bounds[1] - self.bounds[0]) / (SEPARATIONS[1] - SEPARATIONS[0])) ** 2
 
     def sd(self, episode: int) -> float:

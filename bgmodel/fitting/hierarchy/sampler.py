@@ -73,9 +73,9 @@ class Sampler:
 
     A sweep draws people given the group, from the expansion or, in a share ``SINGLE``, one
     parameter from the group; then the group given its people; then means and standard deviations
-    with everyone's standard scores fixed (Yu & Meng 2011). With a guide, most sweeps replace the
-    first and last step by many moves under the surrogate, whose end the exact likelihood accepts or
-    rejects.
+    with everyone's standard scores fixed (Yu & Meng 2011). With a guide, the first and last step of
+    most sweeps are many cheap moves under the surrogate; the exact likelihood then accepts or
+    rejects where they end.
     """
 
     people: list[Person]

@@ -162,7 +162,7 @@ class Counts:
 
     @cached_property
     def box(self) -> tuple[int, int, int]:
-        """Number of bins up to the last decision; first column with decisions, and end of these."""
+        """Bins up to the last decision; first column with decisions, and one past the last such."""
         bins, columns = (np.flatnonzero(self.decided.any(axis=axis)) for axis in ((0, 2), (0, 1)))
         if not len(bins):
             return 0, 0, 0

@@ -65,7 +65,7 @@ class RaceModel(Model):
 
 
 def _middle(survivors: Array) -> Array:
-    """Return survivors averaged between the ends of each part, (cells, parts)."""
+    """Return the survival probability of each part, the mean of its two ends, (cells, parts)."""
     return np.asarray((survivors[:, 1:] + survivors[:, :-1]) / 2)
 
 
