@@ -22,7 +22,7 @@ from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learner
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from bgmodel.task import Gaussian
-from bgmodel.trials.given import EvidenceTable, read_once
+from bgmodel.trials.given import EvidenceTable
 from tests.helpers import long_table, refused, refusing
 
 SHORT = Learner(episodes=1500)
@@ -103,7 +103,6 @@ def test_the_test_learns_from_a_table_as_from_the_task_that_its_readings_are_of(
         learn(EvidenceTable(path), learner=SHORT, **FEW).best
         == learn(task, learner=SHORT, **FEW).best
     )
-    read_once.cache_clear()
     table[~last].to_parquet(path)
     readings.log_likelihood[1] = readings.log_likelihood[1][:-14]
     _, by_hand = learn_gap(
@@ -112,7 +111,6 @@ def test_the_test_learns_from_a_table_as_from_the_task_that_its_readings_are_of(
     learned = learn(EvidenceTable(path), learner=SHORT, **FEW)
     np.testing.assert_array_equal(learned.learned, by_hand["learned_separation"])
     assert learned.best == by_hand["optimal_separation"]
-    read_once.cache_clear()
     table[table["truth"] == "a"].to_parquet(path)
     with refused("evidence"):
         learn(EvidenceTable(path), learner=SHORT, **FEW)
