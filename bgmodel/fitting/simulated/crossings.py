@@ -243,9 +243,9 @@ def _offsets(seen: Array, read: Array, v: Array) -> list[tuple[slice | Truths, A
     """Return groups of times with the offset that is moved from exponents of evidence to time.
 
     ``seen`` are weighed trials (sides, times, evidence), and ``read`` is their evidence. Without an
-    offset exponents would overflow. If a single one is too small, late times, which need a larger
-    one, are a group of their own. There it makes some weights 0: those of trials with evidence far
-    below v t, which hardly ever comes from a drift v.
+    offset exponents would overflow. If a single one is too small, late times get a larger one. It
+    makes some of their weights 0: those of trials with evidence far below v t, which hardly ever
+    comes from a drift v.
     """
     largest = np.abs(v) * np.abs(read).max(initial=0.0)
     if largest.max() <= 2 * LARGEST_EXPONENT:
