@@ -408,7 +408,7 @@ def _edits(experiment: ExperimentRecord) -> list[str]:
     notes = dict.fromkeys(note for one in conditions.values() for note in one.edits.notes())
     return [
         *(f"{name}: {text}" for name, text in edits.items() if text),
-        *(f"the manipulation {text}" for text in [shift_of(experiment)] if text),
+        *filter(None, [shift_of(experiment)]),
         *notes,
     ]
 
@@ -417,7 +417,8 @@ def shift_of(experiment: ExperimentRecord) -> str:
     """Return the criterion that the manipulation amounts to; empty if it is no such change."""
     channels = _channels(experiment)
     control, manipulation = (one.table(channels) for one in experiment.conditions)
-    return acts_as(manipulation, control)
+    shift = acts_as(manipulation, control)
+    return shift and f"the manipulation {shift}"
 
 
 def _cell(measure: str, value: float, low: float, high: float) -> str:
