@@ -37,6 +37,7 @@ class Predicted:
 
     each: Array  # (trials,), nats
     without: Array  # (parts, trials), without each part of simulated trials; no rows if exact
+    draws_error: float = 0.0  # of the sum, nats, from the finite number of a hierarchy's draws
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,8 @@ class Better:
     """Advantage of one model's predictions over another's, summed over trials, nats."""
 
     nats: float
-    error: float  # from the data and from the simulated trials of both models
-    simulation_error: float  # the part due to simulated trials
+    error: float  # from the data, and from the simulated trials and draws of both models
+    simulation_error: float  # the part due to simulated trials and draws
 
 
 def predicted(
@@ -86,7 +87,9 @@ def better_by(first: Predicted, second: Predicted, person: Integers | None = Non
     one, other = (
         each.without.sum(axis=1) if len(each.without) else np.zeros(1) for each in (first, second)
     )
-    simulation_error = float(jackknifed(one - other))
+    simulation_error = math.hypot(
+        float(jackknifed(one - other)), first.draws_error, second.draws_error
+    )
     return Better(float(apart.sum()), math.hypot(sampling, simulation_error), simulation_error)
 
 
@@ -107,7 +110,7 @@ def _divided(cell: Integers, folds: int, seed: int) -> Integers:
     return part
 
 
-DRAWS = 250
+DRAWS = 500
 """Number of draws of each chain for the scores of hierarchical fits."""
 UNCERTAIN = 2.0
 """Difference, in standard errors, up to which two models cannot be told apart."""
@@ -157,7 +160,8 @@ class ModelComparison(Facts):
         """One row per model, the best first; likelihoods and BIC are unknown for hierarchies.
 
         ``score`` is the sum of log densities of trials, each predicted without it, nats; errors of
-        ``difference`` are from trials, or from people if there are several.
+        ``difference`` are from trials, or from people if there are several, and from the simulated
+        trials and draws (``simulation_error``).
         """
         best = self.scores[self.best]
         rows = {
@@ -211,7 +215,10 @@ class ModelComparison(Facts):
 
 
 def _apart(score: Score, best: Score) -> dict[str, float]:
-    advantage = better_by(score.predicted, best.predicted, score.person)
+    same = score is best
+    advantage = (
+        Better(0.0, 0.0, 0.0) if same else better_by(score.predicted, best.predicted, score.person)
+    )
     each = by_person(score.predicted.each - best.predicted.each, score.person)
     return {
         "difference": advantage.nats,
@@ -326,10 +333,23 @@ def _left_out(fit: GroupFit) -> Score:
     without = np.array([np.concatenate(row) for row in zip(*parts, strict=True)])
     without = without.reshape(len(parts[0]), log.shape[2])
     return Score(
-        Predicted(np.asarray(trials), without),
+        Predicted(np.asarray(trials), without, draws_error(log)),
         _person(fit.likelihoods.values()),
         unreliable=int((khat > SMOOTH).sum()),
     )
+
+
+def draws_error(log: Array) -> float:
+    """Return the standard error of a PSIS-LOO score from the number of its draws, nats.
+
+    ``log`` (chains, draws, trials) is the log density of each trial given each draw. To first order
+    a draw moves the score by its importance weights, 1 / density, summed over trials.
+    """
+    from arviz_stats.base import array_stats
+
+    weights = np.exp(log.min(axis=(0, 1)) - log)
+    moved = (weights / weights.mean(axis=(0, 1))).sum(axis=2)
+    return float(array_stats.mcse(moved, chain_axis=0, draw_axis=1, method="mean"))
 
 
 def _warn_of_unreliable(scores: Mapping[str, Score]) -> None:

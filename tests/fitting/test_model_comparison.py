@@ -7,7 +7,13 @@ from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
-from bgmodel.fitting.model_comparison import ModelComparison, Predicted, Score, compare_fits
+from bgmodel.fitting.model_comparison import (
+    ModelComparison,
+    Predicted,
+    Score,
+    compare_fits,
+    draws_error,
+)
 from tests.drawn import TRUTH, drawn
 from tests.helpers import refused
 
@@ -83,12 +89,32 @@ def test_simulated_trials_are_part_of_the_error():
 
 def test_scores_of_a_hierarchy_are_near_the_log_likelihood(group):
     comparison = compare_fits({"one": group, "two": group})
+    error = comparison.scores["one"].predicted.draws_error
+    assert comparison.table["simulation_error"].to_list() == [0, pytest.approx(error * 2**0.5)]
     assert comparison.method == "PSIS-LOO"
     score = comparison.scores["one"]
     per_person = np.bincount(score.person, score.predicted.each)
     highest = group.log_likelihood.max(axis=(0, 1))
     assert (per_person < highest).all()
     assert (per_person > highest - 8).all()
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.8])
+def test_the_error_from_the_number_of_draws_is_the_spread_over_sets_of_draws(correlation):
+    # A regression with known noise: the posterior is Gaussian, and scores of it are sums of logs.
+    rng = np.random.default_rng(SEED)
+    x, fresh = rng.normal(size=(60, 3)), rng.normal(size=(100, 4, 250, 3))
+    y = x.sum(axis=1) + rng.normal(size=60)
+    spread = np.linalg.inv(x.T @ x)
+    for draw in range(1, fresh.shape[2]):
+        more = np.sqrt(1 - correlation**2) * fresh[:, :, draw]
+        fresh[:, :, draw] = correlation * fresh[:, :, draw - 1] + more
+    scores, errors = [], []
+    for chains in spread @ x.T @ y + fresh @ np.linalg.cholesky(spread).T:
+        log = -0.5 * (y - chains @ x.T) ** 2
+        scores.append(-np.log(np.exp(-log).mean(axis=(0, 1))).sum())
+        errors.append(draws_error(log))
+    assert np.mean(errors) == pytest.approx(np.std(scores), rel=0.2)
 
 
 def test_what_is_no_fit_to_the_same_trials_is_refused(some, right):
