@@ -12,6 +12,7 @@ from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 
 from bgmodel.support import __version__
+from bgmodel.support.references import references
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]  # the figures are part of a checkout
@@ -83,8 +84,10 @@ def add_download(app: Sphinx, docname: str, source: list[str]) -> None:
 
 
 def setup(app: Sphinx) -> None:
-    """Write the gallery, and add what the settings above cannot say."""
+    """Write the gallery and the references, and add what the settings above cannot say."""
     write(HERE)
+    listed = "\n".join(f"- {one}" for one in references())
+    (HERE / "references.md").write_text(f"# References\n\n{listed}\n", encoding="utf-8")
     app.connect("source-read", add_download)
     app.connect("autodoc-process-docstring", keep_bars)
     app.add_lexer("csv", TextLexer)  # Pygments has no lexer for it

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ import jinja2
 
 from bgmodel.bootstrap import shown
 from bgmodel.support.files import read_table, replacing
+from bgmodel.support.references import cited
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.declaration.table_writer import identity
 from figures.rooms import FOLDER, ROOT, origin, rooms, table_path
@@ -87,7 +88,7 @@ def rendered(template: Path, place: Callable[[str], Path] = table_path) -> str:
         return "\n".join([*lines, "", f"What each column means: {keys}."])
 
     functions = {"rows": rows, "row": row, "tables": tables, "percent": percent, "known": known}
-    functions["shown"] = shown
+    functions |= {"shown": shown, "sources": sources}
     try:
         made = environment.from_string(template.read_text(encoding="utf-8")).render(**functions)
     except jinja2.UndefinedError as error:
@@ -105,6 +106,12 @@ def link(path: Path) -> str:
 
 def _from_page(path: Path) -> str:
     return Path(os.path.relpath(path, RESULTS)).as_posix()
+
+
+def sources(texts: Iterable[str]) -> str:
+    """Return the references that texts cite, each with a link to its DOI if one is known."""
+    known = ((one, f"[{one.short}]({one.link})") for one in cited(texts))
+    return "; ".join(linked if one.link else f"{one.short}, {one.place}" for one, linked in known)
 
 
 def known(row: Mapping[str, Any], name: str, form: str) -> str:

@@ -27,6 +27,7 @@ from bgmodel.experiments.expected import UNANSWERED
 from bgmodel.experiments.models import Model, model_of
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum
+from bgmodel.support.references import cited
 from circuits.circuit import Circuit
 from circuits.declaration.table_writer import identity
 from circuits.errors import InputError, require
@@ -111,17 +112,21 @@ class Exam:
         model_of(circuit, edits).circuits(sorted({t.channels for t in self.tasks.values()}))
 
     def listed(self) -> tuple[str, pd.DataFrame]:
-        """Return all numbers with their sources, as text and as a table."""
+        """Return all numbers with their sources and references, as text and as a table."""
         names = ["id", "domain", "about", "unit", "species", "mark", "source", "how"]
         table = pd.DataFrame([[getattr(one, name) for name in names] for one in self.numbers],
                              columns=names)  # fmt: skip
         table.insert(3, "published", [one.published() for one in self.numbers])
+        found = [cited((one.source, one.how)) for one in self.numbers]
+        table["reference"] = ["; ".join(map(str, each)) for each in found]
         lines = []
         for domain, part in table.groupby("domain", sort=False):
             lines.append(str(domain))
             for row in part.itertuples():
                 where = f"{row.source}, {row.mark}; {row.id}"
                 lines.append(f"  {row.about}: {row.published} {row.unit} ({where})")
+        sources = [f"  {one}" for one in cited([*table["source"], *table["how"]])]
+        lines += ["", "Sources", *sources] * bool(sources)
         return "\n".join(lines), table
 
     def listed_tasks(self) -> tuple[str, pd.DataFrame]:

@@ -15,6 +15,7 @@ from bgmodel.exam.numbers import Number
 from bgmodel.exam.tables import Failed
 from bgmodel.experiments.expected import AGREES, DISAGREES, FAILS, LOOKS, OPEN, UNANSWERED
 from bgmodel.support.files import json_text, provenance
+from bgmodel.support.references import cited
 from bgmodel.support.saved import Facts
 from bgmodel.support.tables import Readable
 from circuits.plots import GREY, Look, panels, styled
@@ -135,8 +136,10 @@ class ExamRecord(Facts):
         return page(self.table, self.summary(), title)
 
     def to_json(self, path: str | Path | None = None) -> str:
-        """Return the record as JSON, with parameters, seed and versions; write it to a path."""
+        """Return the record as JSON, with references and provenance; write it to a path."""
         about = provenance(self.seed, **self.parameters)
+        sources = {text: [str(one) for one in cited([text])] for text in set(self.table["source"])}
+        about["references"] = dict(sorted(sources.items()))
         tables = {"domains": totals(self.table), "records": self.table}
         return json_text({"examinee": self.examinee, **about, **tables}, path)
 
