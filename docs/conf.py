@@ -35,6 +35,13 @@ def environment(loader: Any) -> SandboxedEnvironment:
 
 docscrape_sphinx.SandboxedEnvironment = environment
 
+REFERENCES = """# References
+
+Sources that pages, tables and code cite by author and year, from `bgmodel/data/references.bib`.
+Volumes, pages and DOIs that could not be looked up are left out.
+
+"""
+
 project = "bgmodel"
 author = "The bgmodel authors"
 version = release = __version__
@@ -86,8 +93,10 @@ def add_download(app: Sphinx, docname: str, source: list[str]) -> None:
 def setup(app: Sphinx) -> None:
     """Write the gallery and the references, and add what the settings above cannot say."""
     write(HERE)
-    listed = "\n".join(f"- {one}" for one in references())
-    (HERE / "references.md").write_text(f"# References\n\n{listed}\n", encoding="utf-8")
+    listed = [
+        f"- {str(one).replace('https:', '<https:')}{'>' * bool(one.link)}" for one in references()
+    ]
+    (HERE / "references.md").write_text(REFERENCES + "\n".join(listed) + "\n", encoding="utf-8")
     app.connect("source-read", add_download)
     app.connect("autodoc-process-docstring", keep_bars)
     app.add_lexer("csv", TextLexer)  # Pygments has no lexer for it

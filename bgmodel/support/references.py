@@ -51,7 +51,7 @@ class Reference:
         """Pattern of its citations: the first author, alone, with "et al." or with all others."""
         first, *others = (re.escape(plain(name)) for name in self.families)
         every = ", ".join(["", *others[:-1]]) + f" (?:&|and) {others[-1]}" if others else ""
-        return re.compile(rf"(?<!& )(?<!\w){first}(?: et al\.|{every})?,? \(?{self.year}\b")
+        return re.compile(rf"(?<!& )(?<!\w){first}(?:'s| et al\.|{every})?,? \(?{self.year}\b")
 
 
 @cache
