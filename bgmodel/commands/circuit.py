@@ -28,7 +28,7 @@ from bgmodel.names import MACAQUE, CircuitName, EngineName
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import files
 from bgmodel.support.checks import whole
-from bgmodel.support.references import cited
+from bgmodel.support.references import sources_of
 from bgmodel.task import Gaussian
 from bgmodel.trials import named as tables
 from circuits.activity import RateMeans
@@ -78,9 +78,7 @@ def show(
         from bgmodel.integrators.criterion import doubts
         from bgmodel.integrators.steady import noise_of_out, resting_activity
     sources = None if noise is None else noise_of_out(table, noise)
-    print(table)
-    if named := cited([str(table)]):
-        print("\nSources", *named, sep="\n  ")
+    print(f"{table}{sources_of([str(table)])}")
     if text := edits.text():
         print(f"\nedited, in this order: {text}")
         say_of_edits(edits, circuit=table)

@@ -27,7 +27,7 @@ from bgmodel.experiments.expected import UNANSWERED
 from bgmodel.experiments.models import Model, model_of
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum
-from bgmodel.support.references import cited
+from bgmodel.support.references import cited, sources_of
 from circuits.circuit import Circuit
 from circuits.declaration.table_writer import identity
 from circuits.errors import InputError, require
@@ -125,9 +125,7 @@ class Exam:
             for row in part.itertuples():
                 where = f"{row.source}, {row.mark}; {row.id}"
                 lines.append(f"  {row.about}: {row.published} {row.unit} ({where})")
-        sources = [f"  {one}" for one in cited([*table["source"], *table["how"]])]
-        lines += ["", "Sources", *sources] * bool(sources)
-        return "\n".join(lines), table
+        return "\n".join(lines) + sources_of([*table["source"], *table["how"]]), table
 
     def listed_tasks(self) -> tuple[str, pd.DataFrame]:
         """Return tasks and the columns of tables from elsewhere as text, and a table of tasks."""

@@ -68,6 +68,12 @@ def cited(texts: Iterable[str]) -> list[Reference]:
     return [one for one in references() if one.citation.search(text)]
 
 
+def sources_of(texts: Iterable[str]) -> str:
+    """Return the references that texts cite as the last part of a text, if there are any."""
+    every = "".join(f"\n  {one}" for one in cited(texts))
+    return f"\n\nSources{every}" * bool(every)
+
+
 def plain(text: str) -> str:
     """Return a text on one line, without accents."""
     return " ".join(re.sub(r"[\u0300-\u036f]", "", unicodedata.normalize("NFKD", text)).split())
