@@ -68,7 +68,7 @@ if TYPE_CHECKING:
     from bgmodel.tactile.source import load_taps
     from bgmodel.tactile.task import EdgeDirection, EdgeTurn, Orientation, SameDifferent
     from bgmodel.trials.evidence import read_evidence
-    from bgmodel.trials.reading import Columns, read_trials
+    from bgmodel.trials.reader import Columns, read_trials
     from circuits.anatomy import load_circuit
     from circuits.circuit import Circuit
 
@@ -95,8 +95,8 @@ LAZY = {
     "load": "bgmodel.support.saved",
     "load_circuit": "circuits.anatomy",
     "load_decoder": "bgmodel.tactile.decoder",
-    "read_trials": "bgmodel.trials.reading",
-    "Columns": "bgmodel.trials.reading",
+    "read_trials": "bgmodel.trials.reader",
+    "Columns": "bgmodel.trials.reader",
     "simulate": "bgmodel.fits",
     "simulate_taps": "bgmodel.tactile.sensor",
     "touch": "bgmodel.from_taps",

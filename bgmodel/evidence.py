@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.readings import warn_of_confounds, warn_of_readings
+from bgmodel.plausibility import warn_of_confounds, warn_of_readings
 from bgmodel.support.arrays import Array, Integers, Reals
 from bgmodel.support.checks import (
     check_inside,

@@ -39,7 +39,7 @@ from bgmodel.fitting.several import (
 from bgmodel.support.checks import check_unused, path_of, whole
 from bgmodel.support.files import checksum
 from bgmodel.support.seeds import stream
-from bgmodel.trials.reading import OURS, Columns
+from bgmodel.trials.reader import OURS, Columns
 from bgmodel.trials.readings import Source
 from bgmodel.trials.record import Trials, joined
 from circuits.circuit import Circuit

@@ -2,7 +2,7 @@
 
 from dataclasses import fields
 
-from bgmodel.trials.reading import Columns, read_trials
+from bgmodel.trials.reader import Columns, read_trials
 
 OWN = tuple(each.name for each in fields(Columns))
 

@@ -11,7 +11,7 @@ from bgmodel.fitting.hierarchy.approximation import Person, estimates
 from bgmodel.fitting.hierarchy.group import Scale
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.responses import BIN_S
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reader import read_trials
 from figures.tools import measure_crosschecks as crosschecks
 from figures.tools import measure_samplers, other_tools
 from figures.tools.other_tools import Accumulators

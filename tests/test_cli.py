@@ -38,7 +38,7 @@ from bgmodel.commands.options import record_of, task_of
 from bgmodel.support.files import read_provenance, read_table
 from bgmodel.task import Task
 from bgmodel.trials.given import EvidenceTable
-from bgmodel.trials.reading import OURS
+from bgmodel.trials.reader import OURS
 from tests.helpers import GOOD, ROOT, run
 
 

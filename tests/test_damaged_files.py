@@ -20,7 +20,7 @@ from bgmodel.sweeps.sweep import Sweep
 from bgmodel.tactile.decoder import Decoder
 from bgmodel.tactile.source import decoder_of
 from bgmodel.tactile.taps import Taps
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reader import read_trials
 from circuits.errors import InputError
 from circuits.table_reader import read as read_circuit
 from tests.damage import flipped

@@ -20,7 +20,7 @@ from bgmodel.tactile.task import EdgeDirection
 from bgmodel.task import Gaussian
 from bgmodel.trials.evidence import read_evidence_table, trials_from_table
 from bgmodel.trials.given import EvidenceTable, trials_of
-from bgmodel.trials.reading import Columns, read_trials
+from bgmodel.trials.reader import Columns, read_trials
 from circuits.engines import run
 from circuits.errors import DataWarning, EditWarning, NoiseWarning
 from tests.helpers import refused, refusing, told, unwarned

@@ -11,7 +11,7 @@ from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.fitting.settings import FitSettings
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reader import read_trials
 from circuits.errors import DataWarning
 from tests.helpers import refused, unwarned
 

@@ -11,7 +11,7 @@ from bgmodel.fits import SIMULATED, fit_all, question
 from bgmodel.fitting.settings import FitSettings, need_fit
 from bgmodel.fitting.several import GroupFits
 from bgmodel.trials.files import listed
-from bgmodel.trials.reading import OURS
+from bgmodel.trials.reader import OURS
 
 OF_EVIDENCE = ("step_ms", "forced", "runs")
 """Settings of known evidence, given by --evidence."""

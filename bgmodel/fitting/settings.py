@@ -21,7 +21,7 @@ from bgmodel.fitting.responses import ENDS_S
 from bgmodel.fitting.simulated.circuit import MECHANISMS, CircuitModel
 from bgmodel.support.checks import check_flag, check_positive, check_unused, whole
 from bgmodel.trials.columns import named_participant
-from bgmodel.trials.reading import OURS, Columns, read_trials
+from bgmodel.trials.reader import OURS, Columns, read_trials
 from bgmodel.trials.readings import Source
 from bgmodel.trials.record import Trials, is_covariate
 from circuits.circuit import Circuit

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from bgmodel.deciding.decision import UNDECIDED, Decision, first_crossing
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence
-from bgmodel.readings import are_sums, products
+from bgmodel.plausibility import are_sums, products
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import is_number, reals, whole
 from circuits.errors import (

@@ -12,7 +12,7 @@ import pandas as pd
 
 from bgmodel.deciding.calibration import warn_of_units
 from bgmodel.evidence import MOST_NATS, Evidence, checked_prior
-from bgmodel.readings import warn_of_copies
+from bgmodel.plausibility import warn_of_copies
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import path_of
 from bgmodel.support.files import read_table

@@ -29,7 +29,7 @@ from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.settings import FitSettings
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
-from bgmodel.trials.reading import Columns, read_trials
+from bgmodel.trials.reader import Columns, read_trials
 from bgmodel.trials.record import Trials
 
 SHIPPED = "striatum_clicks"

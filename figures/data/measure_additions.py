@@ -20,7 +20,7 @@ from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import OPTIMUM_SEED, Optimum, optimum
 from bgmodel.fitting.quantiles import residuals
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reader import read_trials
 from figures.pieces import Made, Piece, Score, main
 
 CONSTANT, EXPONENTIAL = "constant gap", "exponential gap"

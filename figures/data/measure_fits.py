@@ -24,7 +24,7 @@ from bgmodel.fitting.simulated.circuit import (
     CircuitModel,
     Mechanism,
 )
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reader import read_trials
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from figures.data.means import fit_means

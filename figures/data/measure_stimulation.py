@@ -25,7 +25,7 @@ from bgmodel.fitting.simulated.circuit import (
     CircuitModel,
     Mechanism,
 )
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reader import read_trials
 from bgmodel.trials.record import Trials
 from circuits.anatomy import DEFAULT
 from figures.data.measure_fits import difference, fitted_circuit

@@ -40,7 +40,7 @@ import pandas as pd
 from bgmodel.fitting.model_comparison import predicted
 from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.learning.value_models import MODELS, likelihood, simulated
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reader import read_trials
 from bgmodel.trials.record import Trials
 from figures.learning.value_people import (
     by_difference,

@@ -28,7 +28,7 @@ from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.people import AFTER, estimates_of, read_people, slowing_of, violations_of
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array
-from bgmodel.trials.reading import Columns
+from bgmodel.trials.reader import Columns
 from circuits.anatomy import DEFAULT
 from figures.pieces import Made, Piece, Score, main
 from figures.stopping.stopped import (

@@ -18,7 +18,7 @@ from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.people import read_people
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.arrays import Array
-from bgmodel.trials.reading import Columns
+from bgmodel.trials.reader import Columns
 from circuits.errors import DataWarning
 from figures.stopping.runs import SCORING_SEED
 

@@ -26,7 +26,7 @@ from bgmodel.fitting.design import Design, design_of
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.responses import BIN_S, Grid, responded
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reader import read_trials
 from figures.pieces import Made, Piece, Score, main
 from figures.tools.pyddm_gaps import ByPyddm
 

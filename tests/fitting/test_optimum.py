@@ -15,7 +15,7 @@ from bgmodel.fitting.optimum import TOLERANCE_NATS, Optimum, _scales, _slid, opt
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.responses import moments
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reader import read_trials
 from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn
 from tests.helpers import unwarned

@@ -16,7 +16,7 @@ from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.settings import FitSettings, settings_of
 from bgmodel.fitting.simulated.alternatives import MODELS
 from bgmodel.fitting.simulated.circuit import MECHANISMS
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reader import read_trials
 from circuits import anatomy
 from circuits.errors import InputError
 from tests.helpers import refused

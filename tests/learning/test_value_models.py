@@ -23,7 +23,7 @@ from bgmodel.learning.value_models import (
     simulated,
     value_differences,
 )
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reader import read_trials
 from tests.drawn import with_drift
 from tests.helpers import refused, refusing
 

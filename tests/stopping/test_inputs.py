@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bgmodel as bg
-from bgmodel import readings
+from bgmodel import plausibility
 from bgmodel.stopping.inputs import with_input
 from circuits.errors import ConfoundWarning, EditWarning
 from tests.helpers import refused, told, unwarned
@@ -48,11 +48,13 @@ def test_every_mth_trial_is_confounded_if_its_truths_are_not_all_of_them(channel
 @pytest.mark.parametrize("chance", [0.02, 0.2, 0.5])
 def test_of_all_ways_to_choose_trials_no_more_than_that_share_warns(monkeypatch, chance):
     """All 252 ways to choose 5 of 10 trials, and those of 3, counted one by one."""
-    monkeypatch.setattr(readings, "CHANCE", chance)
+    monkeypatch.setattr(plausibility, "CHANCE", chance)
     truth = np.arange(10) % 2
     for number in (3, 5):
         ways = [np.isin(np.arange(10), some) for some in combinations(range(10), number)]
-        warned = [told(readings.warn_of_confounds, way[:, None, None] * 1.0, truth) for way in ways]
+        warned = [
+            told(plausibility.warn_of_confounds, way[:, None, None] * 1.0, truth) for way in ways
+        ]
         assert sum(map(bool, warned)) <= chance * len(ways)
 
 

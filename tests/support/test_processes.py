@@ -28,7 +28,7 @@ from bgmodel.support.processes import (
     shown_by,
 )
 from bgmodel.trials.evidence import read_evidence_table
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reader import read_trials
 from circuits.anatomy import load_circuit
 from tests.helpers import some_evidence
 

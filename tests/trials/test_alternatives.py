@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.trials.reading import Columns, read_trials
+from bgmodel.trials.reader import Columns, read_trials
 from circuits.errors import DataWarning
 from tests.helpers import refused, unwarned
 from tests.read import read

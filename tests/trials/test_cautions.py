@@ -17,7 +17,7 @@ from bgmodel.trials.cautions import (
     without_rounding,
 )
 from bgmodel.trials.files import shipped
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reader import read_trials
 from circuits.errors import DataWarning
 from tests.helpers import refused, told, unwarned
 from tests.read import read

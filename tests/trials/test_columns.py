@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from bgmodel.stopping.people import read_people
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reader import read_trials
 from circuits.errors import DataWarning
 from tests.helpers import refused
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bgmodel.stopping.people import read_people
-from bgmodel.trials.reading import Columns
+from bgmodel.trials.reader import Columns
 from circuits.errors import DataWarning
 from tests.helpers import refused, unwarned
 

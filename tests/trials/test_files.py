@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from bgmodel.trials.reading import Columns, read_trials
+from bgmodel.trials.reader import Columns, read_trials
 from bgmodel.trials.record import Trials
 from tests.helpers import refused, unwarned
 from tests.read import read
-from tests.trials.test_reading import READ, people, silent
+from tests.trials.test_reader import READ, people, silent
 
 OTHER = {"rt": "latency", "response": "key", "participant_id": "who"}
 NAMED = {"rt": "latency", "response": "key", "participant": "who"}

@@ -7,7 +7,7 @@ import pytest
 
 from bgmodel.support.files import read_provenance
 from bgmodel.trials.files import SIMON_SET, shipped
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reader import read_trials
 from bgmodel.trials.record import statistics
 from tests.helpers import ROOT
 

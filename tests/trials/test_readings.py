@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from bgmodel.fitting.known.trials import known_trials
-from bgmodel.trials.reading import Columns, read_trials
+from bgmodel.trials.reader import Columns, read_trials
 from bgmodel.trials.readings import readings_of
 from circuits.errors import DataWarning
 from tests.helpers import refused

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.trials.reading import Columns, read_trials
+from bgmodel.trials.reader import Columns, read_trials
 from bgmodel.trials.record import joined
 from bgmodel.trials.spikes import joined_spikes, read_nwb, spikes_of, without_silent
 from circuits.errors import DataWarning, InputError

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bgmodel.fitting.cells.sessions import BIN_S, LAG_S, PAST_S, courses, recent, sessions_of
-from bgmodel.trials.reading import read_trials
+from bgmodel.trials.reader import read_trials
 from circuits.errors import DataWarning
 from tests.helpers import refused
 from tests.trials.test_spikes import NAMED, tables

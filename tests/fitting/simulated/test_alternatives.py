@@ -9,7 +9,7 @@ from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.simulated.msprt import MsprtModel
-from bgmodel.trials.reading import Columns, read_trials
+from bgmodel.trials.reader import Columns, read_trials
 from circuits.anatomy import load_circuit
 from circuits.errors import DataWarning
 from tests.fitting.simulated.drawn import TRUTH, design, table

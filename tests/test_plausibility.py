@@ -3,7 +3,7 @@
 import numpy as np
 
 from bgmodel import stream
-from bgmodel.readings import are_sums, products
+from bgmodel.plausibility import are_sums, products
 
 
 def test_independent_readings_have_no_serial_correlation_however_short_the_trials():

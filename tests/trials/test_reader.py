@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel.support.checks import Problems
-from bgmodel.trials.reading import Columns, read_trials
+from bgmodel.trials.reader import Columns, read_trials
 from bgmodel.trials.record import Trials, statistics
 from circuits.errors import DataWarning, InputError
 from tests.helpers import refused, unwarned
