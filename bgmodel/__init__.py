@@ -67,7 +67,7 @@ if TYPE_CHECKING:
     from bgmodel.tactile.sensor import simulate_taps
     from bgmodel.tactile.source import load_taps
     from bgmodel.tactile.task import EdgeDirection, EdgeTurn, Orientation, SameDifferent
-    from bgmodel.trials.evidence import read_evidence
+    from bgmodel.trials.evidence_table import read_evidence
     from bgmodel.trials.reader import Columns, read_trials
     from circuits.anatomy import load_circuit
     from circuits.circuit import Circuit
@@ -101,7 +101,7 @@ LAZY = {
     "simulate_taps": "bgmodel.tactile.sensor",
     "touch": "bgmodel.from_taps",
     "train_decoder": "bgmodel.tactile.decoder",
-    "read_evidence": "bgmodel.trials.evidence",
+    "read_evidence": "bgmodel.trials.evidence_table",
 }
 """Names whose modules load circuits and pandas; they are imported on first access."""
 

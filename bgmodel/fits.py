@@ -40,8 +40,8 @@ from bgmodel.support.checks import check_unused, path_of, whole
 from bgmodel.support.files import checksum
 from bgmodel.support.seeds import stream
 from bgmodel.trials.reader import OURS, Columns
-from bgmodel.trials.readings import Source
 from bgmodel.trials.record import Trials, joined
+from bgmodel.trials.timed_readings import Source
 from circuits.circuit import Circuit
 from circuits.errors import DataWarning, FitWarning, InputError, collected, require, within
 

@@ -21,7 +21,7 @@ from circuits.errors import DataWarning, FitWarning
 from tests.helpers import refused
 from tests.known_trials import simulated
 from tests.stop_trials import table_of as stop_table
-from tests.trials.test_readings import tables
+from tests.trials.test_timed_readings import tables
 
 DATA, EVIDENCE = tables(simulated(60, 51))
 

@@ -18,7 +18,7 @@ from bgmodel.sweeps.plan import Plan
 from bgmodel.tactile.source import load_taps, source
 from bgmodel.tactile.task import EdgeDirection
 from bgmodel.task import Gaussian
-from bgmodel.trials.evidence import read_evidence_table, trials_from_table
+from bgmodel.trials.evidence_table import read_evidence_table, trials_from_table
 from bgmodel.trials.given import EvidenceTable, trials_of
 from bgmodel.trials.reader import Columns, read_trials
 from circuits.engines import run

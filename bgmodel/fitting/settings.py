@@ -22,8 +22,8 @@ from bgmodel.fitting.simulated.circuit import MECHANISMS, CircuitModel
 from bgmodel.support.checks import check_flag, check_positive, check_unused, whole
 from bgmodel.trials.columns import named_participant
 from bgmodel.trials.reader import OURS, Columns, read_trials
-from bgmodel.trials.readings import Source
 from bgmodel.trials.record import Trials, is_covariate
+from bgmodel.trials.timed_readings import Source
 from circuits.circuit import Circuit
 from circuits.errors import InputError, require
 

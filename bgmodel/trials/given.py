@@ -65,7 +65,7 @@ def read_once(task: EvidenceTable) -> NamedEvidence:
 
 @lru_cache(maxsize=4)
 def _read(task: EvidenceTable, changed_ns: int) -> NamedEvidence:
-    from bgmodel.trials.evidence import read_evidence_table
+    from bgmodel.trials.evidence_table import read_evidence_table
 
     return read_evidence_table(task.evidence, step_ms=task.step_ms)
 

@@ -53,9 +53,9 @@ from bgmodel.trials.columns import (
 )
 from bgmodel.trials.events import is_events, read_events, restored_delays
 from bgmodel.trials.files import CELLS_SET, SETS, STOP_SET, read_rows, renamed, shipped_table
-from bgmodel.trials.readings import Source, answered, read_readings, seen_sums
 from bgmodel.trials.record import Trials, is_covariate
 from bgmodel.trials.spikes import clicks_of, in_sessions, is_nwb, read_nwb, spikes_of
+from bgmodel.trials.timed_readings import Source, answered, read_readings, seen_sums
 from circuits.errors import DataWarning, InputError, require, within
 
 MOST_AT_ZERO, FEWEST_AT_ZERO = 0.9, 5

@@ -16,8 +16,8 @@ from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.saved import Facts, span
 from bgmodel.trials import alternatives as several
 from bgmodel.trials.columns import MISSING_RT, NO_RESPONSE
-from bgmodel.trials.readings import Readings
 from bgmodel.trials.spikes import Spikes, joined_spikes
+from bgmodel.trials.timed_readings import Readings
 from circuits.errors import InputError, require
 
 KINDS = (

@@ -20,7 +20,7 @@ from tests.drawn import drawn
 from tests.helpers import refused, run, told, words
 from tests.known_trials import simulated
 from tests.stop_trials import table_of as stop_table
-from tests.trials.test_readings import tables
+from tests.trials.test_timed_readings import tables
 
 TABLES = ("parameters.csv", "cells.csv")
 GAP = ["--models", "constant_gap"]

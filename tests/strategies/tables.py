@@ -62,7 +62,7 @@ WRONG = [
     lambda table: table.assign(LL_more=0.0),
     lambda table: table.assign(row=1),
 ]
-"""What makes a table wrong; the tests of `bgmodel.trials.evidence` have more of it."""
+"""What makes a table wrong; the tests of `bgmodel.trials.evidence_table` have more of it."""
 
 
 def write(table, path):

@@ -15,7 +15,7 @@ from bgmodel.learning.dopamine import stopping_posterior, working_range
 from bgmodel.simulated_evidence import expecting, separated_evidence
 from bgmodel.support.checks import is_number, is_whole, one_per_trial, reals, whole
 from bgmodel.support.files import read_table
-from bgmodel.trials.evidence import read_evidence_table
+from bgmodel.trials.evidence_table import read_evidence_table
 from bgmodel.trials.named import NamedEvidence, trial_table
 from circuits import engines
 from circuits.anatomy import CIRCUITS, load_circuit

@@ -27,7 +27,7 @@ from bgmodel.support.processes import (
     shared_map,
     shown_by,
 )
-from bgmodel.trials.evidence import read_evidence_table
+from bgmodel.trials.evidence_table import read_evidence_table
 from bgmodel.trials.reader import read_trials
 from circuits.anatomy import load_circuit
 from tests.helpers import some_evidence

@@ -21,8 +21,8 @@ from bgmodel.fitting.responses import TINY
 from bgmodel.fitting.settings import settings_of
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
-from bgmodel.trials.readings import Readings
 from bgmodel.trials.record import Trials
+from bgmodel.trials.timed_readings import Readings
 from circuits.errors import InputError
 
 if TYPE_CHECKING:

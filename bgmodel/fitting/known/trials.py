@@ -13,8 +13,8 @@ from bgmodel.fitting.responses import BIN_S, Grid, Observed
 from bgmodel.fitting.sides import name_of
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.trials.columns import EVERYONE
-from bgmodel.trials.readings import Readings
 from bgmodel.trials.record import Trials
+from bgmodel.trials.timed_readings import Readings
 from circuits.errors import DataWarning, InputError, require
 
 FEWEST = 20

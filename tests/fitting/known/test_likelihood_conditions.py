@@ -11,7 +11,7 @@ from bgmodel.fitting.known.trials import known_design, known_trials
 from bgmodel.fitting.settings import settings_of
 from bgmodel.trials.record import joined
 from tests.known_trials import simulated
-from tests.trials.test_readings import tables
+from tests.trials.test_timed_readings import tables
 
 OBSERVER = {
     "gain": 0.9, "leak_hz": 0.5, "threshold": 0.5, "noise": 0.2, "urgency": 0.1, "run_effect": 0.05,

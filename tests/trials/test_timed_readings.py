@@ -6,7 +6,7 @@ import pytest
 
 from bgmodel.fitting.known.trials import known_trials
 from bgmodel.trials.reader import Columns, read_trials
-from bgmodel.trials.readings import readings_of
+from bgmodel.trials.timed_readings import readings_of
 from circuits.errors import DataWarning
 from tests.helpers import refused
 from tests.known_trials import few

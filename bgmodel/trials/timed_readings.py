@@ -1,4 +1,4 @@
-"""The readings of each trial: log-likelihoods, or cues, pulses and clicks with times."""
+"""The readings of each trial and their times: log-likelihoods, or cues, pulses and clicks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import check_positive, path_of
 from bgmodel.trials.cautions import ENOUGH
 from bgmodel.trials.columns import names_once, numbers, refuse
-from bgmodel.trials.evidence import KEYS, read_csv_table, trials_from_table
+from bgmodel.trials.evidence_table import KEYS, read_csv_table, trials_from_table
 from bgmodel.trials.files import SEPARATORS, read_rows
 from circuits.errors import DataWarning, InputError, quiet, within
 

@@ -13,7 +13,7 @@ from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.files import write_table
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.task import Orientation, SameDifferent
-from bgmodel.trials.evidence import read_evidence_table, trials_from_table
+from bgmodel.trials.evidence_table import read_evidence_table, trials_from_table
 from bgmodel.trials.named import trial_table
 from circuits.errors import CalibrationWarning, DataWarning
 from tests.helpers import long_table, refused, unwarned
