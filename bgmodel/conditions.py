@@ -267,7 +267,7 @@ class Observed(Condition):
         self, model: BasalGanglia, evidence: Evidence, seed: int | None = None
     ) -> Behaviour:
         """Return the decisions of a model on evidence, at this condition's threshold."""
-        from bgmodel.integrators.deciding import behaviour_of
+        from bgmodel.integrators.at_thresholds import behaviour_of
 
         level = self.threshold_at(evidence.hypotheses)
         if self.stop is None:

@@ -20,8 +20,8 @@ from bgmodel.comparison.compare import compare
 from bgmodel.comparison.thresholds import MSPRT_AT_GAIN
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.evidence import Evidence
+from bgmodel.integrators.at_thresholds import CIRCUIT, DECODER
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.deciding import CIRCUIT, DECODER
 from bgmodel.integrators.sprt import Msprt, threshold_from_posterior
 from bgmodel.learning.dopamine_learner import (
     CRITERION,

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bgmodel.integrators.at_thresholds import behaviour_of
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.integrators.deciding import behaviour_of
 from bgmodel.integrators.sprt import threshold_from_posterior
 from bgmodel.sweeps import shards
 from bgmodel.sweeps.plan import Plan

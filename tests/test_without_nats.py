@@ -6,8 +6,8 @@ import pytest
 
 from bgmodel import stream
 from bgmodel.cli import main
+from bgmodel.integrators.at_thresholds import decoded_input
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.deciding import decoded_input
 from bgmodel.integrators.steady import out_shift
 from bgmodel.learning import dopamine
 from bgmodel.simulated_evidence import separated_evidence

@@ -24,9 +24,9 @@ from bgmodel.comparison import compare as comparing
 from bgmodel.comparison.matched import checked_accuracies
 from bgmodel.comparison.page import page, verdicts
 from bgmodel.conditions import Setup
+from bgmodel.integrators.at_thresholds import sample_ms
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import BASELINES, baselines_on
-from bgmodel.integrators.deciding import sample_ms
 from bgmodel.integrators.sprt import Msprt, Sprt, threshold_from_posterior
 from bgmodel.learning import from_reward
 from bgmodel.learning.deciders import Feedback, WeightLearner

@@ -33,9 +33,15 @@ from bgmodel.comparison.thresholds import (
 )
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.evidence import Evidence, check_evidence
+from bgmodel.integrators.at_thresholds import (
+    CIRCUIT,
+    HIGHEST,
+    LOWEST,
+    decide_at_thresholds,
+    refined,
+)
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import BASELINES, baselines_on
-from bgmodel.integrators.deciding import CIRCUIT, HIGHEST, LOWEST, decide_at_thresholds, refined
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_flag
 from bgmodel.support.saved import Facts

@@ -29,8 +29,7 @@ from bgmodel.comparison.thresholds import (
 )
 from bgmodel.deciding.tradeoff import Tradeoff, margin
 from bgmodel.evidence import Evidence, check_evidence
-from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.deciding import (
+from bgmodel.integrators.at_thresholds import (
     CIRCUIT,
     HIGHEST,
     LOWEST,
@@ -38,6 +37,7 @@ from bgmodel.integrators.deciding import (
     refined,
     silent_nats,
 )
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support.seeds import stream
 from circuits.circuit import Circuit
 from circuits.errors import EditWarning, InputError

@@ -14,7 +14,7 @@ from bgmodel.bootstrap import shown
 from bgmodel.comparison.matched import MOST_FORCED, OTHER_NOISE, equivalent
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
 from bgmodel.deciding.tradeoff import MARGIN
-from bgmodel.integrators.deciding import CIRCUIT, DECODER
+from bgmodel.integrators.at_thresholds import CIRCUIT, DECODER
 from circuits.plots import GREY, PALETTE, Look, panels, styled
 
 if TYPE_CHECKING:

@@ -11,14 +11,14 @@ from bgmodel.comparison.matched import MOST_FORCED, listed
 from bgmodel.deciding.calibration import warn_of_calibration
 from bgmodel.deciding.tradeoff import Tradeoff, curve, time_at, tradeoff
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia
-from bgmodel.integrators.criterion import deciding_thresholds, rest_out
-from bgmodel.integrators.deciding import (
+from bgmodel.integrators.at_thresholds import (
     CIRCUIT,
     decide_at_thresholds,
     thresholds_of,
     without_noise_alone,
 )
+from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia
+from bgmodel.integrators.criterion import deciding_thresholds, rest_out
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.integrators.steady import out_shift
 from bgmodel.support.arrays import Array

@@ -21,14 +21,14 @@ from bgmodel.discriminating.information import (
 from bgmodel.discriminating.space import Probe, Space
 from bgmodel.evidence import Evidence
 from bgmodel.experiments.models import Model, stopped
-from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.criterion import deciding_thresholds
-from bgmodel.integrators.deciding import (
+from bgmodel.integrators.at_thresholds import (
     CIRCUIT,
     decide_at_thresholds,
     thresholds_about,
     without_noise_alone,
 )
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.criterion import deciding_thresholds
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.stopping.inputs import StopSignal
 from bgmodel.support.arrays import Array, Integers

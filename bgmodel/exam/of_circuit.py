@@ -16,7 +16,7 @@ from bgmodel.exam.measures import Estimate, Results, check_cells, measure, slope
 from bgmodel.exam.numbers import READINGS
 from bgmodel.exam.simulation import Simulation, drawn
 from bgmodel.exam.tables import Failed, NotApplicable, rows_of
-from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
+from bgmodel.integrators.at_thresholds import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream

@@ -29,8 +29,8 @@ from bgmodel.exam.tables import (
     rest_rows,
 )
 from bgmodel.experiments.models import Model, stopped
+from bgmodel.integrators.at_thresholds import behaviour_of, refined
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.deciding import behaviour_of, refined
 from bgmodel.stopping.inputs import StopSignal
 from bgmodel.stopping.task import StopTask, decided
 from bgmodel.support.seeds import stream

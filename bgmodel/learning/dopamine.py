@@ -23,9 +23,9 @@ from bgmodel.deciding.calibration import against_evidence
 from bgmodel.deciding.decision import any_crossing
 from bgmodel.deciding.tradeoff import OF_TRIALS, Tradeoff, curve
 from bgmodel.evidence import Evidence
+from bgmodel.integrators.at_thresholds import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia
 from bgmodel.integrators.criterion import check_threshold, gain_of
-from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.steady import leader_out
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.arrays import Array

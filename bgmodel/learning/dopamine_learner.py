@@ -13,9 +13,9 @@ from bgmodel.bootstrap import RESAMPLES, check_resamples, interval, resampled
 from bgmodel.comparison.matched import MOST_FORCED
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.evidence import Evidence
+from bgmodel.integrators.at_thresholds import CIRCUIT, decide_at_thresholds, without_noise_alone
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import deciding_thresholds, rest_out
-from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds, without_noise_alone
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.dopamine import THRESHOLD_NATS, decide_at_levels, playable_levels
 from bgmodel.learning.reinforce import (

@@ -9,10 +9,10 @@ import numpy as np
 
 from bgmodel.deciding.tradeoff import curve, time_at, tradeoff
 from bgmodel.evidence import Evidence, needed_truth
+from bgmodel.integrators.at_thresholds import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import Race
 from bgmodel.integrators.criterion import deciding_thresholds
-from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.features import Features
 from bgmodel.support.arrays import Array, Integers, Reals, Truths

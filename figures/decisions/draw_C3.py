@@ -19,10 +19,15 @@ from bgmodel.comparison.matched import matched_measures
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.deciding.tradeoff import Tradeoff, curve, tradeoff
 from bgmodel.evidence import Evidence
+from bgmodel.integrators.at_thresholds import (
+    CIRCUIT,
+    DECODER,
+    decide_at_thresholds,
+    thresholds_about,
+)
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import MaxVsAverage, Race
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.integrators.deciding import CIRCUIT, DECODER, decide_at_thresholds, thresholds_about
 from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.source import Folds, folds

@@ -17,9 +17,14 @@ from bgmodel.comparison.edited import compare_edits
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.comparison.thresholds import MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.evidence import Evidence
+from bgmodel.integrators.at_thresholds import (
+    CIRCUIT,
+    DECODER,
+    decide_at_thresholds,
+    thresholds_about,
+)
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.integrators.deciding import CIRCUIT, DECODER, decide_at_thresholds, thresholds_about
 from bgmodel.integrators.steady import out_shift, steady_out
 from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.support.files import read_table, write_table

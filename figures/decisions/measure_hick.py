@@ -23,10 +23,10 @@ from bgmodel.comparison.matched import MOST_FORCED
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN, swept
 from bgmodel.deciding.tradeoff import Tradeoff, curve, time_at, tradeoff
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.criterion import gain_of
-from bgmodel.integrators.deciding import (
+from bgmodel.integrators.at_thresholds import (
     sample_ms,
 )
+from bgmodel.integrators.criterion import gain_of
 from bgmodel.simulated_evidence import gaussian_evidence
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import engine_of

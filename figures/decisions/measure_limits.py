@@ -18,9 +18,9 @@ import pandas as pd
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.matched import OTHER_NOISE
 from bgmodel.comparison.thresholds import MSPRT_AT_GAIN
+from bgmodel.integrators.at_thresholds import CIRCUIT
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.integrators.deciding import CIRCUIT
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from circuits.engines import engine_of

@@ -20,9 +20,9 @@ from scipy.stats import ks_2samp
 from bgmodel import stream
 from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.evidence import Evidence
+from bgmodel.integrators.at_thresholds import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.simulated_evidence import gaussian_evidence
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit

@@ -16,9 +16,9 @@ import pandas as pd
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.matched import ACCURACIES, OTHER_NOISE
 from bgmodel.comparison.thresholds import MSPRT_AT_GAIN
+from bgmodel.integrators.at_thresholds import CIRCUIT, sample_ms
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.integrators.deciding import CIRCUIT, sample_ms
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import engine_of
 from figures.decisions.kinds import SCORING_SEED, Kind, drawn, groups_of, kinds

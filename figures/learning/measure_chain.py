@@ -19,8 +19,8 @@ from bgmodel.comparison.compare import compare
 from bgmodel.comparison.thresholds import MSPRT
 from bgmodel.evidence import Evidence
 from bgmodel.from_taps import ACCURACIES, T_MAX, chain
+from bgmodel.integrators.at_thresholds import CIRCUIT
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.deciding import CIRCUIT
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.dopamine_learner import TEST
 from bgmodel.learning.from_reward import XI, learn

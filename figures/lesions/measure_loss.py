@@ -21,9 +21,9 @@ from bgmodel import stream
 from bgmodel.bootstrap import RESAMPLES, interval, resampled
 from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.evidence import Evidence
+from bgmodel.integrators.at_thresholds import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.simulated_evidence import expecting, gaussian_evidence
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit

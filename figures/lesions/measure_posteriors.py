@@ -13,9 +13,9 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import stream
+from bgmodel.integrators.at_thresholds import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.sprt import threshold_from_posterior
 from bgmodel.simulated_evidence import gaussian_evidence
 from circuits.anatomy import DEFAULT, load_circuit

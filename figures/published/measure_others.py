@@ -25,7 +25,7 @@ from bgmodel.comparison.matched import MOST_FORCED, OTHER_NOISE
 from bgmodel.comparison.thresholds import MSPRT, fastest_gain
 from bgmodel.deciding.tradeoff import WITHOUT_EVIDENCE_SHARE, Tradeoff
 from bgmodel.evidence import Evidence
-from bgmodel.integrators.deciding import CIRCUIT, decide_at_thresholds
+from bgmodel.integrators.at_thresholds import CIRCUIT, decide_at_thresholds
 from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit

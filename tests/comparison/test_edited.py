@@ -14,15 +14,15 @@ from bgmodel.comparison.page import behaviour, page
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN, msprt_tradeoffs
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.integrators import basal_ganglia
-from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.baselines import BASELINES
-from bgmodel.integrators.deciding import (
+from bgmodel.integrators.at_thresholds import (
     CIRCUIT,
     DECODER,
     decide_at_thresholds,
     thresholds_about,
     without_noise_alone,
 )
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.baselines import BASELINES
 from bgmodel.simulated_evidence import separated_evidence
 from circuits.anatomy import load_circuit
 from circuits.engines import Ensemble, engine_of
@@ -96,7 +96,7 @@ def test_without_gpe_or_the_right_sum_the_circuit_agrees_less():
 @pytest.mark.parametrize(("tau_ms", "share"), [(None, 0.3), (20.0, 0.3), (20.0, 0.97)])
 def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms, share):
     """A trial is over where it is dropped, unless the decoder has not got there."""
-    monkeypatch.setattr("bgmodel.integrators.deciding.DROPPED", share)
+    monkeypatch.setattr("bgmodel.integrators.at_thresholds.DROPPED", share)
     levels = thresholds_about(msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT_AT_GAIN])
     model = replace(MODEL, circuit=edited)
     # Batches of 6: a trial that is run again has the noise of its place among all.

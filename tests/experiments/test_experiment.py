@@ -11,8 +11,8 @@ from bgmodel.experiments.expected import WITHOUT, Expected
 from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.outcomes import outcomes, page
 from bgmodel.experiments.record import Changes
+from bgmodel.integrators.at_thresholds import behaviour_of
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.deciding import behaviour_of
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.trials.given import EvidenceTable
 from circuits import anatomy
@@ -106,11 +106,11 @@ def test_more_than_a_twentieth_of_trials_undecided_in_time_is_warned_of(
         times = 9.0 + np.arange(100)
         return lambda model, evidence, *_: behaving(evidence.truth, times, evidence.truth, missed)
 
-    monkeypatch.setattr("bgmodel.integrators.deciding.behaviour_of", late(missed))
+    monkeypatch.setattr("bgmodel.integrators.at_thresholds.behaviour_of", late(missed))
     texts = [text for text in told(experiment.run) if "decides in time in" in text]
     assert len(texts) == warned
     assert all(f"decides in time in {100 - missed} of 100 trials" in text for text in texts)
-    monkeypatch.setattr("bgmodel.integrators.deciding.behaviour_of", late(81))
+    monkeypatch.setattr("bgmodel.integrators.at_thresholds.behaviour_of", late(81))
     with pytest.raises(ValueError, match="decides in time in 19 of 100 trials, at least 20 are"):
         experiment.run()
 

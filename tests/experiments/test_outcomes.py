@@ -121,7 +121,7 @@ def arms(monkeypatch, control, manipulation, predictions, effects=()):
         times = np.where(np.arange(1000) < decided, time_ms + order % 90, 2000.0)
         return behaving(choice, times, evidence.truth, 1000 - decided)
 
-    monkeypatch.setattr("bgmodel.integrators.deciding.behaviour_of", behaviour)
+    monkeypatch.setattr("bgmodel.integrators.at_thresholds.behaviour_of", behaviour)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         table = experiment.run().measures

@@ -12,9 +12,9 @@ from hypothesis.extra.numpy import arrays
 from bgmodel import Msprt, first_crossing, stream
 from bgmodel.evidence import Evidence
 from bgmodel.integrators import basal_ganglia
+from bgmodel.integrators.at_thresholds import decide_at_thresholds
 from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.integrators.deciding import decide_at_thresholds
 from bgmodel.simulated_evidence import expecting, separated_evidence
 from bgmodel.trials.named import NamedEvidence, trial_table
 from circuits import anatomy

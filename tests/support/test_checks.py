@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from bgmodel import BasalGanglia, Evidence, Msprt, Sprt, compare, first_crossing, stream
 from bgmodel.deciding.reward import reward
 from bgmodel.deciding.tradeoff import tradeoff
+from bgmodel.integrators.at_thresholds import decide_at_thresholds
 from bgmodel.integrators.baselines import BASELINES, Lca, LinearGpe
-from bgmodel.integrators.deciding import decide_at_thresholds
 from bgmodel.integrators.sprt import Stream, tally_sprt
 from bgmodel.learning.dopamine import stopping_posterior, working_range
 from bgmodel.simulated_evidence import expecting, separated_evidence

@@ -13,8 +13,8 @@ import pyarrow.parquet as pq
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from bgmodel.integrators.at_thresholds import decide_at_thresholds
 from bgmodel.integrators.basal_ganglia import BATCH, BasalGanglia
-from bgmodel.integrators.deciding import decide_at_thresholds
 from bgmodel.support.files import read_table
 from bgmodel.support.processes import (
     CELL_BYTES,

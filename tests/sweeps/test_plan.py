@@ -113,7 +113,7 @@ def refusal(run):
 def test_a_sweep_refuses_the_posteriors_that_an_experiment_refuses(
     monkeypatch, posterior, name, channels, edits
 ):
-    monkeypatch.setattr("bgmodel.integrators.deciding.behaviour_of", started)
+    monkeypatch.setattr("bgmodel.integrators.at_thresholds.behaviour_of", started)
     monkeypatch.setattr("bgmodel.experiments.experiment.BasalGanglia.warn_of_noise", lambda *_: 0)
     task = Gaussian(trials=100, t_max=2, channels=channels)
     run = {"circuit": name, "engine": "rate", "gain": 0.5, "task": task}

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bgmodel import Evidence, Msprt
+from bgmodel.integrators.at_thresholds import decoded_input
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.deciding import decoded_input
 from circuits.anatomy import load_circuit
 from circuits.engines import Ensemble
 
