@@ -75,7 +75,7 @@ def discriminate(
     first, second : str, path, Circuit or Integrator
         A circuit, by name, as a file or as an object, or a test: "msprt" or a name of
         ``BASELINES``. By default the second is the first, with other edits. With ``recorded``,
-        readings of ``fit``, such as "exponential" or "macaque D1".
+        encodings of ``fit``, such as "exponential" or "macaque D1".
     first_edits, second_edits : sequence of str
         Edits of the circuits, as in ``Circuit.edited``.
     space : Space or path, optional
@@ -93,13 +93,13 @@ def discriminate(
     recorded : Trials, optional
         A pilot: trials of one person, from ``read_trials`` with spikes of cells. The result
         is then the number of further trials of the same cells and clicks, in the sessions of the
-        pilot in proportion to their trials, that tell two readings of these cells apart. Options
+        pilot in proportion to their trials, that tell two encodings of these cells apart. Options
         of tasks and circuits have no place with it.
     pilots : int
-        Number of simulated pilots with ``recorded``, for either reading being true, at least 4.
+        Number of simulated pilots with ``recorded``, for either encoding being true, at least 4.
     trials, check_trials : int
         Trials of each kind in the search and in the check, at least 200. With ``recorded``,
-        ``check_trials`` is the least number of new trials for either reading being true.
+        ``check_trials`` is the least number of new trials for either encoding being true.
     evaluations : int
         Most kinds of probe trials that are simulated in the search.
     seed, check_seed : int
@@ -132,8 +132,8 @@ def discriminate(
     on what they tell without bins. The best task is simulated again with another seed, because
     the best of many noisy estimates is too good.
 
-    With ``recorded`` both readings are fitted to the recorded trials. Each in turn is the truth:
-    pilots are simulated, both readings are fitted to each of them, and information per trial is the
+    With ``recorded`` both encodings are fitted to the recorded trials. Each in turn is the truth:
+    pilots are simulated, both encodings are fitted to each, and information per trial is the
     mean difference of their log densities of choice and spikes in new trials.
     """
     require(callable(tell), "tell", "must be a function", tell)
@@ -149,9 +149,9 @@ def discriminate(
             by_default = signature(discriminate).parameters[name].default
             same = isinstance(value, type(by_default)) and value == by_default
             require(same, name, "must not be given with recorded", value)
-        readings = first, first if second is None else second
+        encodings = first, first if second is None else second
         return told_apart(
-            readings, recorded, pilots=pilots, least=check_trials, seeds=(seed, check_seed),
+            encodings, recorded, pilots=pilots, least=check_trials, seeds=(seed, check_seed),
             workers=workers, tell=tell,
         )  # fmt: skip
     models = (

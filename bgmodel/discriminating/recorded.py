@@ -1,4 +1,4 @@
-"""How many more trials of recorded cells tell two readings of them apart, from a pilot."""
+"""How many more trials of recorded cells tell two encodings of them apart, from a pilot."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from bgmodel.discriminating.result import Discrimination
 from bgmodel.discriminating.space import Sessions
 from bgmodel.experiments.models import Model
 from bgmodel.fits import question
+from bgmodel.fitting.cells.encoding import encoding_of
 from bgmodel.fitting.cells.model import CellsLikelihood
-from bgmodel.fitting.cells.reading import reading_of
 from bgmodel.fitting.cells.sessions import FEWEST_SPIKES, Session, sessions_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.settings import FitSettings
@@ -29,19 +29,19 @@ from bgmodel.trials.spikes import APART, without_silent
 from circuits.errors import InputError, quiet, require
 
 PILOTS, FEWEST_PILOTS = 10, 4
-"""Simulated pilots for either reading being true: by default, and at least."""
+"""Simulated pilots for either encoding being true: by default, and at least."""
 FEWEST_TRIALS = 50
 """Least number of trials of a session: each cell has eight numbers that are fitted."""
 _Fitted = tuple[CellsLikelihood, Array]
-"""The likelihood of a reading, and the numbers of a fit."""
+"""The likelihood of an encoding, and the numbers of a fit."""
 
 
 def told_apart(
-    readings: tuple[Any, Any], recorded: Any, *, pilots: int, least: int, seeds: tuple[int, int],
+    encodings: tuple[Any, Any], recorded: Any, *, pilots: int, least: int, seeds: tuple[int, int],
     workers: int, tell: Callable[[str], None],
 ) -> Discrimination:  # fmt: skip
-    """Return the further trials that tell two readings apart; see ``discriminate``."""
-    likelihoods = _likelihoods(readings, recorded)
+    """Return the further trials that tell two encodings apart; see ``discriminate``."""
+    likelihoods = _likelihoods(encodings, recorded)
     every = likelihoods[0].sessions
     space = Sessions(
         tuple(each.names[0].rpartition(APART)[0] or "all" for each in every),
@@ -54,11 +54,11 @@ def told_apart(
     tell(f"fits to the recorded trials: {space.text()}")
     with quiet():
         fits = [(one, optimum(one).vector) for one in likelihoods]
-    tell(f"fits to simulated pilots: {pilots} for either reading being true")
+    tell(f"fits to simulated pilots: {pilots} for either encoding being true")
     jobs = [(k, number, copies, seeds) for k in (0, 1) for number in range(pilots)]
     with shared_map(workers, fits) as over_jobs:
         made = np.array(over_jobs(_gained, jobs))
-    # By reading, pilot, and set: one for the information, one for simulated experiments.
+    # By encoding, pilot, and set: one for the information, one for simulated experiments.
     gained = made.reshape(2, pilots, *made.shape[1:])
 
     def informed(part: Sessions, some: Any) -> TaskInformation[Sessions]:
@@ -66,7 +66,7 @@ def told_apart(
         return TaskInformation(part, (first, second))
 
     check, groups, rows = informed(space, slice(None)), likelihoods[0].groups, []
-    for name, direction, x in zip(readings, check.directions, gained, strict=True):
+    for name, direction, x in zip(encodings, check.directions, gained, strict=True):
         rng = stream(seeds[1] + 1, "recorded", name, "experiments")
         needed = sequential.needed(direction.information, _quantile(pilots))
         rows.append({"truth": name, **needed, **_experiments(x[:, 1], rng, needed["median"])})
@@ -75,36 +75,36 @@ def told_apart(
         "check_seed": seeds[1], "recording": None, "left_out": [], "refused": [],
     }  # fmt: skip
     table = pd.DataFrame([row(informed(x, groups == k)) for k, x in enumerate(space.each())])
-    models = Model(readings[0]), Model(readings[1])
+    models = Model(encodings[0]), Model(encodings[1])
     return Discrimination(models, space, table, check, sequential.confirmed(rows), (), settings)
 
 
-def _likelihoods(readings: tuple[Any, Any], recorded: Any) -> list[CellsLikelihood]:
-    """Return both readings of recorded trials; ValueError if they can't be fitted."""
+def _likelihoods(encodings: tuple[Any, Any], recorded: Any) -> list[CellsLikelihood]:
+    """Return both encodings of recorded trials; ValueError if they can't be fitted."""
     must = "must be trials with spikes of cells, as from bg.read_trials(..., spikes=...)"
     spikes = recorded.spikes if isinstance(recorded, Trials) else None
     if spikes is None:
         raise InputError.of("recorded", must, recorded)
     people = recorded.people()
     require(len(people) == 1, "recorded", "must be trials of one participant", people)
-    must, identities = "must be a reading of cells, such as 'exponential' or 'macaque D1'", []
-    for argument, name in zip(("first", "second"), readings, strict=True):
+    must, identities = "must be an encoding of cells, such as 'exponential' or 'macaque D1'", []
+    for argument, name in zip(("first", "second"), encodings, strict=True):
         require(isinstance(name, str), argument, must, name)
-        identities.append(reading_of(name, argument).identity())
+        identities.append(encoding_of(name, argument).identity())
     if identities[0] == identities[1]:
-        reason = f"{readings[0]} and {readings[1]} are one model: nothing tells them apart"
+        reason = f"{encodings[0]} and {encodings[1]} are one model: nothing tells them apart"
         raise InputError(reason, "second")
     # Simulated cells are never left out, however few their spikes.
     trials = replace(recorded, spikes=without_silent(spikes, FEWEST_SPIKES))
-    one = question(FitSettings(), trials, readings)
-    made: list[Any] = [one.likelihoods(name)[people[0]] for name in readings]
+    one = question(FitSettings(), trials, encodings)
+    made: list[Any] = [one.likelihoods(name)[people[0]] for name in encodings]
     return made
 
 
 def _gained(fits: list[_Fitted], k: int, number: int, copies: int, seeds: tuple[int, int]) -> Array:
-    """Return the log density of new trials under the fit of reading k to a pilot, less the other's.
+    """Return the log density of new trials by the fit of encoding k to a pilot, less the other's.
 
-    Reading k is true. Two sets, (2, copies, trials), nats.
+    Encoding k is true. Two sets, (2, copies, trials), nats.
     """
     name = fits[k][0].model.name
 

@@ -135,7 +135,7 @@ class Discrimination(Facts):
     Parameters
     ----------
     models : tuple of Model
-        The first and the second model; of readings of recorded cells the names alone.
+        The first and the second model; of encodings of recorded cells the names alone.
     space : Space or Sessions
         The tasks that both can be in, or the sessions in which cells were recorded.
     table : DataFrame
@@ -203,7 +203,7 @@ class Discrimination(Facts):
             if isinstance(self.space, Sessions) and right < LEAST_RIGHT:
                 return (
                     f"{INSEPARABLE}: after a pilot of this size {100 * (1 - right):.0f} % of "
-                    "simulated experiments favour the false reading; record a longer pilot"
+                    "simulated experiments favour the false encoding; record a longer pilot"
                 )
             return (
                 f"{INSEPARABLE}: no {self.space.unit} of {len(self.table)} tells more than "

@@ -21,7 +21,7 @@ import pandas as pd
 from scipy.optimize import minimize
 
 from bgmodel.fits import question
-from bgmodel.fitting.cells.grid import SUMS, chosen, p_right, read_by, variance
+from bgmodel.fitting.cells.grid import SUMS, chosen, encoded_by, p_right, variance
 from bgmodel.fitting.cells.model import SHARED, CellsLikelihood, numbers_of
 from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, LAG_S, Session, sessions_of
 from bgmodel.fitting.model_comparison import FOLDS
@@ -42,9 +42,9 @@ SHOWN, FEWEST = 20, 10
 """Bins of the courses that are shown, and the fewest trials of a group."""
 NO_NOISE = ("noise=0.02", "start_noise=0.02")
 REFERENCE, NO_SHARED, NO_RECENT = "exponential", "no shared noise", "no recent rate"
-READINGS = ("linear", "step", "macaque D1", "macaque D2")
-"""Readings that are compared with the reference."""
-MODELS = (REFERENCE, *READINGS, NO_SHARED, NO_RECENT)
+ENCODINGS = ("linear", "step", "macaque D1", "macaque D2")
+"""Encodings that are compared with the reference."""
+MODELS = (REFERENCE, *ENCODINGS, NO_SHARED, NO_RECENT)
 CHOICES_ALONE = "choices alone"
 OF_CHOICE = ("deciding_noise", "deciding_leak_per_s", "bias", "lapse")
 """Parameters of the choices without regard to spikes."""
@@ -70,9 +70,9 @@ def likelihood_of(trials: Trials, name: str) -> CellsLikelihood:
     elif name == NO_RECENT:
         cells = (cell for session in sessions_of(trials) for cell in session.names)
         settings = replace(settings, fix=tuple(f"{numbers_of(cell)[-2]}=0" for cell in cells))
-    reading = REFERENCE if name in (NO_SHARED, NO_RECENT) else name
-    one = question(settings, trials, [reading], alone=True)
-    (likelihood,) = one.likelihoods(reading).values()
+    encoding = REFERENCE if name in (NO_SHARED, NO_RECENT) else name
+    one = question(settings, trials, [encoding], alone=True)
+    (likelihood,) = one.likelihoods(encoding).values()
     assert isinstance(likelihood, CellsLikelihood)
     return likelihood
 
@@ -170,7 +170,7 @@ def expected(likelihood: CellsLikelihood, vector: Array) -> Iterator[tuple[str, 
 
     In each bin that belongs to a trial, from the mean over the noise that clicks and choice leave.
     """
-    values, reading = likelihood.values(vector), likelihood.model.reading
+    values, encoding = likelihood.values(vector), likelihood.model.encoding
     nodes, weights = np.polynomial.hermite_e.hermegauss(21)
     for session in likelihood.sessions:
         sums, on = session.sums(*(values[name] for name in SUMS)), session.on
@@ -178,11 +178,11 @@ def expected(likelihood: CellsLikelihood, vector: Array) -> Iterator[tuple[str, 
         weight = weights * p[on]
         weight /= weight.sum(axis=1, keepdims=True)
         x = (sums[:, :-1, None] + now)[on]
-        read = read_by(reading, values, x)[0]
+        read = encoded_by(encoding, values, x)[0]
         for name, count, past in zip(session.names, session.counts, session.past, strict=True):
             cell = np.array([values[each] for each in numbers_of(name)])
             base = (session.basis @ cell[:-2] + cell[-2] * past)[on]
-            rate = reading.rate(base[:, None], cell[-1] * read)[1] * BIN_S
+            rate = encoding.rate(base[:, None], cell[-1] * read)[1] * BIN_S
             log = np.log((weight * rate ** count[on][:, None] * np.exp(-rate)).sum(axis=1))
             yield name, log, (weight * rate).sum(axis=1)
 
@@ -380,7 +380,7 @@ def main() -> None:
     """Print nats over the regression on course and recent rate, by model; for other animals."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", help="folder with trials.parquet and spikes.parquet")
-    parser.add_argument("models", nargs="*", default=["exponential"], help="readings to fit")
+    parser.add_argument("models", nargs="*", default=["exponential"], help="encodings to fit")
     asked = parser.parse_args()
     regressions = regressed(asked.folder).groupby("model")["apart"].sum()
     base = regressions["psth"]

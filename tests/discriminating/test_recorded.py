@@ -1,4 +1,4 @@
-"""Further trials that tell readings of recorded cells apart, against closed forms."""
+"""Further trials that tell encodings of recorded cells apart, against closed forms."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ FEW = {"pilots": 4, "check_trials": 400}
 
 
 def truth(cells=4, gain=0.4, trials=100):
-    """Return an exponential reading, with cells of one gain of either sign."""
+    """Return an exponential encoding, with cells of one gain of either sign."""
     likelihood = likelihood_of(clicked(trials, cells))
     gains = {f"{k} gain": gain * (-1) ** k for k in range(cells)}
     vector = true_vector(likelihood, noise=2.0)
@@ -29,7 +29,7 @@ def truth(cells=4, gain=0.4, trials=100):
 
 
 def drawn(likelihood, vector, seed=1):
-    """Return new trials of a reading."""
+    """Return new trials of an encoding."""
     return likelihood.simulated(vector, np.random.default_rng(seed))
 
 
@@ -91,7 +91,7 @@ def test_the_difference_from_the_best_fit_of_the_other_is_a_divergence_and_more_
         assert more - few > 3 * np.hypot(error, more_error)
 
 
-def test_cells_with_gains_tell_readings_apart(found):
+def test_cells_with_gains_tell_encodings_apart(found):
     assert found.verdict == SEPARABLE
     needed = found.sequential
     assert (abs(needed["simulated_median"] - needed["median"]) <= 0.2 * needed["median"] + 1).all()
@@ -114,7 +114,7 @@ def test_cells_without_gain_do_not():
     assert none.sentence().startswith("cannot tell: no session of 1 tells more than")
 
 
-def test_results_depend_neither_on_workers_nor_on_the_order_of_readings(pilot, found):
+def test_results_depend_neither_on_workers_nor_on_the_order_of_encodings(pilot, found):
     swapped = bg.discriminate("step", "exponential", recorded=pilot, workers=2, **FEW)
     assert swapped.table["first_nats"].tolist() == found.table["second_nats"].tolist()
     by_truth = swapped.sequential.iloc[::-1].reset_index(drop=True)

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from bgmodel.fitting.cells.reading import Reading
+from bgmodel.fitting.cells.encoding import Encoding
 from bgmodel.fitting.cells.sessions import BIN_S, Session
 from bgmodel.support.arrays import Array
 
@@ -113,13 +113,13 @@ def _pieces(session: Session, values: Values, n: Array) -> tuple[Array, Array, A
     return first / first.sum(), steps / steps.sum(axis=1, keepdims=True), chosen(right, session)
 
 
-def read_by(reading: Reading, values: Values, x: Array) -> tuple[Array, Array, Array | float]:
-    """Return ``Reading.read`` of a sum of clicks in the middle of a bin, averaged over the bin.
+def encoded_by(encoding: Encoding, values: Values, x: Array) -> tuple[Array, Array, Array | float]:
+    """Return ``Encoding.encode`` of a sum of clicks in the middle of a bin, averaged over the bin.
 
     The noise moves by noise^2 |t| in a time t, a quarter of noise^2 BIN_S on average.
     """
     scale = values.get("nats_per_click", 1.0)
-    return reading.read(scale * x, scale * values["noise"] * np.sqrt(BIN_S) / 2)
+    return encoding.encode(scale * x, scale * values["noise"] * np.sqrt(BIN_S) / 2)
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ class _Forward:
 
 
 def passed(
-    session: Session, values: Values, cells: Sequence[Array], reading: Reading,
+    session: Session, values: Values, cells: Sequence[Array], encoding: Encoding,
     free: Sequence[str] | None = None,
 ) -> Passed:  # fmt: skip
     """Return the log density of each trial and, with names of shared parameters, its derivatives.
@@ -151,11 +151,11 @@ def passed(
     first, steps, choice = _pieces(session, values, n)
     # Spikes by bins that belong to a trial, (these bins, values).
     x = sums[:, :bins][on][:, None] + n
-    read, slope, bend = read_by(reading, values, x)
+    read, slope, bend = encoded_by(encoding, values, x)
     log_spikes, pulls = np.zeros(x.shape), []
     for count, past, cell in zip(session.counts, session.past, cells, strict=True):
         base, count = (session.basis @ cell[:-2] + cell[-2] * past)[on], count[on][:, None]
-        log, rate, rise = reading.rate(base[:, None], cell[-1] * read)
+        log, rate, rise = encoding.rate(base[:, None], cell[-1] * read)
         rate *= BIN_S
         log_spikes += count * log - rate
         if free is not None:
@@ -187,7 +187,7 @@ def passed(
         gain[on] = (pull * read).sum(axis=1)
         derivatives = [base @ session.basis, (base * past).sum(axis=1), gain.sum(axis=1)]
         of_cells.append(np.column_stack(derivatives))
-        if reading.curve is not None:
+        if encoding.curve is not None:
             by_spread[on] += (pull * (cell[-1] * bend)).sum(axis=1)
         pull *= cell[-1] * slope
         by_sum[:, :bins][on] += scale * pull.sum(axis=1)
@@ -197,7 +197,7 @@ def passed(
         else _by_shared(session, values, name, forward, behind, weighted, by_sum)
         for name in free
     }  # fmt: skip
-    if reading.curve is not None:
+    if encoding.curve is not None:
         # Half the squared spread is scale^2 noise^2 BIN_S / 8.
         by_squared = by_spread.sum(axis=1) * (scale * values["noise"]) ** 2 * BIN_S / 4
         for name in {"nats_per_click", "noise"} & set(free):

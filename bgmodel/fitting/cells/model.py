@@ -10,17 +10,17 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from bgmodel.fitting.cells.encoding import Encoding, encoding_of
 from bgmodel.fitting.cells.grid import (
     SUMS,
     Passed,
     Values,
     chosen,
+    encoded_by,
     moved,
     p_right,
     passed,
-    read_by,
 )
-from bgmodel.fitting.cells.reading import Reading, reading_of
 from bgmodel.fitting.cells.sessions import (
     BIN_S,
     KNOTS,
@@ -94,10 +94,10 @@ class CellsLikelihood(Likelihood):
         self, vector: Array, free: Sequence[str] | None
     ) -> Iterator[tuple[Session, Passed]]:
         """Return the sessions with the passes of their trials."""
-        values, reading = self.values(vector), self.model.reading
+        values, encoding = self.values(vector), self.model.encoding
         for session in self.sessions:
             cells = [np.array([values[x] for x in numbers_of(name)]) for name in session.names]
-            yield session, passed(session, values, cells, reading, free)
+            yield session, passed(session, values, cells, encoding, free)
 
     def each(self, vector: Array) -> Array:
         """Return the log density of each trial's choice and spikes, nats."""
@@ -187,9 +187,9 @@ class CellsLikelihood(Likelihood):
 
     def _regressed(self, session: Session, values: Values) -> list[Array]:
         """Return each cell's numbers without noise of the sum: Poisson regression, by scoring."""
-        on, reading = session.on, self.model.reading
+        on, encoding = session.on, self.model.encoding
         sums = session.sums(*(values[name] for name in SUMS))[:, :-1]
-        read = read_by(reading, values, sums)[0][on]
+        read = encoded_by(encoding, values, sums)[0][on]
         basis = np.broadcast_to(session.basis, (*on.shape, KNOTS))[on]
         per_cell = []
         for count, past in zip(session.counts, session.past, strict=True):
@@ -199,7 +199,7 @@ class CellsLikelihood(Likelihood):
             numbers[:KNOTS] = np.log(mean)
             for _ in range(WARM):
                 base, drive = design[:, :-1] @ numbers[:-1], numbers[-1] * read
-                _, rate, rise = reading.rate(base, drive)
+                _, rate, rise = encoding.rate(base, drive)
                 moved = np.column_stack([design[:, :-1], rise * read])
                 curve = BIN_S * (moved.T * rate) @ moved + 0.1 * np.eye(len(numbers))
                 step = np.linalg.solve(curve, moved.T @ (spikes - BIN_S * rate))
@@ -219,7 +219,7 @@ class CellsLikelihood(Likelihood):
         of = [np.stack([spikes.trial, spikes.cell])[:, spikes.time_s < LAG_S]]
         for session in self.sessions:
             cells = [np.array([values[x] for x in numbers_of(name)]) for name in session.names]
-            right, counts = drawn(session, values, cells, self.model.reading, rng)
+            right, counts = drawn(session, values, cells, self.model.encoding, rng)
             choice[session.trials] = np.where(session.choice < 0, -1, right)
             for name, each in zip(session.names, counts, strict=True):
                 at = np.argwhere(each > 0)
@@ -234,7 +234,7 @@ class CellsLikelihood(Likelihood):
 
 
 def drawn(
-    session: Session, values: Values, cells: Sequence[Array], reading: Reading,
+    session: Session, values: Values, cells: Sequence[Array], encoding: Encoding,
     rng: np.random.Generator,
 ) -> tuple[Integers, list[Integers]]:  # fmt: skip
     """Return new choices (trials,) and counts (trials, bins) of each cell."""
@@ -260,11 +260,11 @@ def drawn(
             left * n + np.sqrt(added) * rng.standard_normal(count),
             float(session.middles_s[k]),
         )
-        read = read_by(reading, values, sums[:, k] + n)[0]
+        read = encoded_by(encoding, values, sums[:, k] + n)[0]
         for activity, cell, now in zip(level, cells, counts, strict=True):
             past = recent(activity / share[k])
             base = session.basis[k] @ cell[:-2] + cell[-2] * past
-            rate = reading.rate(base, cell[-1] * read)[1]
+            rate = encoding.rate(base, cell[-1] * read)[1]
             now[:, k] = rng.poisson(rate * BIN_S) * session.on[:, k]
             activity *= np.exp(-BIN_S / PAST_S)
             activity += now[:, k] * np.exp(-BIN_S / 2 / PAST_S) / PAST_S
@@ -279,28 +279,28 @@ def numbers_of(cell: str) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class RecordedCells:
-    """Cells recorded with choices, which all read one noisy sum of clicks in the same way.
+    """Cells recorded with choices, which all encode one noisy sum of clicks in the same way.
 
     Parameters
     ----------
-    reading : Reading
-        The reading.
+    encoding : Encoding
+        How they encode it.
     trials : Trials
         One person's trials, with spikes.
     """
 
-    reading: Reading
+    encoding: Encoding
     trials: Trials
 
     @property
     def name(self) -> str:
-        """Name of the reading."""
-        return self.reading.name
+        """Name of the encoding."""
+        return self.encoding.name
 
     @property
     def shared(self) -> tuple[Parameter, ...]:
         """Parameters of the sum and of the choice."""
-        return (*SHARED, SCALE) if self.reading.scaled else SHARED
+        return (*SHARED, SCALE) if self.encoding.scaled else SHARED
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -319,7 +319,7 @@ class RecordedCells:
 
     def identity(self) -> dict[str, Any]:
         """Return all that its predictions depend on; see ``likelihood.identity_of``."""
-        return self.reading.identity()
+        return self.encoding.identity()
 
     def likelihood(self, design: Design, freedom: ParameterSpace) -> CellsLikelihood:
         """Return the likelihood of all trials."""
@@ -330,4 +330,4 @@ def cells_model(name: Any, trials: Trials) -> RecordedCells:
     """Return the model of a name on one person's trials."""
     if isinstance(name, Circuit):
         raise InputError.of("models", "must name a nucleus too, such as 'macaque D1'", name.name)
-    return RecordedCells(reading_of(str(name) if isinstance(name, Path) else name), trials)
+    return RecordedCells(encoding_of(str(name) if isinstance(name, Path) else name), trials)

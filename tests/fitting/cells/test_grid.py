@@ -7,9 +7,9 @@ import pytest
 from scipy.special import ndtr
 from scipy.stats import norm, poisson
 
+from bgmodel.fitting.cells.encoding import ENCODINGS, encoding_of
 from bgmodel.fitting.cells.grid import chosen, moved, noise_grid, p_right, passed
 from bgmodel.fitting.cells.model import SHARED
-from bgmodel.fitting.cells.reading import READINGS, reading_of
 from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, Session, courses
 
 TWO = {each.name: each.start for each in SHARED}
@@ -47,44 +47,44 @@ def numbers(count, gain, seed=5):
     return [np.r_[each, 0.4, gain * (1 + k)] for k, each in enumerate(course)]
 
 
-def poisson_log(data, cells, reading, sums):
+def poisson_log(data, cells, encoding, sums):
     """Return the log probability of all spikes given the sum of clicks, (trials,)."""
     log_p = np.zeros(len(data.end_s))
     for count, past, cell in zip(data.counts, data.past, cells, strict=True):
         base = data.basis @ cell[:KNOTS] + cell[-2] * past
-        _, rate, _ = reading.rate(base, cell[-1] * reading.read(sums)[0])
+        _, rate, _ = encoding.rate(base, cell[-1] * encoding.encode(sums)[0])
         # Counts over their factorials, which no parameter moves, are left out.
         log = count * np.log(rate * BIN_S) - rate * BIN_S
         log_p += (log * data.on).sum(axis=1)
     return log_p
 
 
-@pytest.mark.parametrize("name", READINGS)
+@pytest.mark.parametrize("name", ENCODINGS)
 def test_without_noise_it_is_a_poisson_regression_and_a_probit_of_the_clicks(name):
-    data, reading = session(), READINGS[name]
+    data, encoding = session(), ENCODINGS[name]
     values = one_sum(TWO | {"noise": 1e-4, "start_noise": 1e-4, "choice_noise": 1.5})
     cells = numbers(2, 0.1)
     sums = data.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
     right = 0.95 * ndtr((sums[:, -1] + values["bias"]) / 1.5) + 0.025
     choice = np.log(np.where(data.choice == 1, right, 1 - right))
-    exact = poisson_log(data, cells, reading, sums[:, :-1]) + choice
-    assert np.allclose(passed(data, values, cells, reading).log_density, exact, atol=1e-4)
+    exact = poisson_log(data, cells, encoding, sums[:, :-1]) + choice
+    assert np.allclose(passed(data, values, cells, encoding).log_density, exact, atol=1e-4)
 
 
 @pytest.mark.parametrize("leak", [-1.0, 0.0, 3.0])
 def test_without_gain_spikes_and_choice_are_independent(leak):
-    data, reading = session(), READINGS["exponential"]
+    data, encoding = session(), ENCODINGS["exponential"]
     values, cells = TWO | {"leak_per_s": leak, "noise": 3.0}, numbers(2, 0.0)
     right = p_right(data, values)
-    spikes = poisson_log(data, cells, reading, np.zeros(data.on.shape))
+    spikes = poisson_log(data, cells, encoding, np.zeros(data.on.shape))
     exact = spikes + np.log(np.where(data.choice == 1, right, 1 - right))
-    assert np.allclose(passed(data, values, cells, reading).log_density, exact, atol=1e-5)
+    assert np.allclose(passed(data, values, cells, encoding).log_density, exact, atol=1e-5)
 
 
 def test_one_bin_is_an_integral_over_two_gaussians():
     data = session(bins=1)
     data.end_s[:] = np.linspace(BIN_S, 1.9 * BIN_S, len(data.end_s))
-    reading, values, cells = READINGS["linear"], DEFAULT, numbers(2, 0.08)
+    encoding, values, cells = ENCODINGS["linear"], DEFAULT, numbers(2, 0.08)
     sums = data.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
     left, added = moved(values["leak_per_s"], values["noise"], BIN_S / 2)
     n = np.linspace(-20, 20, 4001)
@@ -97,37 +97,41 @@ def test_one_bin_is_an_integral_over_two_gaussians():
         each = density * (right if data.choice[k] else 1 - right)
         for count, past, cell in zip(data.counts, data.past, cells, strict=True):
             base = data.basis[0] @ cell[:KNOTS] + cell[-2] * past[k, 0]
-            _, rate, _ = reading.rate(base, cell[-1] * (sums[k, 0] + n))
+            _, rate, _ = encoding.rate(base, cell[-1] * (sums[k, 0] + n))
             # Without the factorial, as above.
             each *= poisson.pmf(0, rate * BIN_S) * (rate * BIN_S) ** count[k, 0]
         exact = np.log(np.trapezoid(each, n))
-        assert passed(data, values, cells, reading).log_density[k] == pytest.approx(exact, abs=1e-5)
+        assert passed(data, values, cells, encoding).log_density[k] == pytest.approx(
+            exact, abs=1e-5
+        )
 
 
 def test_choices_alone_are_those_of_the_closed_form():
     data = session(bins=12, cells=0)
     right = p_right(data, DEFAULT)
     exact = np.log(np.where(data.choice == 1, right, 1 - right))
-    assert np.allclose(passed(data, DEFAULT, [], READINGS["linear"]).log_density, exact, atol=1e-6)
+    assert np.allclose(passed(data, DEFAULT, [], ENCODINGS["linear"]).log_density, exact, atol=1e-6)
     data.choice[:] = -1
-    assert np.allclose(passed(data, DEFAULT, [], READINGS["linear"]).log_density, 0, atol=1e-9)
+    assert np.allclose(passed(data, DEFAULT, [], ENCODINGS["linear"]).log_density, 0, atol=1e-9)
 
 
 def test_without_shared_noise_the_choice_is_that_of_the_deciding_sum_alone():
-    data, reading, cells = session(), READINGS["exponential"], numbers(2, 0.1)
+    data, encoding, cells = session(), ENCODINGS["exponential"], numbers(2, 0.1)
     values = TWO | {"shared_noise": 0.0}
     silent = replace(data, choice=np.full(6, -1))
-    spikes = passed(silent, values, cells, reading).log_density
+    spikes = passed(silent, values, cells, encoding).log_density
     choice = np.log(chosen(p_right(data, values), data))
-    assert np.allclose(passed(data, values, cells, reading).log_density, spikes + choice, atol=1e-9)
+    assert np.allclose(
+        passed(data, values, cells, encoding).log_density, spikes + choice, atol=1e-9
+    )
 
 
 def test_the_mean_over_simulated_paths_of_the_noise_converges_to_it():
-    data, reading, cells = session(trials=3), READINGS["exponential"], numbers(2, 0.1)
+    data, encoding, cells = session(trials=3), ENCODINGS["exponential"], numbers(2, 0.1)
     values = TWO | {"noise": 3.0, "deciding_leak_per_s": -1.0, "shared_noise": 0.7}
     rng, runs = np.random.default_rng(8), 40_000
     sums = data.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
-    exact = passed(data, values, cells, reading).log_density
+    exact = passed(data, values, cells, encoding).log_density
     for k in range(3):
         n, before = values["start_noise"] * rng.standard_normal(runs), 0.0
         log = np.zeros(runs)
@@ -138,7 +142,7 @@ def test_the_mean_over_simulated_paths_of_the_noise_converges_to_it():
                 break
             for count, past, cell in zip(data.counts, data.past, cells, strict=True):
                 base = data.basis[b] @ cell[:KNOTS] + cell[-2] * past[k, b]
-                rate = reading.rate(base, cell[-1] * (sums[k, b] + n))[1] * BIN_S
+                rate = encoding.rate(base, cell[-1] * (sums[k, b] + n))[1] * BIN_S
                 log += count[k, b] * np.log(rate) - rate
         sd, deciding_sd = (
             np.sqrt(left**2 * start**2 + added)
@@ -156,15 +160,15 @@ def test_the_mean_over_simulated_paths_of_the_noise_converges_to_it():
         assert abs(np.log(weight.mean()) + log.max() - exact[k]) < 4 * error
 
 
-@pytest.mark.parametrize("name", [*READINGS, "macaque D2"])
+@pytest.mark.parametrize("name", [*ENCODINGS, "macaque D2"])
 def test_derivatives_are_those_of_the_density(name):
-    data, reading = session(), reading_of(name)
+    data, encoding = session(), encoding_of(name)
     cells = numbers(2, 0.1)
     values = TWO | {"noise": 3.0, "choice_noise": 1.0, "shared_noise": 0.8, "nats_per_click": 0.7}
-    done = passed(data, values, cells, reading, [*values])
+    done = passed(data, values, cells, encoding, [*values])
 
     def density(values, cells):
-        return passed(data, values, cells, reading).log_density
+        return passed(data, values, cells, encoding).log_density
 
     for parameter, step in ((each, 1e-4) for each in values):
         above, below = (values | {parameter: values[parameter] + x} for x in (step, -step))

@@ -1,4 +1,4 @@
-"""Fits of recorded cells and choices: readings, recovery, parts, negative controls."""
+"""Fits of recorded cells and choices: encodings, recovery, parts, negative controls."""
 
 from dataclasses import replace
 

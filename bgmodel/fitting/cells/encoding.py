@@ -1,4 +1,4 @@
-"""How recorded cells read the sum of clicks: as log odds, posterior, step, or a nucleus."""
+"""How recorded cells encode the sum of clicks: as log odds, posterior, step, or a nucleus."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from circuits.dynamics.fixed_point import solve, wired
 from circuits.errors import InputError, require
 
 SHARPNESS, FLOOR, MOST_LOG = 8.0, 1e-4, 7.0
-"""Sharpness of the threshold of a linear reading, its least factor, and the largest log rate."""
+"""Sharpness of the threshold of a linear encoding, its least factor, and the largest log rate."""
 REACH_NATS, POINTS = 8.0, 321
 """Largest input for which a circuit is solved, on either side, and the number of inputs."""
 SHARPEST = 0.05
@@ -27,8 +27,8 @@ STILL_HZ = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
-    """How a cell reads the sum of clicks.
+class Encoding:
+    """How a cell encodes the sum of clicks.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Reading:
         known = {"model": self.name}
         return known if self.circuit is None else known | {"circuit": identity(self.circuit)}
 
-    def read(self, x: Array, spread: float = 0.0) -> tuple[Array, Array, Array | float]:
+    def encode(self, x: Array, spread: float = 0.0) -> tuple[Array, Array, Array | float]:
         """Return the function of the sum, its derivative, and that by half the squared spread.
 
         A curve is averaged over Gaussian inputs with that standard deviation, nats: the sum moves
@@ -96,13 +96,13 @@ class Reading:
 
 
 @lru_cache(maxsize=8)
-def _averaged(reading: Reading, spread: float) -> tuple[Array, Array, Array]:
+def _averaged(encoding: Encoding, spread: float) -> tuple[Array, Array, Array]:
     """Return inputs, nats, with the value and the slope of a curve that is averaged over noise.
 
     Between inputs the slope is a line, and the value its integral.
     """
-    assert reading.curve is not None
-    at, rate = reading.curve
+    assert encoding.curve is not None
+    at, rate = encoding.curve
     slopes = np.diff(rate) / np.diff(at)
     x = np.linspace(at[0] - 4 * spread, at[-1] + 4 * spread, 2 * len(at))
     slope = slopes[0] + ndtr((x[:, None] - at[1:-1]) / spread) @ np.diff(slopes)
@@ -110,34 +110,36 @@ def _averaged(reading: Reading, spread: float) -> tuple[Array, Array, Array]:
     return x, rate[0] + slopes[0] * (x[0] - at[0]) + np.cumsum(rises), slope
 
 
-READINGS = {
+ENCODINGS = {
     each.name: each
     for each in (
-        Reading("exponential", linear=False),
-        Reading("linear", linear=True),
-        Reading("posterior", linear=False, bent=2.0, scaled=True),
-        Reading("step", linear=False, bent=1.0),
+        Encoding("exponential", linear=False),
+        Encoding("linear", linear=True),
+        Encoding("posterior", linear=False, bent=2.0, scaled=True),
+        Encoding("step", linear=False, bent=1.0),
     )
 }
-"""Readings without a circuit.
+"""Encodings without a circuit.
 
 With log odds y of two sides, P of one less P of the other is tanh(y / 2).
 """
 
 
-def reading_of(name: str, argument: str = "models") -> Reading:
-    """Return a reading by its name, or as the nucleus of a circuit, such as "macaque D1"."""
-    if name in READINGS:
-        return READINGS[name]
+def encoding_of(name: str, argument: str = "models") -> Encoding:
+    """Return an encoding by its name, or as the nucleus of a circuit, such as "macaque D1"."""
+    if name in ENCODINGS:
+        return ENCODINGS[name]
     circuit, _, nucleus = str(name).rpartition(" ")
     if not circuit:
-        allowed = ", ".join(READINGS)
+        allowed = ", ".join(ENCODINGS)
         must = f"must be {allowed}, or a circuit and a nucleus such as 'macaque D1'"
         raise InputError.of(argument, must, name)
-    return nucleus_reading(checked_circuit(circuit, 2), nucleus, str(name), argument)
+    return nucleus_encoding(checked_circuit(circuit, 2), nucleus, str(name), argument)
 
 
-def nucleus_reading(circuit: Circuit, nucleus: str, name: str, argument: str = "models") -> Reading:
+def nucleus_encoding(
+    circuit: Circuit, nucleus: str, name: str, argument: str = "models"
+) -> Encoding:
     """Return the steady activity of a nucleus's first channel, by the lead of its evidence.
 
     Activity follows evidence within tens of ms, much faster than the sum of clicks moves. It is
@@ -152,4 +154,4 @@ def nucleus_reading(circuit: Circuit, nucleus: str, name: str, argument: str = "
     per_nat = (rates[middle + 1] - rates[middle - 1]) / (lead[middle + 1] - lead[middle - 1])
     require(abs(per_nat) > STILL_HZ, argument, "must name a nucleus that follows evidence", name)
     activity = np.asarray((rates - rates[middle]) / per_nat)
-    return Reading(name, linear=True, scaled=True, curve=(lead, activity), circuit=circuit)
+    return Encoding(name, linear=True, scaled=True, curve=(lead, activity), circuit=circuit)
