@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from bgmodel.exam.exam import Exam, take_exam
     from bgmodel.experiments.experiment import Experiment
     from bgmodel.explorer.notebook import explore
-    from bgmodel.fits import fit, simulate
+    from bgmodel.fit_trials import fit, simulate
     from bgmodel.fitting.model_comparison import compare_fits
     from bgmodel.from_taps import touch
     from bgmodel.integrators.basal_ganglia import BasalGanglia
@@ -90,14 +90,14 @@ LAZY = {
     "compare_fits": "bgmodel.fitting.model_comparison",
     "discriminate": "bgmodel.discriminating.discriminate",
     "explore": "bgmodel.explorer.notebook",
-    "fit": "bgmodel.fits",
+    "fit": "bgmodel.fit_trials",
     "learn": "bgmodel.learning.from_reward",
     "load": "bgmodel.support.saved",
     "load_circuit": "circuits.anatomy",
     "load_decoder": "bgmodel.tactile.decoder",
     "read_trials": "bgmodel.trials.reader",
     "Columns": "bgmodel.trials.reader",
-    "simulate": "bgmodel.fits",
+    "simulate": "bgmodel.fit_trials",
     "simulate_taps": "bgmodel.tactile.sensor",
     "touch": "bgmodel.from_taps",
     "train_decoder": "bgmodel.tactile.decoder",

@@ -47,7 +47,7 @@ COMMANDS: dict[str, str | dict[str, str]] = {
     "decide": "decide:decide",
     "compare": "decide:compare",
     "learn": "decide:learn",
-    "fit": "fits:fit",
+    "fit": "fit:fit",
     "experiment": "experiments:experiment",
     "sweep": "experiments:sweep",
     "exam": "experiments:exam",

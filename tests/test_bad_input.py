@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 import bgmodel as bg
-from bgmodel import fits
+from bgmodel import fit_trials
 from bgmodel.discriminating.space import Space
 from bgmodel.tactile.decoder import Decoder
 
@@ -166,8 +166,8 @@ def called(call, argument, odd):
 def test_what_an_argument_cannot_be_is_refused_by_name(call, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(Space, "shipped", lambda: Space(d_prime=(1.0,)))
-    monkeypatch.setattr(fits, "fit_entry", lambda *_: SimpleNamespace(get=lambda: (None, ())))
-    monkeypatch.setattr(fits, "fit_group", lambda *_, **__: None)
+    monkeypatch.setattr(fit_trials, "fit_entry", lambda *_: SimpleNamespace(get=lambda: (None, ())))
+    monkeypatch.setattr(fit_trials, "fit_group", lambda *_, **__: None)
     absent = Decoder.load
     monkeypatch.setattr(Decoder, "load", lambda p: None if str(p) == "nothing.onnx" else absent(p))
     (tmp_path / "e.csv").write_text("trial,step,ll_a,ll_b,truth\n1,1,-1,-2,a\n1,2,-1,-3,a\n")

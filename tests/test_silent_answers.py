@@ -10,8 +10,8 @@ import bgmodel as bg
 from bgmodel.experiments.expected import Expected
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.sides import check_sides
 from bgmodel.support.files import write_table
 from bgmodel.sweeps.plan import Plan

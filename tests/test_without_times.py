@@ -8,7 +8,7 @@ import pytest
 from scipy.special import expit
 
 import bgmodel as bg
-from bgmodel.fits import question
+from bgmodel.fit_trials import question
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import FAVOURS, design_of
 from bgmodel.fitting.known.likelihood import known_likelihood

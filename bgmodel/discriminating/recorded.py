@@ -15,7 +15,7 @@ from bgmodel.discriminating.information import Information
 from bgmodel.discriminating.result import Discrimination
 from bgmodel.discriminating.space import Sessions
 from bgmodel.experiments.models import Model
-from bgmodel.fits import question
+from bgmodel.fit_trials import question
 from bgmodel.fitting.cells.encoding import encoding_of
 from bgmodel.fitting.cells.model import CellsLikelihood
 from bgmodel.fitting.cells.sessions import FEWEST_SPIKES, Session, sessions_of

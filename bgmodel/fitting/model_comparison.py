@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.fitting.cautions import resolved
-from bgmodel.fitting.fit import Fit
-from bgmodel.fitting.hierarchy.fit import GroupFit
+from bgmodel.fitting.hierarchy.group_fit import GroupFit
 from bgmodel.fitting.hierarchy.labels import each_trial
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.optimum import Optimum, optimum
+from bgmodel.fitting.person_fit import Fit
 from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.simulated.error import jackknifed, without_parts
 from bgmodel.support.arrays import Array, Integers

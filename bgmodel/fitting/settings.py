@@ -310,7 +310,7 @@ class FitSettings:
         folder: Path | None = None,
         alternatives: int | None = None,
     ) -> AnyModel:
-        """Return a model by its name, as a circuit, or a ``TrialModel``; see ``fits.fit``."""
+        """Return a model by its name, as a circuit, or a ``TrialModel``; see ``fit_trials.fit``."""
         from bgmodel.fitting.simulated.alternatives import MODELS, ManyCircuitModel, check_many
         from circuits.anatomy import CIRCUITS, checked_circuit
         from circuits.declaration.table_writer import is_path

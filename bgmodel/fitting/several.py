@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from bgmodel.fitting.cautions import finer
-from bgmodel.fitting.fit import Fit
-from bgmodel.fitting.hierarchy.fit import GroupFit
+from bgmodel.fitting.hierarchy.group_fit import GroupFit
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.model_comparison import ModelComparison
 from bgmodel.fitting.parameters import told_priors
+from bgmodel.fitting.person_fit import Fit
 from bgmodel.fitting.quantiles import residuals, too_few
 from bgmodel.fitting.settings import FitSettings
 from bgmodel.support import __version__

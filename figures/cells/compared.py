@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import minimize
 
-from bgmodel.fits import question
+from bgmodel.fit_trials import question
 from bgmodel.fitting.cells.grid import SUMS, chosen, encoded_by, p_right, variance
 from bgmodel.fitting.cells.model import SHARED, CellsLikelihood, numbers_of
 from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, LAG_S, Session, sessions_of

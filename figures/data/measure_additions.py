@@ -16,9 +16,9 @@ import pandas as pd
 
 from bgmodel.fitting.algorithms import DRIFT_SD, GAPS, SPREAD, START, STEEPNESS, GapModel
 from bgmodel.fitting.design import Design, design_of
-from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import OPTIMUM_SEED, Optimum, optimum
+from bgmodel.fitting.person_fit import cells_of
 from bgmodel.fitting.quantiles import residuals
 from bgmodel.trials.reader import read_trials
 from figures.pieces import Made, Piece, Score, main

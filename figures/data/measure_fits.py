@@ -14,9 +14,9 @@ import pandas as pd
 
 from bgmodel.fitting.algorithms import EXPONENTIAL, GapModel, Model
 from bgmodel.fitting.design import Design, design_of
-from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.model_comparison import Better, better_by, predicted
+from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.simulated.circuit import (
     MECHANISMS,
     NONE,

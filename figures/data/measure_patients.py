@@ -15,9 +15,9 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from bgmodel.fits import question
+from bgmodel.fit_trials import question
 from bgmodel.fitting.hierarchy.chains import chains_entry
-from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, SHARE, GroupFit, fit_group
+from bgmodel.fitting.hierarchy.group_fit import HIERARCHY_SEED, SHARE, GroupFit, fit_group
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.model_comparison import compare_fits
 from bgmodel.fitting.settings import settings_of

@@ -19,9 +19,9 @@ from scipy.stats import kstest
 from bgmodel import stream
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import Design
-from bgmodel.fitting.fit import widened
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.person_fit import widened
 from bgmodel.fitting.posterior import directions, posterior
 from bgmodel.fitting.simulated.circuit import NONE
 from bgmodel.fitting.simulated.error import simulation_error

@@ -14,10 +14,10 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.fitting.design import Design, design_of
-from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.model_comparison import Predicted, better_by, predicted
 from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.person_fit import cells_of
 from bgmodel.fitting.simulated.circuit import (
     MECHANISMS,
     NONE,

@@ -19,7 +19,7 @@ import pandas as pd
 
 from bgmodel import stream
 from bgmodel.fitting.hierarchy.chains import MOST
-from bgmodel.fitting.hierarchy.fit import GroupFit, fit_group
+from bgmodel.fitting.hierarchy.group_fit import GroupFit, fit_group
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.stop_process import FEWEST_GO, TEST, go_process, laid, stop_model
 from bgmodel.fitting.stop_race import STRENGTH, StopLikelihood, StopRace, likelihood

@@ -10,7 +10,7 @@ import pandas as pd
 from scipy import special, stats
 
 from bgmodel import stream
-from bgmodel.fitting.hierarchy.fit import GroupFit
+from bgmodel.fitting.hierarchy.group_fit import GroupFit
 from bgmodel.fitting.stop_process import StopData, laid
 from bgmodel.fitting.stop_race import StopLikelihood
 from bgmodel.stopping.task import walk

@@ -23,8 +23,8 @@ from bgmodel import stream
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.hierarchy.approximation import Person, estimates, started
 from bgmodel.fitting.hierarchy.chains import CHAINS, agreement
-from bgmodel.fitting.hierarchy.fit import fit_group
 from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD, Scale, priors_of
+from bgmodel.fitting.hierarchy.group_fit import fit_group
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.support.arrays import Array

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.fits import fit
+from bgmodel.fit_trials import fit
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.hierarchy import chains, guide
 from circuits.errors import FitWarning

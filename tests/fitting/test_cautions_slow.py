@@ -7,8 +7,8 @@ import pytest
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.cautions import slow_trials
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.person_fit import fit_likelihood
 from tests.drawn import drawn, slowed
 
 pytestmark = pytest.mark.usefixtures("brief_search")

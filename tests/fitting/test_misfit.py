@@ -12,10 +12,10 @@ from scipy.stats import chi2
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.misfit import FIXED, Excess, misfit
 from bgmodel.fitting.optimum import Optimum
+from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.responses import moments
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.error import without_parts

@@ -5,7 +5,6 @@ import pytest
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.model_comparison import (
     ModelComparison,
@@ -14,6 +13,7 @@ from bgmodel.fitting.model_comparison import (
     compare_fits,
     draws_error,
 )
+from bgmodel.fitting.person_fit import fit_likelihood
 from tests.drawn import TRUTH, drawn
 from tests.helpers import refused
 

@@ -7,8 +7,8 @@ import pytest
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.person_fit import cells_of
 from bgmodel.fitting.quantiles import (
     FEWEST,
     SIDES,

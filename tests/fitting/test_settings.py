@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.fits import fit, question
+from bgmodel.fit_trials import fit, question
 from bgmodel.fitting.algorithms import GAPS, GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.settings import FitSettings, settings_of
 from bgmodel.fitting.simulated.alternatives import MODELS
 from bgmodel.fitting.simulated.circuit import MECHANISMS

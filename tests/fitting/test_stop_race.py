@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.fitting.fit import fit_likelihood
-from bgmodel.fitting.hierarchy.fit import fit_group
 from bgmodel.fitting.hierarchy.group import ALMOST
+from bgmodel.fitting.hierarchy.group_fit import fit_group
 from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.stop_process import (
     GO,
     TEST,

@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 
 from bgmodel.fitting import passage
-from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.likelihood import TrialLikelihood, TrialModel
 from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.learning.value_learners import QLearning, pairs_of
 from bgmodel.learning.value_models import (
     LAPSES,

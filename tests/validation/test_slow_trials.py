@@ -9,8 +9,8 @@ import pytest
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.support.seeds import stream
 from tests.drawn import drawn, slowed
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.optimum import Optimum
+from bgmodel.fitting.person_fit import cells_of
 from bgmodel.fitting.responses import Grid, Observed
 from bgmodel.support import __version__, files
 from bgmodel.support.arrays import Array, Integers

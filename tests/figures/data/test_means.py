@@ -5,7 +5,7 @@ import pytest
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.fit import cells_of
+from bgmodel.fitting.person_fit import cells_of
 from bgmodel.trials.reader import read_trials
 from figures.data.means import fit_means
 from tests.drawn import drawn

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import bgmodel as bg
-from bgmodel.fits import question
+from bgmodel.fit_trials import question
 from bgmodel.fitting.cells.model import numbers_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.settings import settings_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray
 
-from bgmodel.fits import fit
+from bgmodel.fit_trials import fit
 from bgmodel.fitting.hierarchy.labels import MOST_DRAWS, new_trials
 from bgmodel.fitting.responses import moments
 from circuits.errors import FitWarning

@@ -8,10 +8,10 @@ import pytest
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.hierarchy.labels import pooled
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import Optimum
+from bgmodel.fitting.person_fit import cells_of
 from tests.drawn import drawn
 
 STRENGTHS, SEED = [0.05, 0.2], 24_393

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.known.circuit import KnownCircuit, on_grid
 from bgmodel.fitting.known.hazard import lowest_between
 from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
+from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.integrators.sprt import Msprt
 from circuits.anatomy import load_circuit
 from tests.helpers import refused

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.fits import fit
+from bgmodel.fit_trials import fit
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.settings import settings_of

@@ -389,7 +389,7 @@ def test_a_short_chain_is_one_sentence_of_ours(capfd, monkeypatch):
 
 def test_an_interrupted_fit_goes_on_where_it_was(capsys, monkeypatch):
     """One participant is finished and the other's circuit simulated; then somebody stops."""
-    import bgmodel.fitting.fit as module
+    import bgmodel.fitting.person_fit as module
 
     asked = ["mine.csv", *COHERENCE, *QUICK, "--models", "constant_gap", "macaque"]
     asked += ["--simulation", "engine=rate", "trials=16"]

@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from bgmodel.fitting.fit import SHARE as SHARE
-from bgmodel.fitting.fit import cells_with_misfit
 from bgmodel.fitting.hierarchy.approximation import Person, estimates, started
 from bgmodel.fitting.hierarchy.chains import (
     CHAINS,
@@ -30,6 +28,8 @@ from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.misfit import GroupMisfit, group_misfit
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.parameters import told_priors
+from bgmodel.fitting.person_fit import SHARE as SHARE
+from bgmodel.fitting.person_fit import cells_with_misfit
 from bgmodel.fitting.posterior import directions
 from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.processes import shared_map

@@ -1,4 +1,4 @@
-"""The front door to fits: trials of any kind, of one person or of a group, and models of them."""
+"""The front door of fits: trials of any kind, of one person or of a group, and models of them."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
-from bgmodel.fitting.fit import Fit, fit_likelihood
 from bgmodel.fitting.hierarchy.chains import MOST, chains_entry
-from bgmodel.fitting.hierarchy.fit import HIERARCHY_SEED, GroupFit, fit_group
 from bgmodel.fitting.hierarchy.group import ALIKE, Predictors
+from bgmodel.fitting.hierarchy.group_fit import HIERARCHY_SEED, GroupFit, fit_group
 from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel, identity_of
 from bgmodel.fitting.model_comparison import compare_fits, crossvalidated
+from bgmodel.fitting.person_fit import Fit, fit_likelihood
 from bgmodel.fitting.settings import (
     FitSettings,
     People,

@@ -7,9 +7,9 @@ import pytest
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.fit import cells_of, fit_likelihood, widened
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.parameters import Parameter
+from bgmodel.fitting.person_fit import cells_of, fit_likelihood, widened
 from bgmodel.fitting.posterior import Posterior
 from bgmodel.fitting.quantiles import phrase, too_few
 from bgmodel.fitting.responses import QUANTILES
@@ -46,7 +46,7 @@ def test_there_is_one_row_per_number_with_its_error(fit):
 
 
 def test_an_interval_holds_the_value_and_is_as_wide_as_its_error_says(likelihood, monkeypatch):
-    import bgmodel.fitting.fit as module
+    import bgmodel.fitting.person_fit as module
 
     monkeypatch.setattr(
         module, "posterior", lambda *a, tell, **k: real(*a, tell=tell, most_steps=120, **k)

@@ -5,11 +5,11 @@ import pandas as pd
 import pytest
 import xarray
 
-from bgmodel.fits import fit
+from bgmodel.fit_trials import fit
 from bgmodel.fitting.algorithms import GapModel
-from bgmodel.fitting.fit import cells_of
 from bgmodel.fitting.hierarchy.chains import CHAINS, LARGEST_RHAT
-from bgmodel.fitting.hierarchy.fit import fit_group
+from bgmodel.fitting.hierarchy.group_fit import fit_group
+from bgmodel.fitting.person_fit import cells_of
 from circuits.errors import FitWarning
 from tests.drawn import drawn
 from tests.fitting.conftest import FIXED, MOST, SEED, short_chains, table

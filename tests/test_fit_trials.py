@@ -6,13 +6,13 @@ import pandas as pd
 import pytest
 
 import bgmodel as bg
-from bgmodel.fits import question
-from bgmodel.fitting.fit import Fit
+from bgmodel.fit_trials import question
 from bgmodel.fitting.hierarchy.group import Scale, priors_of
 from bgmodel.fitting.known.circuit import KnownCircuit
 from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
 from bgmodel.fitting.known.trials import known_trials
+from bgmodel.fitting.person_fit import Fit
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.stop_race import likelihood as stop_likelihood
 from bgmodel.learning.value_models import likelihood
@@ -178,7 +178,7 @@ def test_each_of_several_people_is_fitted_as_alone_and_kept_in_a_folder(tmp_path
     written = pd.read_csv(tmp_path / "fits" / "parameters.csv")
     pd.testing.assert_frame_equal(written, fits.to_dataframe(), check_dtype=False)
     assert (tmp_path / "fits" / "p0.png").is_file()
-    monkeypatch.setattr("bgmodel.fits.fit_likelihood", None)
+    monkeypatch.setattr("bgmodel.fit_trials.fit_likelihood", None)
     again = bg.fit(table, "constant_gap", **asked)
     pd.testing.assert_frame_equal(again.cells(), fits.cells())
     with refused("compare"):

@@ -1,4 +1,4 @@
-"""The command that fits models to choice and response-time data."""
+"""The command ``fit``, which fits models to choice and response-time data."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from bgmodel.commands.options import MANY, Workers, like, record_of, values
 from bgmodel.commands.output import Output, check_whole, say, stages
-from bgmodel.fits import SIMULATED, fit_all, question
+from bgmodel.fit_trials import SIMULATED, fit_all, question
 from bgmodel.fitting.settings import FitSettings, need_fit
 from bgmodel.fitting.several import GroupFits
 from bgmodel.trials.files import listed
