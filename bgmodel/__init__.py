@@ -7,7 +7,7 @@
     circuit = bg.load_circuit("macaque")              # print(circuit), circuit.plot()
     edited = circuit.lesion("STN", 0.1).dopamine(0.9)
     edited = circuit.edited("lesion STN 10%", "dopamine 0.9")    # the same, as in files
-    model = bg.BasalGanglia(edited, seed=1)           # engine="ensemble" runs spikes
+    model = bg.BasalGanglia(edited, seed=1)           # engine="spikes": each cell
     decision = model.decide(evidence, posterior=0.82) # .accuracy, .to_dataframe(), .plot()
     model.activity(evidence[:5]).to_xarray().rate_hz.sel(nucleus="STN", channel=0)
     bg.compare(model, evidence).summary()             # with the MSPRT, trial by trial

@@ -62,7 +62,7 @@ class Setup:
     """Differences from the table, one line each: "lesion STN 10%", "dopamine 0.9"."""
     engine: EngineName = ENGINE
     """Engine that runs the circuit: population is fast and includes the noise of finitely many
-    cells; ensemble simulates their spikes; rate and algebra have no noise; plain and brian2 are
+    cells; spikes simulates each of them; rate and algebra have no noise; plain and brian2 are
     slow, to be read or checked against."""
     gain: float | None = None
     """Nats in the circuit per nat of evidence, kappa (in a circuit of another unit, that unit per

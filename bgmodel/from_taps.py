@@ -347,7 +347,7 @@ def chain(
     gaps = (gap["learned_gap_nats"], gap["optimal_gap_nats"]) if gap else None
     learned = decide_as_learned(
         circuit, few, gaps=gaps, groups=readings.groups(few.trials),
-        engine=engine_of("ensemble", workers=workers), seed=seed,
+        engine=engine_of("spikes", workers=workers), seed=seed,
     )  # fmt: skip
     return Chain(pd.concat(courses), learned, gap, circuit)
 
@@ -357,7 +357,7 @@ def _one_decision(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return OUT and decision of test and spiking circuit on one trial (first of second fold)."""
     one, gain = evidence[1:2], model.gain
-    model = replace(model, engine="ensemble")
+    model = replace(model, engine="spikes")
     if threshold is None:
         threshold = float(threshold_from_posterior(_readable(model), evidence.hypotheses))
     courses, decided = [], []

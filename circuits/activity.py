@@ -190,7 +190,7 @@ class Activity:
     def spike_table(self) -> pd.DataFrame:
         """Return all recorded spikes, with columns population, trial, channel, neuron, time_ms."""
         if not self.spikes:
-            such = 'with a spiking engine, such as engine=Ensemble(spikes=("STN",))'
+            such = 'with a spiking engine, such as engine=Spikes(spikes=("STN",))'
             reason = f"the {self.engine} engine recorded no spikes: name the populations to record"
             raise InputError(f"{reason} {such}", "spikes")
         import pandas as pd

@@ -13,7 +13,7 @@ from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.stopping.observer import StopMsprt, log_odds_of_stop
 from figures.decisions import measure_calibrated as calibrated
 from figures.decisions import measure_hick as hick
-from figures.published import measure_others as others
+from figures.published_circuits import measure_others as others
 from figures.stopping.observer import abrupt, commitments, decisions, observed, with_tone
 from figures.stopping.runs import agreement, evidence_of
 

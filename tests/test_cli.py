@@ -132,7 +132,7 @@ BAD_USE = {
     "circuit run --task period_mm=1.5 --save d.csv": "task.period_mm",
     "circuit run --engine rate --edits 'neurons 3' --save d.csv": "edits",
     "circuit run --engine population --save-spikes s.csv --save d.csv": "save_spikes",
-    "circuit run --edits 'neurons 1e9' --engine ensemble --save d.csv": "trials",
+    "circuit run --edits 'neurons 1e9' --engine spikes --save d.csv": "trials",
     "circuit run --threshold 0.3 --posterior 0.8 --save d.csv": "posterior",
     "circuit run --spike-trials 0 --save d.csv": "spike_trials",
     "circuit show --channels 0": "channels",

@@ -75,7 +75,7 @@ def test_engines_cut_the_same_axons_in_one_channel(sparse):
     for path in ("GPe->STN", "STN->GPe", "D1->SNr"):
         table = table.cut(path, 0.2, channel=1)
     drive = np.array([[[0.0, 0.0], [1.0, -0.5]]])
-    plain, compiled = (run(table, drive, engine=e, **SPIKES) for e in ("plain", "ensemble"))
+    plain, compiled = (run(table, drive, engine=e, **SPIKES) for e in ("plain", "spikes"))
     for name in ("STN", "GPe", "SNr"):
         np.testing.assert_allclose(plain.rates_hz[name], compiled.rates_hz[name], atol=0.02)
 
@@ -89,13 +89,13 @@ def test_populations_and_rates_settle_where_the_fixed_point_of_a_cut_is():
         np.testing.assert_allclose(settled, held, atol=0.01)
 
 
-@pytest.mark.parametrize("engine", ["algebra", "rate", "ensemble"])
+@pytest.mark.parametrize("engine", ["algebra", "rate", "spikes"])
 def test_activity_of_a_silenced_channel_is_0_and_of_all_others_that_without_its_axons(engine):
     """Decisions are the same to the last bit; the nucleus itself shows neither rates nor spikes."""
     table = anatomy.spiking_msprt(2).with_neurons_times(0.1)
     drive = np.array([[[0.0, 0.0], [0.4, -0.4]]])
     more = {"step_ms": 20.0} if engine == "algebra" else SPIKES
-    more = {**more, "spikes": ("GPe", "STN")} if engine == "ensemble" else more
+    more = {**more, "spikes": ("GPe", "STN")} if engine == "spikes" else more
     cut = table
     for p in paths_of(table, "GPe"):
         cut = cut.cut(p.pair, 1.0)
@@ -108,7 +108,7 @@ def test_activity_of_a_silenced_channel_is_0_and_of_all_others_that_without_its_
     assert not half.rates_hz["STN"][..., 1].any()
     assert half.rates_hz["STN"][..., 0].any()
     assert half.rates_hz["STN"].dtype == by_axons.rates_hz["STN"].dtype
-    if engine == "ensemble":
+    if engine == "spikes":
         assert len(by_axons.spikes["GPe"]) > len(silenced.spikes["GPe"]) == 0
         assert set(half.spikes["STN"]["channel"]) == {0}
 

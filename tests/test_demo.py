@@ -9,7 +9,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.seeds import stream
 from circuits.anatomy import load_circuit
-from circuits.engines import Ensemble
+from circuits.engines import Spikes
 
 pytestmark = pytest.mark.usefixtures("no_check_of_noise")
 
@@ -23,7 +23,7 @@ def chain():
 
 
 def test_its_spikes_are_those_of_the_compiled_engine(chain):
-    engine = Ensemble(dt_ms=demos.STEP_MS, settle_ms=demos.SETTLE_MS)
+    engine = Spikes(dt_ms=demos.STEP_MS, settle_ms=demos.SETTLE_MS)
     model = BasalGanglia(load_circuit("macaque", 2), engine, chain.gain, 1)
     out = model.run(chain.evidence).out_nats
     assert np.allclose(out, chain.traces["circuit"].out_nats)

@@ -251,7 +251,7 @@ def test_an_edit_leaves_the_spiking_engines_with_the_same_spikes(circuit):
     walk = np.random.default_rng(2).normal(0, 0.4, (8, 2, circuit.channels)).cumsum(axis=1)
     names = tuple(row.name for row in circuit.populations if row.spiking)
     options = {"step_ms": 30, "settle_ms": 0, "seed": 1, "spikes": names}
-    fast = run(circuit, walk, engine="ensemble", **options)
+    fast = run(circuit, walk, engine="spikes", **options)
     plain = run(circuit, walk, engine="brian2", **options)
     order = ["trial", "channel", "time_ms", "neuron"]
     for name in names:
@@ -267,7 +267,7 @@ def test_courses_act_through_connections_cell_by_cell_as_through_whole_blocks():
     names = ("D1", "D2", "SNr")
     options = {"step_ms": 70, "settle_ms": 10, "spikes": names}
     plain, brian2, fast = (
-        all_of(sparse, drive, engine, **options) for engine in ("plain", "brian2", "ensemble")
+        all_of(sparse, drive, engine, **options) for engine in ("plain", "brian2", "spikes")
     )
     order = ["channel", "time_ms", "neuron"]
     for name in names:

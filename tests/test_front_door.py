@@ -107,7 +107,7 @@ test_what_newcomers_try_is_refused_with_the_next_step = refusing(
     (lambda: SHORT.plot(ax="x"), "ax"),
     (lambda: bg.load_circuit("macaque").cut("GPe", "STN"), 'pathway "GPe->STN"'),
     (lambda: bg.load_circuit("macaque").edited(["lesion STN 10%"]), "edits unpack"),
-    (lambda: bg.BasalGanglia("macaque").activity(SHORT).spike_table(), "spikes Ensemble"),
+    (lambda: bg.BasalGanglia("macaque").activity(SHORT).spike_table(), "spikes Spikes"),
 )
 
 

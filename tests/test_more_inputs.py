@@ -18,7 +18,7 @@ def driven(circuit, engine, columns):
     return run(circuit, drive, engine=engine, step_ms=STEP_MS, seed=3, settle_ms=20).output_nats
 
 
-@pytest.mark.parametrize("engine", ["rate", "population", "ensemble", "brian2"])
+@pytest.mark.parametrize("engine", ["rate", "population", "spikes", "brian2"])
 def test_an_input_from_one_time_on_is_a_course_of_that_trial_alone(engine):
     """The first trial gets 0.7 nats into STN from its third reading on; the second gets none."""
     columns = np.zeros((2, STEPS, 1))
@@ -35,7 +35,7 @@ def test_an_input_from_one_time_on_is_a_course_of_that_trial_alone(engine):
 
 
 @pytest.mark.parametrize(
-    "engine", ["rate", "population", "ensemble", pytest.param("brian2", marks=pytest.mark.validate)]
+    "engine", ["rate", "population", "spikes", pytest.param("brian2", marks=pytest.mark.validate)]
 )
 def test_an_input_of_zero_or_none_at_all_changes_nothing(engine):
     plain = run(BASE, DRIVE, engine=engine, step_ms=STEP_MS, seed=3, settle_ms=20).output_nats
@@ -45,7 +45,7 @@ def test_an_input_of_zero_or_none_at_all_changes_nothing(engine):
     np.testing.assert_array_equal(without, plain)
 
 
-@pytest.mark.parametrize("engine", ["rate", "population", "ensemble", "brian2"])
+@pytest.mark.parametrize("engine", ["rate", "population", "spikes", "brian2"])
 def test_of_several_inputs_each_has_its_own_column(engine):
     one, other = np.full((2, STEPS, 1), 0.4), np.full((2, STEPS, 1), -0.3)
     both = driven(BASE.with_inputs("STN", "GPe[1]"), engine, np.concatenate([one, other], axis=2))

@@ -19,7 +19,7 @@ from circuits.dynamics.loops import amplifying
 from circuits.engines import run
 from tests.helpers import refused
 
-NOISY = ["population", "ensemble"]
+NOISY = ["population", "spikes"]
 RATE_HZ, GAIN, CELLS = 60.0, 20.0, 100
 
 

@@ -52,7 +52,7 @@ PARSED = {
     "bgmodel fit roitman": "it takes a minute; a test of the command fits less",
     "bgmodel fit cavanagh": "it takes minutes; a test of the command fits four people",
     "bgmodel fit stop": "it fits 126 people; a test of the command fits four",
-    "bgmodel experiment mine.toml --engine ensemble": "spikes take minutes; the next line runs it",
+    "bgmodel experiment mine.toml --engine spikes": "spikes take minutes; the next line runs it",
     "bgmodel experiment stn_conflict --save": "2 000 trials; mine.toml runs 200",
     "bgmodel experiment lesion.toml --engine": "spikes take minutes; the line before runs it",
     "bgmodel circuit run --plot stop.png": "4 000 trials; a test of the command runs fewer",

@@ -62,7 +62,7 @@ def test_a_pathway_in_two_rows_that_are_alike_is_the_same_circuit(engine):
         assert two.spikes[name].equals(one.spikes[name])
 
 
-@pytest.mark.parametrize("engine", ["plain", "brian2", "ensemble"])
+@pytest.mark.parametrize("engine", ["plain", "brian2", "spikes"])
 def test_both_receptors_of_sparse_connections_get_the_same_spikes(engine):
     table = SMALL.with_connections(0.25)
     one, two = (ran(t, engine, spikes=("SNr",)) for t in (table, split(table, "STN", "SNr", 0.5)))

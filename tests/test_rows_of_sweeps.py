@@ -67,7 +67,7 @@ OVERLAPS = [
 """Edits of one number in two ways."""
 RUN = {
     "circuit": st.sampled_from(["spiking_msprt", "macaque"]),
-    "engine": st.sampled_from(["population", "ensemble"]),
+    "engine": st.sampled_from(["population", "spikes"]),
     "gain": st.sampled_from([0.4, 0.7]),
     "posterior": st.sampled_from([0.7, 0.8, 0.9]),
     "seed": st.integers(0, 9),

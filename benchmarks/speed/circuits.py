@@ -1,10 +1,10 @@
 """Comparison of the engines, and scaling of the compiled one: make benchmark.
 
 Every measurement runs in a separate process, in turn and in rounds, so that other load on the
-machine affects all equally. Costs are minima over rounds; an engine is compared with the ensemble's
-runs just before and after it, by the median over rounds; scaling is a mean of two, with at least
-2 000 trials per point. CPU time of the run only: it excludes compiling and building Brian2's
-networks, and includes the ensemble's wiring. Cost is in CPU nanoseconds per cell and tick.
+machine affects all equally. Costs are minima over rounds; an engine is compared with runs of the
+spikes engine just before and after it, by the median over rounds; scaling is a mean of two, with
+2 000 trials per point at least. CPU time of the run only: it excludes compiling and building
+Brian2's networks, and includes wiring in the spikes engine. Cost: CPU ns per cell and tick.
 """
 
 from __future__ import annotations
@@ -59,11 +59,11 @@ def cells_of(circuit: Any) -> int:
     )
 
 
-def ensemble(trials: int = 100, workers: int = 1, times: int = 1, **which: Any) -> dict[str, float]:
+def spikes(trials: int = 100, workers: int = 1, times: int = 1, **which: Any) -> dict[str, float]:
     """Measure the compiled engine, averaged over repetitions."""
-    from circuits.engines import Ensemble
+    from circuits.engines import Spikes
 
-    engine = Ensemble(settle_ms=SETTLE_MS, workers=workers, rates=False)
+    engine = Spikes(settle_ms=SETTLE_MS, workers=workers, rates=False)
     return _compiled(engine, circuit_of(**which), trials, times)
 
 
@@ -164,15 +164,15 @@ def _cost(
     }
 
 
-MEASURED: tuple[Callable[..., Any], ...] = (ensemble, population, brian2, vanilla, nengo)
+MEASURED: tuple[Callable[..., Any], ...] = (spikes, population, brian2, vanilla, nengo)
 KINDS = {each.__name__: each for each in MEASURED}
 SIDE_BY_SIDE: list[tuple[str, str, dict[str, Any]]] = [
-    ("ensemble", "ensemble", {"trials": 300}),
-    ("ensemble, 10 % heterogeneity", "ensemble", {"trials": 300, "heterogeneity": 0.1}),
-    ("ensemble, 25 % connections", "ensemble", {"trials": 300, "connections": 0.25}),
-    ("ensemble, both", "ensemble", {"trials": 300, "heterogeneity": 0.1, "connections": 0.25}),
+    ("spikes", "spikes", {"trials": 300}),
+    ("spikes, 10 % heterogeneity", "spikes", {"trials": 300, "heterogeneity": 0.1}),
+    ("spikes, 25 % connections", "spikes", {"trials": 300, "connections": 0.25}),
+    ("spikes, both", "spikes", {"trials": 300, "heterogeneity": 0.1, "connections": 0.25}),
     ("population", "population", {}),
-    ("ensemble, 3 000 cells", "ensemble", {"trials": 30, "neurons": 3000}),
+    ("spikes, 3 000 cells", "spikes", {"trials": 30, "neurons": 3000}),
     ("population, 3 000 cells", "population", {"neurons": 3000}),
     ("Brian2 engine", "brian2", {}),
     ("vanilla Brian2, standalone", "vanilla", {"target": "standalone"}),
@@ -181,11 +181,11 @@ SIDE_BY_SIDE: list[tuple[str, str, dict[str, Any]]] = [
 ]
 SCALING: list[tuple[str, str, dict[str, Any]]] = [
     *[
-        ("trials", "ensemble", {"trials": n, "times": -(-TRIALS_IN_ALL // n)})
+        ("trials", "spikes", {"trials": n, "times": -(-TRIALS_IN_ALL // n)})
         for n in (100, 300, 1000, 3000, 10_000)
     ],
-    *[("neurons", "ensemble", {"neurons": n}) for n in (100, 300, 1000, 3000)],
-    *[("alternatives", "ensemble", {"channels": n}) for n in (2, 4, 8, 12)],
+    *[("neurons", "spikes", {"neurons": n}) for n in (100, 300, 1000, 3000)],
+    *[("alternatives", "spikes", {"channels": n}) for n in (2, 4, 8, 12)],
 ]
 
 
@@ -203,15 +203,15 @@ def measure(kind: str, options: dict[str, Any]) -> dict[str, float]:
 
 def processes() -> dict[str, float]:
     """Return how much more two processes do than one, in wall time."""
-    command = [sys.executable, "-m", "benchmarks.speed.circuits", "ensemble", '{"trials": 300}']
-    one = min(measure("ensemble", {"trials": 300})["wall_s"] for _ in range(REPEATS))
+    command = [sys.executable, "-m", "benchmarks.speed.circuits", "spikes", '{"trials": 300}']
+    one = min(measure("spikes", {"trials": 300})["wall_s"] for _ in range(REPEATS))
     two = np.inf
     for _ in range(REPEATS):
         started = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]
         walls = [json.loads(p.communicate()[0].splitlines()[-1])["wall_s"] for p in started]
         two = min(two, max(walls))
     threads = min(
-        measure("ensemble", {"trials": 600, "workers": 2})["wall_s"] for _ in range(REPEATS)
+        measure("spikes", {"trials": 600, "workers": 2})["wall_s"] for _ in range(REPEATS)
     )
     return {"two_processes": 2 * one / two, "two_threads": 2 * one / threads}
 
@@ -231,7 +231,7 @@ def machine() -> str:
 
 
 def side_by_side(bar: tqdm) -> pd.DataFrame:
-    """Return all rounds: the ensemble, an engine, the ensemble, the next engine, and so on."""
+    """Return all rounds: spikes, another engine, spikes, the next engine, and so on."""
     (reference, kind, options), *others = SIDE_BY_SIDE
     rows = []
     for turn in range(ROUNDS):
@@ -244,8 +244,8 @@ def side_by_side(bar: tqdm) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def held_to_the_ensemble(rounds: pd.DataFrame) -> pd.DataFrame:
-    """Return each engine's cost in those of the ensemble just before and after it.
+def held_to_spikes(rounds: pd.DataFrame) -> pd.DataFrame:
+    """Return each engine's cost in those of the spikes engine just before and after it.
 
     Parameters
     ----------
@@ -256,7 +256,7 @@ def held_to_the_ensemble(rounds: pd.DataFrame) -> pd.DataFrame:
     ratio = 2 * cost / (cost.shift(1) + cost.shift(-1))
     others = rounds["what"] != rounds["what"].iloc[0]
     grouped = ratio[others].groupby(rounds["what"][others], sort=False)
-    return grouped.agg(["min", "median", "max"]).add_prefix("times_ensemble_")
+    return grouped.agg(["min", "median", "max"]).add_prefix("times_spikes_")
 
 
 def least(rows: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
@@ -275,10 +275,10 @@ def main() -> None:
             rows.append({"what": what, **options, **measure(kind, options)})
             bar.update()
     rounds.to_csv(OUT / "circuits_rounds.csv", index=False)
-    # The ensemble ran more often than the others: a least of as many.
+    # The spikes engine ran more often than the others: a least of as many.
     once = rounds.drop_duplicates(["round", "what"])
     side = least(once, ["what"]).set_index("what").loc[[name for name, *_ in SIDE_BY_SIDE]]
-    side = side.join(held_to_the_ensemble(rounds))
+    side = side.join(held_to_spikes(rounds))
     grown = pd.DataFrame(rows)
     keys = ["what", "trials", "neurons", "channels"]
     cost = grown.groupby(keys, dropna=False)["ns_per_cell_tick"]

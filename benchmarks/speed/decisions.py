@@ -28,7 +28,7 @@ from figures.rooms import OUT
 
 BUDGET_S, WHOLE = 60.0, 1_000_000
 POSTERIOR, D_PRIME, STEP_MS, READINGS = 0.85, 0.7, 50.0, 60
-BATCH = {"population": 10_000, "ensemble": 100, "msprt": 50_000, "ssms": 20_000, "pyddm": 20}
+BATCH = {"population": 10_000, "spikes": 100, "msprt": 50_000, "ssms": 20_000, "pyddm": 20}
 SEED = 46_201
 
 
@@ -108,7 +108,7 @@ def _pyddm() -> Callable[[int, int], float]:
 
 TOOLS: dict[str, tuple[str, Callable[[], Callable[[int, int], float]]]] = {
     "population": ("bgmodel, populations", lambda: _circuit("population")),
-    "ensemble": ("bgmodel, spikes", lambda: _circuit("ensemble")),
+    "spikes": ("bgmodel, spikes", lambda: _circuit("spikes")),
     "msprt": ("bgmodel, MSPRT", _msprt),
     "ssms": ("ssm-simulators, diffusion", _ssms),
     "pyddm": ("PyDDM, trials of a diffusion (for debugging; it solves them)", _pyddm),

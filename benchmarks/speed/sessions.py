@@ -11,7 +11,7 @@ from bgmodel import BasalGanglia, load_circuit, stream
 from circuits.anatomy import DEFAULT
 
 STEP_MS, READINGS = 100.0, 300
-ENGINES = ("ensemble", "population", "rate")
+ENGINES = ("spikes", "population", "rate")
 
 
 def seconds(engine: str) -> np.ndarray:

@@ -102,7 +102,7 @@ def main() -> None:
         print("  " + " ".join(f"{value:8.2f}" for value in row))
     print(f"mean time in ms (late share) at d' = {STRENGTHS}; 2 alternatives, posterior 0.82")
     for name, one in {**variants(table), "spikes": table}.items():
-        engine = "ensemble" if name == "spikes" else "population"
+        engine = "spikes" if name == "spikes" else "population"
         cells = []
         for d_prime in STRENGTHS:
             evidence = drawn(d_prime, 2, min(trials, 250))

@@ -153,7 +153,7 @@ def step(
 
 ARRIVING = EdgeDirection(step_ms=100.0, t_max=60)
 """Default task: a reading every 100 ms; at the last one a response is forced."""
-SPIKES = EngineName("ensemble")
+SPIKES = EngineName("spikes")
 
 
 @like(Setup, "circuit", "seed")
@@ -184,7 +184,7 @@ def watch(
     by
         Decision maker: the circuit or the test.
     engine
-        Engine of the circuit: ensemble (spikes), population or rate.
+        Engine of the circuit: spikes, population or rate.
     """
     output.unused("plot")
     output.check(folder=folder, **options)

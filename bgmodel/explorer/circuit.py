@@ -23,7 +23,7 @@ from circuits.declaration.row_edits import NAMES, OF_CELL
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import NATS
 
-SPIKES, WITHOUT_SPIKES = EngineName("ensemble"), EngineName("rate")
+SPIKES, WITHOUT_SPIKES = EngineName("spikes"), EngineName("rate")
 """Engines of the trial: spiking cells, or rates for a circuit without any."""
 WITHOUT_EVIDENCE = "decides without evidence"
 """Label of a trial that is decided before its first reading."""

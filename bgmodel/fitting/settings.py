@@ -74,7 +74,7 @@ class FitSettings:
     model is compared with versions in which one parameter of --vary or --formula has one value,
     which is fitted, for all conditions."""
     engine: str = "population"
-    """Engine of the circuit: algebra, population, ensemble, ..."""
+    """Engine of the circuit: algebra, population, spikes, ..."""
     noise_nats: float = 2.0
     """Noise of the evidence in the circuit: its standard deviation after one second, nats."""
     trials: int = 16_000

@@ -76,7 +76,7 @@ class BasalGanglia(Facts):
     circuit : Circuit or str
         The table, a name (2 channels) or a .toml file (the file's number of channels).
     engine : Engine or str
-        A record of ``circuits.engines`` with its options, such as ``Ensemble(spikes=("STN",))``, so
+        A record of ``circuits.engines`` with its options, such as ``Spikes(spikes=("STN",))``, so
         that ``activity`` keeps spikes, or the name of one, with its defaults. Population is the
         fastest engine that includes spiking noise.
     gain : float, optional

@@ -11,7 +11,7 @@ import pandas as pd
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support.arrays import Array
 from circuits.circuit import Circuit
-from circuits.engines import Algebra, Ensemble
+from circuits.engines import Algebra, Spikes
 from circuits.errors import require
 
 SETTLE_MS = 1500
@@ -69,7 +69,7 @@ def steady_out(
     circuit.check_nats("a drive of log odds")
     odds = np.asarray(log_odds, dtype=np.float64)
     drive = leader_drive(np.repeat(odds, trials), circuit.channels)
-    model = BasalGanglia(circuit, Ensemble(rates=False, sample_ms=5.0), seed=seed)
+    model = BasalGanglia(circuit, Spikes(rates=False, sample_ms=5.0), seed=seed)
     out = model.run_drive(drive, step_ms=float(SETTLE_MS + mean_ms)).output_nats
     means = out[:, SETTLE_MS // 5 :, 0].mean(axis=1)
     return np.asarray(means.reshape(len(odds), trials))
@@ -107,7 +107,7 @@ def resting_activity(
     or more in a trial (NaN if none).
     """
     names = tuple(row.name for row in circuit.populations if row.spiking)
-    model = BasalGanglia(circuit, Ensemble(spikes=names), seed=seed)
+    model = BasalGanglia(circuit, Spikes(spikes=names), seed=seed)
     # The first second is left out: the circuit settles.
     activity = model.run_drive(np.zeros((trials, seconds + 1, circuit.channels)), step_ms=1000.0)
     rows = []

@@ -324,7 +324,7 @@ def decide_as_learned(
     evidence: Evidence,
     *,
     gaps: tuple[float, float] | None = None,
-    engine: Engine | str = "ensemble",
+    engine: Engine | str = "spikes",
     groups: npt.ArrayLike | None = None,
     resamples: int = RESAMPLES,
     seed: int = 0,

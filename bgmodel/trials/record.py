@@ -16,7 +16,7 @@ from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.saved import Facts, span
 from bgmodel.trials import alternatives as several
 from bgmodel.trials.columns import MISSING_RT, NO_RESPONSE
-from bgmodel.trials.spikes import Spikes, joined_spikes
+from bgmodel.trials.spikes import RecordedSpikes, joined_spikes
 from bgmodel.trials.timed_readings import Readings
 from circuits.errors import InputError, require
 
@@ -64,7 +64,7 @@ class Trials(Facts):
     # one that the readings before the response favour.
     readings: Readings | None = None
     withheld: int | None = None  # the response that is given by waiting until the deadline
-    spikes: Spikes | None = None
+    spikes: RecordedSpikes | None = None
     checksum: str = field(init=False)  # SHA-256 of all fields above except the source
 
     def __post_init__(self) -> None:

@@ -29,7 +29,7 @@ APART = "."
 
 
 @dataclass(frozen=True, eq=False)
-class Spikes:
+class RecordedSpikes:
     """Spike times of recorded cells."""
 
     names: tuple[str, ...]  # the cells, as "session.cell" if there are sessions
@@ -38,20 +38,20 @@ class Spikes:
     time_s: Array  # (spikes,), from the onset of the trial; negative before
     recorded: Truths  # (trials, cells), true in all trials of a cell's session
 
-    def where(self, mask: Truths | Integers) -> Spikes:
+    def where(self, mask: Truths | Integers) -> RecordedSpikes:
         """Return the spikes of some trials, and the cells that were recorded in these."""
         kept = np.arange(len(self.recorded))[mask]
         cells = np.flatnonzero(self.recorded[kept].any(axis=0))
         trial, cell = np.full(len(self.recorded), -1), np.full(len(self.names), -1)
         trial[kept], cell[cells] = np.arange(len(kept)), np.arange(len(cells))
         some = (trial[self.trial] >= 0) & (cell[self.cell] >= 0)
-        return Spikes(
+        return RecordedSpikes(
             tuple(self.names[k] for k in cells), trial[self.trial[some]], cell[self.cell[some]],
             self.time_s[some], self.recorded[np.ix_(kept, cells)],
         )  # fmt: skip
 
 
-def joined_spikes(parts: Sequence[Spikes]) -> Spikes:
+def joined_spikes(parts: Sequence[RecordedSpikes]) -> RecordedSpikes:
     """Return the spikes of trials that follow one another."""
     names = list(dict.fromkeys(name for part in parts for name in part.names))
     recorded = np.zeros((sum(len(part.recorded) for part in parts), len(names)), bool)
@@ -64,7 +64,9 @@ def joined_spikes(parts: Sequence[Spikes]) -> Spikes:
         cell.append(place[part.cell])
         first = last
     time_s = np.concatenate([part.time_s for part in parts])
-    return Spikes(tuple(names), np.concatenate(trial), np.concatenate(cell), time_s, recorded)
+    return RecordedSpikes(
+        tuple(names), np.concatenate(trial), np.concatenate(cell), time_s, recorded
+    )
 
 
 def is_nwb(source: object) -> bool:
@@ -106,7 +108,7 @@ def clicks_of(table: pd.DataFrame) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
-def spikes_of(spikes: Source, trials: Sequence[str], end_s: Array) -> Spikes:
+def spikes_of(spikes: Source, trials: Sequence[str], end_s: Array) -> RecordedSpikes:
     """Return the spikes of trials, by their names in sessions, which end at ``end_s``, (trials,).
 
     One row per spike has cell, trial, time_s (from the onset) and perhaps session.
@@ -119,7 +121,7 @@ def spikes_of(spikes: Source, trials: Sequence[str], end_s: Array) -> Spikes:
         raise within("the spikes", error, "spikes") from None
 
 
-def _matched(table: pd.DataFrame, trials: Sequence[str], end_s: Array) -> Spikes:
+def _matched(table: pd.DataFrame, trials: Sequence[str], end_s: Array) -> RecordedSpikes:
     time_s = numbers(table["time_s"])
     hint = ": s from the onset of the trial are needed, not ms, samples or times of the session"
     last_s = float(np.nanmax(end_s, initial=0.0)) + LATEST_S
@@ -144,7 +146,7 @@ def _matched(table: pd.DataFrame, trials: Sequence[str], end_s: Array) -> Spikes
     of_cell = np.array([name.rpartition(APART)[0] if by_session else "" for name in names])
     of_trial = np.array([name.rpartition(APART)[0] if by_session else "" for name in trials])
     recorded = of_trial[:, None] == of_cell
-    return Spikes(tuple(names), trial[known], cell, time_s[known], recorded)
+    return RecordedSpikes(tuple(names), trial[known], cell, time_s[known], recorded)
 
 
 def _holds_lists(column: pd.Series) -> bool:
@@ -207,7 +209,7 @@ def _columns(group: Any) -> dict[str, Any]:
     return columns
 
 
-def without_silent(spikes: Spikes, least: int) -> Spikes:
+def without_silent(spikes: RecordedSpikes, least: int) -> RecordedSpikes:
     """Return the cells that have enough spikes; warn of the others."""
     count = np.bincount(spikes.cell, minlength=len(spikes.names))
     few = count < least

@@ -58,7 +58,7 @@ def _above_0(law: Callable[[Array], Array], otherwise: float) -> Callable[[Array
 
 
 # Each compiled engine has its own version of these functions; tests check that they agree. A shared
-# compiled function is not possible: the ensemble engine takes one number at a time in double
+# compiled function is not possible: the spikes engine takes one number at a time in double
 # precision, inlined into its loop over ticks; the population engine takes a row of parallel trials
 # in single precision, with an exponential that the compiler vectorises; here they work on NumPy
 # arrays. A shared version would round differently and slow the population engine down.
@@ -95,7 +95,7 @@ TRANSFERS: dict[str, Transfer] = {
 }
 """All transfers by name.
 
-The ensemble engine has neither the ramp, nor the logarithm, nor transfers added later.
+The spikes engine has neither the ramp, nor the logarithm, nor transfers added later.
 """
 
 

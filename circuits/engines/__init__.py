@@ -24,15 +24,15 @@ from circuits.engines.engine import (
     engine_of,
     register,
 )
-from circuits.engines.shipped import Algebra, Brian2, Ensemble, Plain, Population, Rate
+from circuits.engines.shipped import Algebra, Brian2, Plain, Population, Rate, Spikes
 from circuits.errors import require
 
 if TYPE_CHECKING:
     from circuits.activity import Activity
 
 __all__ = [
-    "ENGINES", "Algebra", "Brian2", "CompiledEngine", "Engine", "EngineOrName", "Ensemble", "Plain",
-    "Population", "Rate", "SpikingEngine", "TimedEngine", "engine_of", "register", "run",
+    "ENGINES", "Algebra", "Brian2", "CompiledEngine", "Engine", "EngineOrName", "Plain",
+    "Population", "Rate", "Spikes", "SpikingEngine", "TimedEngine", "engine_of", "register", "run",
 ]  # fmt: skip
 
 

@@ -145,7 +145,7 @@ class Engine:
         if stream is None:
             raise InputError(
                 f"the {self.id} engine takes all readings of a trial at once: for one by one take "
-                "rate, population or ensemble",
+                "rate, population or spikes",
                 "engine",
                 self.id,
             )
@@ -273,7 +273,7 @@ class SpikingEngine(TimedEngine):
 
     def at_rest(self) -> Engine:
         """Return the compiled engine, which produces the same spikes, recording only OUT."""
-        return engine_of("ensemble", dt_ms=self.dt_ms, settle_ms=self.settle_ms, rates=False)
+        return engine_of("spikes", dt_ms=self.dt_ms, settle_ms=self.settle_ms, rates=False)
 
     def copies(self, trials: int) -> int:
         """Return the number of trials whose cells are in memory at the same time."""

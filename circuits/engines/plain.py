@@ -1,7 +1,7 @@
 """The plain engine: the scheme of ``circuits.dynamics.ticks`` in NumPy, one trial at a time.
 
 Slow but short: the readable reference for the other spiking engines, with which tests compare them.
-Its spikes are those of the Brian2 and the ensemble engine.
+Its spikes are those of the Brian2 and the spikes engine.
 """
 
 from __future__ import annotations

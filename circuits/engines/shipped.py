@@ -127,12 +127,12 @@ class Population(PopulationsEngine):
 
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Ensemble(CompiledEngine, SpikingEngine):
-    """Spiking cells, compiled."""
+class Spikes(CompiledEngine, SpikingEngine):
+    """Spiking cells, every one of them simulated, compiled."""
 
-    id: ClassVar[str] = "ensemble"
-    module: ClassVar[str] = "circuits.engines.ensemble.run"
-    description: ClassVar[str] = "spikes, compiled, for thousands of trials"
+    id: ClassVar[str] = "spikes"
+    module: ClassVar[str] = "circuits.engines.spikes.run"
+    description: ClassVar[str] = "spikes of every cell, compiled, for thousands of trials"
     cell_bytes: ClassVar[float] = 40.0
 
     progress: bool = False  #: Whether to show the progress of a run.

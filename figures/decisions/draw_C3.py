@@ -67,7 +67,7 @@ def compute(settings: Settings, taps: Path, *, output: Path) -> None:
         groups = tactile(read).groups(evidence.trials) if name == TACTILE else None
         table = load_circuit(DEFAULT, evidence.hypotheses)
         gain = gain_of(table)
-        model = BasalGanglia(table, "ensemble", gain, settings.seed)
+        model = BasalGanglia(table, "spikes", gain, settings.seed)
         swept = msprt_tradeoffs(evidence, gain)
         swept |= decide_at_thresholds(model, evidence, thresholds_about(swept[MSPRT_AT_GAIN]))
         for label, baseline in (("race", Race()), ("max vs average", MaxVsAverage())):

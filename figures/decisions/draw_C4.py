@@ -30,7 +30,7 @@ from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
-from circuits.engines import Ensemble, Population
+from circuits.engines import Population, Spikes
 from circuits.laws.controls import correlated, linear_stn, perturbed, shuffled_stn
 from circuits.laws.fluctuation import out_variance
 from figures.common import BRIEF_MS, Settings, bars, key, letter, where
@@ -62,7 +62,7 @@ def neurons(settings: Settings, *, output: Path) -> None:
     parts = []
     for size in (one for one in SIZES if one <= settings.most_cells):
         table = load_circuit(DEFAULT).with_neurons_times(size)
-        model = BasalGanglia(table, "ensemble", gain, settings.seed)
+        model = BasalGanglia(table, "spikes", gain, settings.seed)
         for name, swept in decide_at_thresholds(
             model, evidence, thresholds_about(test, HIGHEST)
         ).items():
@@ -124,7 +124,7 @@ def with_edits(
 ) -> pd.DataFrame:
     """Compare edited circuits with populations and noise, and some also in spikes."""
     parts = []
-    for kind, names in ((Population, edits), (Ensemble, in_spikes)):
+    for kind, names in ((Population, edits), (Spikes, in_spikes)):
         engine = kind(settle_ms=BRIEF_MS)
         model = BasalGanglia(table, engine, gain_of(table), seed)
         some = {name: edits[name] for name in names}
@@ -204,7 +204,7 @@ def _numbers(ax: Axes, table: pd.DataFrame) -> None:
     """Show the numbers that affect accuracy most, and their residual effect after retuning."""
     by = table.set_index("variant")
     kept = where(by, kind="fixed", measure="expected_accuracy")
-    in_spikes, fixed = (where(kept, engine=name)["value"] for name in ("ensemble", "population"))
+    in_spikes, fixed = (where(kept, engine=name)["value"] for name in ("spikes", "population"))
     tuned = where(by, engine="population", kind="change", measure="pearson_r")
     moved = (fixed - fixed["intact"]).drop("intact")
     worst = moved.abs().sort_values(ascending=False).index[:SHOWN]

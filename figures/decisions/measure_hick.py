@@ -62,7 +62,7 @@ def deciders(evidence: Evidence, spiking: int) -> dict[str, Tradeoff]:
         return by_decider
     gain = gain_of(load_circuit(DEFAULT, evidence.hypotheses))
     by_decider[MSPRT_AT_GAIN] = tradeoff(Msprt(gain).run(evidence), evidence)
-    for engine, trials in (("population", evidence.trials), ("ensemble", spiking)):
+    for engine, trials in (("population", evidence.trials), ("spikes", spiking)):
         if trials:
             model = model_of(evidence, engine)
             by_decider[engine] = swept(model, evidence[:trials], by_decider[MSPRT_AT_GAIN])

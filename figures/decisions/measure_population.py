@@ -43,8 +43,8 @@ DECISIONS = {2: 600, 4: 300, 8: 100}
 SECONDS = {2: 0.3, 4: 0.4, 8: 0.8}
 """CPU time of a trial of decisions on three engines, about, by alternatives."""
 ENGINES = {
-    SPIKES: ("ensemble", SCORING_SEED),
-    AGAIN: ("ensemble", OTHER_SEED),
+    SPIKES: ("spikes", SCORING_SEED),
+    AGAIN: ("spikes", OTHER_SEED),
     POPULATION: ("population", POPULATION_SEED),
 }
 

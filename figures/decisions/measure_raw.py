@@ -83,16 +83,16 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
                 yield Piece("decisions", f"{name}, every 500 ms", SLOW_TRIALS, seconds, slow)
         if kind.name != SLOW:
             few = COARSE_SPIKING if fast else SPIKING_TRIALS
-            make = partial(decisions, kind, "ensemble", False, few, workers)
+            make = partial(decisions, kind, "spikes", False, few, workers)
             seconds = kind.seconds * few / 100 * SLOWER
-            yield Piece("decisions", f"{kind.name}, ensemble", few, seconds, make)
+            yield Piece("decisions", f"{kind.name}, spikes", few, seconds, make)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return a row per evidence, its form, engine and accuracy; and rows of the decoder."""
     rows = made["decisions"]
     rows = rows[rows["accuracy"].notna()]
-    spiking = rows[(rows["engine"] == "ensemble") & (rows["reference"] == MSPRT_AT_GAIN)]
+    spiking = rows[(rows["engine"] == "spikes") & (rows["reference"] == MSPRT_AT_GAIN)]
     spiking = spiking[spiking["measure"].isin(BESIDE)]
     named = spiking["measure"].where(spiking["model"] == CIRCUIT, "decoder_" + spiking["measure"])
     rows = rows[rows["model"] == CIRCUIT]

@@ -26,7 +26,7 @@ from figures.common import Settings, bars, key, letter, where
 COLOURS = {2: "C0", 4: "C1"}
 EARLY = 0.02
 """Share of responses before the first reading above which decisions are attributed to noise."""
-ENGINES = (("rate", "o", "rates"), ("population", "d", "with noise"), ("ensemble", "s", "spikes"))
+ENGINES = (("rate", "o", "rates"), ("population", "d", "with noise"), ("spikes", "s", "spikes"))
 
 
 def compute(settings: Settings, *, output: Path) -> None:

@@ -21,7 +21,7 @@ from figures.pieces import Made, Piece, Score, main
 
 SCORING_SEED = 40_007
 TRIALS, COARSE_TRIALS, COARSE_EVERY = 2000, 200, 2
-SECONDS = {"rate": 0.1, "population": 0.1, "ensemble": 0.2}
+SECONDS = {"rate": 0.1, "population": 0.1, "spikes": 0.2}
 """CPU time of a trial at all levels, about, per alternative."""
 ASKED = (0.75, 0.99)
 """Posteriors that dopamine should span."""

@@ -67,7 +67,7 @@ def compute(settings: Settings, spikes: Path, *, output: Path) -> None:
         one = replace(experiment, task=experiment.task.changed(trials=trials))
         by_engine = {
             "population": one.run().measures.assign(trials=trials),
-            "ensemble": where(in_spikes, file=file).drop(columns="file"),
+            "spikes": where(in_spikes, file=file).drop(columns="file"),
         }
         source = one.source.rsplit(", ", 1)[0].removeprefix("derived from ")
         about = {"file": file, "name": one.name, "by": source, "seed": one.seed}

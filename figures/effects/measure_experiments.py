@@ -40,7 +40,7 @@ def predictions(experiment: Experiment, workers: int) -> pd.DataFrame:
 
 def in_spikes(name: str, experiment: Experiment, workers: int) -> pd.DataFrame:
     """Return every measure of an experiment in spikes."""
-    measures = replace(experiment, engine="ensemble").run(workers=workers).measures
+    measures = replace(experiment, engine="spikes").run(workers=workers).measures
     return measures.assign(file=name, trials=experiment.task.trials)
 
 

@@ -28,7 +28,7 @@ from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.source import source
 from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.engines import Engine, Ensemble, Population, Rate
+from circuits.engines import Engine, Population, Rate, Spikes
 from figures.common import BRIEF_MS, COLOUR, Settings, key, letter
 
 STEP_MS = 50.0
@@ -60,7 +60,7 @@ def population(settings: Settings, taps: Path, *, output: Path) -> None:
 
 def spikes(settings: Settings, taps: Path, learned: Path, *, output: Path) -> None:
     """Score the levels learned by populations in spikes, on fresh evidence."""
-    model = _model(settings, Ensemble(settle_ms=BRIEF_MS))
+    model = _model(settings, Spikes(settle_ms=BRIEF_MS))
     model = replace(model, seed=settings.seed + 1)
     parts = []
     period: Any

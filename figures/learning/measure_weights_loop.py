@@ -19,7 +19,7 @@ from bgmodel.learning.weights import learn_weights_in_circuit
 from bgmodel.tactile.source import Tactile, held_out_taps
 from bgmodel.tactile.task import Orientation, SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.engines import Ensemble, Population
+from circuits.engines import Population, Spikes
 from circuits.engines.engine import Engine
 from figures.learning.tasks import ACCURACY, SCORING_SEED, mean_se
 from figures.pieces import Made, Piece, Score, main
@@ -44,7 +44,7 @@ class Taught:
 LOOPS = (
     Taught("2 mm, populations", SameDifferent(2.0), Population(), 16, 1500, 200),
     Taught("4 orientations, populations", Orientation(4, 2.0), Population(), 16, 2000, 500),
-    Taught("2 mm, spikes", SameDifferent(2.0), Ensemble(), 1, 1500, 900),
+    Taught("2 mm, spikes", SameDifferent(2.0), Spikes(), 1, 1500, 900),
 )
 
 

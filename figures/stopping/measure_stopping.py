@@ -167,8 +167,7 @@ def _of_observer(trials: int, fewer: int) -> Iterator[Piece]:
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return each kind as a table of the pages."""
-    engines = {"spikes": "ensemble"}
-    return {kind: (kind, table.replace({"engine": engines})) for kind, table in made.items()}
+    return {kind: (kind, table) for kind, table in made.items()}
 
 
 SCORE = Score("stopping", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)

@@ -16,7 +16,7 @@ from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.stopping.inputs import StopSignal, receiving, with_stop
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.engines import Ensemble
+from circuits.engines import Spikes
 from circuits.errors import EditWarning
 
 SCORING_SEED = 87_001
@@ -24,7 +24,7 @@ POSTERIOR = 0.82
 """Criterion of the circuit, at its own gain."""
 D_PRIME, STEP_MS, STEPS = 0.35, 10.0, 150
 """Evidence: d' of one reading, the time between readings, and the readings of a trial."""
-ENGINES: dict[str, Any] = {"population": "population", "spikes": Ensemble(workers=1)}
+ENGINES: dict[str, Any] = {"population": "population", "spikes": Spikes(workers=1)}
 
 
 def evidence_of(name: str, trials: int, channels: int = 2, **more: Any) -> Evidence:

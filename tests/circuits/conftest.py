@@ -4,7 +4,7 @@ import pytest
 
 from circuits import anatomy
 from circuits.cells import CELLS
-from circuits.engines.ensemble import cells as compiled_cells
+from circuits.engines.spikes import cells as compiled_cells
 
 
 @pytest.fixture(autouse=True)

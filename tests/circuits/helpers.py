@@ -47,8 +47,8 @@ def run_algebra(circuit, drive, step_ms=1.0, **options):
     return run(circuit, drive, engine="algebra", step_ms=step_ms, **options)
 
 
-run_rate, run_ensemble, run_brian2, run_plain = (
-    partial(run, engine=name) for name in ("rate", "ensemble", "brian2", "plain")
+run_rate, run_spikes, run_brian2, run_plain = (
+    partial(run, engine=name) for name in ("rate", "spikes", "brian2", "plain")
 )
 
 

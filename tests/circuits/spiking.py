@@ -9,7 +9,7 @@ from circuits import anatomy
 from circuits.cells import AdEx
 from circuits.engines import run
 
-SPIKING = ("ensemble", "brian2", "plain")
+SPIKING = ("spikes", "brian2", "plain")
 NAMES = ("ctx", "D1", "STN", "GPe", "SNr")
 BASE = anatomy.spiking_msprt(2).with_neurons(40)
 # Brette & Gerstner 2005, table 1, over a leak of 30 nS; current and noise so that it fires as GPe.
@@ -54,7 +54,7 @@ def spikes_of(circuit, engine, names=NAMES):
 WITH_ADEX = with_cell(BASE, "GPe", ADEX)
 
 
-def lacking(engine="ensemble", **options):
+def lacking(engine="spikes", **options):
     def call(circuit):
         options_of_engine = GIVEN if engine in SPIKING else {"step_ms": 40.0}
         return run(circuit, DRIVE[:, :1], engine=engine, **options_of_engine | options)

@@ -15,7 +15,7 @@ from circuits.circuit import Circuit
 from circuits.declaration.rows import Population
 from circuits.engines import run
 from circuits.errors import RangeWarning
-from tests.circuits.helpers import CLOSE, REFERENCE, evidence, run_algebra, run_ensemble, run_rate
+from tests.circuits.helpers import CLOSE, REFERENCE, evidence, run_algebra, run_rate, run_spikes
 from tests.helpers import refused, unwarned
 
 
@@ -48,7 +48,7 @@ def test_independent_spikes_have_twice_their_rate_over_their_number():
     row = Population("source", Phase(1.0), hz, 1.0, neurons=cells)
     alone = Circuit("alone", (row,), (), 2, input="source", readout="source")
     alone = replace(alone, reference_nats=np.log(2))
-    recorded = run_ensemble(alone, np.zeros((20, 4, 2)), step_ms=1000, seed=71)
+    recorded = run_spikes(alone, np.zeros((20, 4, 2)), step_ms=1000, seed=71)
     frequency, power = recorded.spectrum("source", from_ms=500)
     assert frequency[1] == 1  # Hz: a segment is a second unless told otherwise
     inside = (frequency > 5) & (frequency < 480)

@@ -16,8 +16,8 @@ from bgmodel.fitting.simulated import crossings
 from bgmodel.tactile import library
 from circuits.compiled_code import compile_cached, sources_hash
 from circuits.engines import compiling
-from circuits.engines.ensemble import kernel
 from circuits.engines.population import kernel as population
+from circuits.engines.spikes import kernel
 from tests.helpers import ROOT
 
 DECIDES = """

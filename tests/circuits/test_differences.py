@@ -36,4 +36,4 @@ def test_the_edits_that_are_found_do_what_was_done(lines):
 )
 def test_rates_feel_times_and_lesions_and_spikes_every_number(line):
     check_edits(Edits([line]), "rate")
-    check_edits(Edits([line, "set STN.cell.cv 0.1", "neurons 7", "connections 0.5"]), "ensemble")
+    check_edits(Edits([line, "set STN.cell.cv 0.1", "neurons 7", "connections 0.5"]), "spikes")

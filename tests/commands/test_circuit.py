@@ -97,11 +97,11 @@ def test_only_nwb_needs_its_library(refusal, tmp_path, monkeypatch):
     )
 
 
-@pytest.mark.parametrize("engine", ["ensemble", "algebra", "rate", "population"])
+@pytest.mark.parametrize("engine", ["spikes", "algebra", "rate", "population"])
 def test_run_writes_trials_and_rates_alike_for_any_number_of_workers(capsys, tmp_path, engine):
     table, rates = tmp_path / "d.csv", tmp_path / "r.csv"
     options = ["--task", "trials=6", "t_max=4", "--seed", 3, "--task", "channels=3"]
-    options += ["--edits", "neurons 30"] if engine == "ensemble" else []
+    options += ["--edits", "neurons 30"] if engine == "spikes" else []
     assert (
         run("circuit", "run", "--save", table, "--engine", engine, "--save-rates", rates, *options)
         == 0
@@ -118,7 +118,7 @@ def test_run_writes_trials_and_rates_alike_for_any_number_of_workers(capsys, tmp
 
 def test_run_writes_the_spikes_of_the_first_trials_and_rates_count_them(tmp_path):
     table, spikes, rates = (tmp_path / f"{name}.csv" for name in "dsr")
-    options = [*words("--task trials=3 t_max=2 --edits"), "neurons 30", "--engine", "ensemble"]
+    options = [*words("--task trials=3 t_max=2 --edits"), "neurons 30", "--engine", "spikes"]
     options += ["--spike-trials", 2]
     assert (
         run(
@@ -194,7 +194,7 @@ def test_an_exported_trial_is_that_of_the_same_condition_in_python(tmp_path):
 def test_a_file_of_chosen_trials_has_their_decisions_and_their_spikes(tmp_path, refusal):
     pynwb = pytest.importorskip("pynwb")
     table, spikes, recording = (tmp_path / name for name in ("d.csv", "s.csv", "r.nwb"))
-    options = words("--task trials=4 t_max=2 --engine ensemble --circuit spiking_msprt")
+    options = words("--task trials=4 t_max=2 --engine spikes --circuit spiking_msprt")
     options += ["--edits", "neurons 4", "--save-spikes", spikes, "--task", "step_ms=20"]
     chosen = ["--save-nwb", recording, "--nwb-trials", 3, 1]
     assert run("circuit", "run", "--save", table, *options, *chosen) == 0

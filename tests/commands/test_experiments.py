@@ -116,7 +116,7 @@ edits = ["scale ctx->STN 0.5"]
 """
 
 
-@pytest.mark.parametrize("engine", ["ensemble", "rate", "algebra"])
+@pytest.mark.parametrize("engine", ["spikes", "rate", "algebra"])
 def test_an_experiment_that_decides_nothing_does_not_agree(experiment_file, engine, capsys):
     """Half of ctx->STN ends every trial at once, at chance: mean_ms is down, and means nothing."""
     head, rest = GOOD.replace("algebra", engine).split("[task]")
@@ -130,7 +130,7 @@ def test_an_experiment_that_decides_nothing_does_not_agree(experiment_file, engi
     assert list(verdicts) == [WITHOUT]
 
 
-@pytest.mark.parametrize("engine", ["ensemble", "rate", "algebra"])
+@pytest.mark.parametrize("engine", ["spikes", "rate", "algebra"])
 def test_a_control_that_decides_nothing_is_refused(experiment_file, engine, refusal):
     both = HALVED.replace('0.5"', '0.5", "lesion D2 10%"')
     both += '[control]\nedits = ["scale ctx->STN 0.5"]\n'
@@ -255,7 +255,7 @@ def test_another_engine_than_the_files_is_used_and_kept(experiment_file, tmp_pat
 def test_the_same_bytes_for_any_number_of_workers_and_any_batch(
     experiment_file, tmp_path, monkeypatch
 ):
-    spiking = GOOD.replace("algebra", "ensemble").replace("t_max = 40", "t_max = 9\nd_prime = 2.0")
+    spiking = GOOD.replace("algebra", "spikes").replace("t_max = 40", "t_max = 9\nd_prime = 2.0")
     cells = '[control]\nedits = ["neurons 40"]\n[manipulation]\nedits = ["neurons 40", '
     spiking = spiking.replace("[manipulation]\nedits = [", cells)
     experiment_file.write_text(spiking)

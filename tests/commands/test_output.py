@@ -145,7 +145,7 @@ def test_compiling_is_announced_by_engines_that_compile_and_once_they_do(capsys,
     later = []
     monkeypatch.setattr("bgmodel.support.compiling.on_compiling", later.append)
     evidence = some_evidence(trials=2, hypotheses=2, baseline=0.0)
-    for engine, compiles in (("ensemble", True), ("algebra", False)):
+    for engine, compiles in (("spikes", True), ("algebra", False)):
         later.clear()
         say_before("trying", BasalGanglia(load_circuit("macaque"), engine, 0.5), evidence)
         assert "compiling" not in capsys.readouterr().err

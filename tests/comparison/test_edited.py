@@ -25,7 +25,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import BASELINES
 from bgmodel.simulated_evidence import separated_evidence
 from circuits.anatomy import load_circuit
-from circuits.engines import Ensemble, engine_of
+from circuits.engines import Spikes, engine_of
 from circuits.errors import EditWarning, RangeWarning
 from circuits.laws.controls import shuffled_stn
 
@@ -34,7 +34,7 @@ TABLE = load_circuit("spiking_msprt", 4)
 EVIDENCE = separated_evidence(
     120, 30, 1 / np.sqrt(2), rng=stream(SEED, "study"), hypotheses=4, step_ms=50.0
 )
-MODEL = BasalGanglia(TABLE, Ensemble(workers=2), GAIN, SEED)
+MODEL = BasalGanglia(TABLE, Spikes(workers=2), GAIN, SEED)
 POPULATIONS = replace(MODEL, engine=engine_of("population"))
 """For controls that must fail by far: with the noise of its cells, and faster."""
 
@@ -102,7 +102,7 @@ def test_dropping_decided_trials_changes_nothing(monkeypatch, edited, tau_ms, sh
     # Batches of 6: a trial that is run again has the noise of its place among all.
     monkeypatch.setattr(basal_ganglia, "BATCH", 6)
     dropped = decide_at_thresholds(model, EVIDENCE[:12], levels, decoder_tau_ms=tau_ms)
-    monkeypatch.setattr(Ensemble, "until", lambda engine, level_nats, rates: engine)
+    monkeypatch.setattr(Spikes, "until", lambda engine, level_nats, rates: engine)
     undropped = decide_at_thresholds(model, EVIDENCE[:12], levels, decoder_tau_ms=tau_ms)
     assert set(undropped) == {CIRCUIT} | ({DECODER} if tau_ms else set())
     for name, one in undropped.items():
@@ -201,7 +201,7 @@ def test_thresholds_of_a_circuit_lie_about_those_of_the_test_from_80_to_98_per_c
     [
         ("population", {}, True),
         ("population", {"noise": False}, False),
-        ("ensemble", {}, True),
+        ("spikes", {}, True),
         ("rate", {}, False),
         ("algebra", {}, False),
     ],

@@ -166,7 +166,7 @@ def test_foreperiods_have_noise_of_their_own(monkeypatch):
         return plain(model, drive, step_ms, first_trial)
 
     monkeypatch.setattr(BasalGanglia, "run_drive", run_drive)
-    model = BasalGanglia(anatomy.spiking_msprt(2).with_neurons(20), "ensemble", 0.5, 3)
+    model = BasalGanglia(anatomy.spiking_msprt(2).with_neurons(20), "spikes", 0.5, 3)
     evidence = separated_evidence(30, 2, 1.0, rng=stream(1, "foreperiod"), step_ms=50.0)
     behaviour_of(model, evidence, 0.3, 20.0)
     first, count = asked[-1][1], asked[-1][0]

@@ -19,7 +19,7 @@ from bgmodel.simulated_evidence import expecting, separated_evidence
 from bgmodel.trials.named import NamedEvidence, trial_table
 from circuits import anatomy
 from circuits.anatomy import load_circuit, macaque
-from circuits.engines import Algebra, Ensemble, Population, Rate, engine_of
+from circuits.engines import Algebra, Population, Rate, Spikes, engine_of
 from circuits.errors import CalibrationWarning, EditWarning, NoiseWarning, RangeWarning
 from tests.helpers import refused, unwarned
 
@@ -28,7 +28,7 @@ TABLE = load_circuit("spiking_msprt", 4)
 EVIDENCE = separated_evidence(
     120, 30, 1 / np.sqrt(2), rng=stream(SEED, "study"), hypotheses=4, step_ms=50.0
 )
-MODEL = BasalGanglia(TABLE, Ensemble(workers=2), GAIN, SEED)
+MODEL = BasalGanglia(TABLE, Spikes(workers=2), GAIN, SEED)
 
 
 def test_without_integrate_and_fire_cells_own_laws_are_the_lines():
@@ -109,7 +109,7 @@ def test_ties_of_a_circuit_are_those_of_the_test_in_any_batch(monkeypatch):
     assert set(ends_ms[1::2]) == {100.0}
 
 
-@pytest.mark.parametrize("engine", ["algebra", "rate", "ensemble"])
+@pytest.mark.parametrize("engine", ["algebra", "rate", "spikes"])
 def test_a_circuit_decides_a_short_trial_as_if_it_were_alone(engine):
     """Among longer ones each ends a step after its own last reading, decided, forced or not."""
     lengths = np.array([1, 2, 3, 5, 8, 8])
@@ -117,7 +117,7 @@ def test_a_circuit_decides_a_short_trial_as_if_it_were_alone(engine):
     values = drawn.log_likelihood * (np.arange(8) < lengths[:, None])[..., None]
     ragged = replace(drawn, log_likelihood=values, lengths=lengths)
     table = load_circuit("spiking_msprt", 2).with_neurons(40)
-    model = BasalGanglia(table, engine, 0.7, SEED if engine == "ensemble" else None)
+    model = BasalGanglia(table, engine, 0.7, SEED if engine == "spikes" else None)
     for threshold in (0.55, 0.1):
         together = first_crossing(model.run(ragged), threshold)
         for n, length in enumerate(lengths):
@@ -275,7 +275,7 @@ def test_decisions_against_the_evidence_are_warned_of_with_and_without_a_truth()
                 model.decide(given_truth, posterior=0.7)
 
 
-@pytest.mark.parametrize("engine", ["ensemble", "rate"])
+@pytest.mark.parametrize("engine", ["spikes", "rate"])
 def test_the_memory_of_a_run_is_told_in_gigabytes(engine):
     """As much as what it gives, and not many times that."""
     model = BasalGanglia(load_circuit("spiking_msprt"), engine, 0.5, 1)

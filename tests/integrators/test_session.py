@@ -56,7 +56,7 @@ def test_a_test_decides_as_it_does_with_all_readings(model):
 
 @pytest.mark.parametrize(
     ("circuit", "engine", "trials"),
-    [(CIRCUIT, "rate", 40), (CIRCUIT, "population", 60), (SMALL, "ensemble", 12)],
+    [(CIRCUIT, "rate", 40), (CIRCUIT, "population", 60), (SMALL, "spikes", 12)],
 )
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_a_circuit_decides_as_it_does_with_all_readings(circuit, engine, trials):

@@ -15,7 +15,7 @@ from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.tactile.source import held_out_taps, source
 from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import load_circuit
-from circuits.engines import Ensemble, Rate
+from circuits.engines import Rate, Spikes
 from circuits.laws.controls import linear_stn, shuffled_stn
 from tests.comparison.deadlines import Task, changed, compared
 
@@ -91,7 +91,7 @@ def test_a_circuit_without_what_computes_agrees_less():
     evidence = separated_evidence(
         1000, 40, 1 / np.sqrt(2), rng=stream(SCORING_SEED, "control"), hypotheses=4, step_ms=50.0
     )
-    model = BasalGanglia(table, Ensemble(workers=2), 0.5, SCORING_SEED)
+    model = BasalGanglia(table, Spikes(workers=2), 0.5, SCORING_SEED)
     edits = compare_edits(model, edited, evidence, seed=SCORING_SEED, accuracies=(0.95,))
     change = edits[edits["kind"] == "change"].set_index(["variant", "measure"])
     baseline = matched_measures(

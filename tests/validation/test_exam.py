@@ -12,7 +12,7 @@ from circuits.anatomy import macaque
 
 EXAM = Exam.shipped()
 MARKS = ["value", "se", "z"]
-ENGINES = ["population", "ensemble", "brian2"]
+ENGINES = ["population", "spikes", "brian2"]
 TRIALS, TRIALS_WITH_ERRORS = 30, 150
 """Trials from which rates are taken, and trials of which enough are errors."""
 FEW_CELLS = [f"set {row.name}.neurons 30" for row in macaque(2).populations if row.spiking]
@@ -49,7 +49,7 @@ def test_rates_of_cells_through_the_door_get_the_marks_of_the_circuit(engine, tm
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize("engine", ["population", "ensemble"])
+@pytest.mark.parametrize("engine", ["population", "spikes"])
 def test_trials_through_the_door_get_the_marks_of_the_circuit(engine, tmp_path, monkeypatch):
     monkeypatch.setattr(simulation, "FEWEST_TRIALS", TRIALS_WITH_ERRORS)
     exam = EXAM.only(["conflict"])

@@ -7,7 +7,7 @@ from bgmodel.integrators.basal_ganglia import drive_of
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.seeds import stream
 from circuits import anatomy
-from tests.circuits.helpers import run_ensemble
+from tests.circuits.helpers import run_spikes
 from tests.integrators.helpers import shifts
 
 pytestmark = pytest.mark.validate
@@ -28,7 +28,7 @@ def test_half_the_tick_changes_mean_out_by_less_than_its_standard_error(channels
     drive = drive_of(evidence(trials, channels), GAIN)
     settings = {"step_ms": STEP_MS, "settle_ms": SETTLE_MS, "workers": 2, "rates": False}
     means = [
-        run_ensemble(circuit, drive, seed=5, dt_ms=dt, **settings).output_nats.mean(axis=1)
+        run_spikes(circuit, drive, seed=5, dt_ms=dt, **settings).output_nats.mean(axis=1)
         for dt in (0.1, 0.05)
     ]
     change = (means[1] - means[0]).mean(axis=0)

@@ -49,7 +49,7 @@ def test_the_closed_form_is_what_spikes_do(channels, amount, duration, least):
     """
     signal = StopSignal(amount_nats=amount, duration_ms=duration)
     ssd_ms = {2: 300, 4: 800}[channels]
-    full, same = outcomes(channels, "ensemble", signal, ssd_ms, 2000, seed=81_001)
+    full, same = outcomes(channels, "spikes", signal, ssd_ms, 2000, seed=81_001)
     assert full.p_respond > 0.2
     assert same >= least, f"{same:.4f}"
 

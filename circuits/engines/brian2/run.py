@@ -7,7 +7,7 @@ serves the whole block (a shared input) in place of N^2 synapses; if connections
 ``explicit``, every cell has a separate unit (an own input) that receives spikes through Brian2's
 synapses and delays.
 
-The spikes are those of the ensemble engine: cells are single precision in both, and sums over
+Cells fire as in the spikes engine: they are single precision in both, and sums over
 populations are taken in the same order. Only the exponentials of two libraries may round
 differently; the resulting rates are rounded to single precision, nearly always to the same number.
 """

@@ -21,7 +21,7 @@ import numpy as np
 
 from circuits.declaration.transfer import MOST_NATS
 from circuits.engines.compiling import compiled, part
-from circuits.engines.ensemble.lanes import (
+from circuits.engines.spikes.lanes import (
     exp32,
     fused,
     lowbias32,

@@ -82,7 +82,7 @@ def _check(wiring: Wiring) -> None:
     for p in wiring.circuit.projections:
         if wiring.circuit.is_sparse(p):
             message = "the population engine assumes that all cells of a channel share their input"
-            connects = f"{p.name} connects {p.probability:.0%}: use ensemble"
+            connects = f"{p.name} connects {p.probability:.0%}: use spikes"
             raise InputError(f"{message}, but {connects}", "probability")
 
 

@@ -25,7 +25,7 @@ def mean_hz(circuit, inputs_hz, seeds=2):
     means = []
     for seed in range(seeds):
         wired = replace(circuit, wiring_seed=seed)
-        activity = run(wired, drive, engine="ensemble", step_ms=100, seed=seed)
+        activity = run(wired, drive, engine="spikes", step_ms=100, seed=seed)
         means.append({n: hz[:, 300:].mean(axis=(0, 1)) for n, hz in activity.rates_hz.items()})
     return {name: np.array([one[name] for one in means]) for name in means[0]}
 

@@ -24,7 +24,7 @@ def settled(engine, saliences, **options):
     return activity.output_nats[:, 100:].mean(axis=1)
 
 
-@pytest.mark.parametrize("engine", ["rate", "ensemble"])
+@pytest.mark.parametrize("engine", ["rate", "spikes"])
 def test_outputs_lie_within_the_bounds_of_nengos_own_test(engine):
     out = -3 * settled(engine, OF_NENGO)
     assert (out[:, 0] > -0.1).all()
@@ -42,6 +42,6 @@ def test_outputs_settle_where_those_of_gpr_do(saliences, level):
 
 def test_spikes_scatter_about_the_closed_form():
     expected = settled("rate", OF_NENGO)[0]
-    spiking = settled("ensemble", OF_NENGO)
+    spiking = settled("spikes", OF_NENGO)
     np.testing.assert_allclose(spiking.mean(axis=0), expected, atol=0.01)
     assert (spiking.std(axis=0) < 0.02).all()

@@ -130,11 +130,11 @@ def test_a_bare_number_in_a_tick_is_refused(engine):
 
 def test_a_type_whose_tick_was_replaced_is_compiled_anew():
     circuit = fitting()
-    before = spikes_of(circuit, "ensemble")
+    before = spikes_of(circuit, "spikes")
 
     def silent(heard, ones, phi, noise_step, factor):
         return phi > phi, phi
 
     type(circuit.population("STN").cell).tick = staticmethod(silent)
-    assert not any(s[0] == "STN" for s in spikes_of(circuit, "ensemble"))
+    assert not any(s[0] == "STN" for s in spikes_of(circuit, "spikes"))
     assert any(s[0] == "STN" for s in before)

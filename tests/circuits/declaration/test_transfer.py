@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from circuits.declaration.transfer import TRANSFERS, named
-from circuits.engines.ensemble import kernel as ensemble
 from circuits.engines.population import kernel as population
+from circuits.engines.spikes import kernel as spikes
 from tests.circuits.helpers import call
 
 X = np.array([-70.0, -3.2, -0.4, 0.3, 0.7, 1.3, 4.9, 5.4, 5.6, 8.0])
@@ -59,9 +59,9 @@ def test_an_activity_that_no_input_has_has_no_inverse(name, activity, x):
     np.testing.assert_allclose(named(name).inverse(np.array(activity)), x)
 
 
-@pytest.mark.parametrize("name", ensemble.TRANSFERS)
-def test_the_ensemble_kernel_has_the_same_transfers(name):
-    outputs = [ensemble._law(ensemble.TRANSFERS[name], x) for x in X]
+@pytest.mark.parametrize("name", spikes.TRANSFERS)
+def test_the_spikes_kernel_has_the_same_transfers(name):
+    outputs = [spikes._law(spikes.TRANSFERS[name], x) for x in X]
     np.testing.assert_allclose(outputs, named(name)(X), rtol=1e-15)
 
 

@@ -231,7 +231,7 @@ def test_a_window_on_all_channels_is_the_sum_of_those_on_each(windows, dopamine)
     np.testing.assert_array_equal(one.factors[one.of_unit], two.factors[two.of_unit])
 
 
-@pytest.mark.parametrize("engine", ["rate", "population", "ensemble", "plain"])
+@pytest.mark.parametrize("engine", ["rate", "population", "spikes", "plain"])
 def test_a_window_on_one_channel_is_that_channel_s_own_input_in_every_trial(engine):
     table = TABLES["macaque"].with_neurons(20)
     options = {"engine": engine, "step_ms": 5.0, "settle_ms": 5.0, "seed": 4}

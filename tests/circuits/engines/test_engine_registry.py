@@ -11,10 +11,10 @@ from circuits.engines import (
     ENGINES,
     Algebra,
     Engine,
-    Ensemble,
     Plain,
     Population,
     Rate,
+    Spikes,
     engine_of,
     register,
 )
@@ -53,10 +53,10 @@ def test_an_option_that_there_is_not_is_refused(name):
         (Population, "noise", ["no", 1]),
         (Rate, "dt_ms", ["a", 0, -1, float("nan")]),
         (Plain, "sample_ms", ["a", 0, None]),
-        (Ensemble, "settle_ms", [-1, float("inf")]),
-        (Ensemble, "workers", [0, 1.5, "2", True]),
-        (Ensemble, "drop_below", ["a", float("nan")]),
-        (Ensemble, "rates", ["no"]),
+        (Spikes, "settle_ms", [-1, float("inf")]),
+        (Spikes, "workers", [0, 1.5, "2", True]),
+        (Spikes, "drop_below", ["a", float("nan")]),
+        (Spikes, "rates", ["no"]),
         (Plain, "spikes", [(1,), 3]),
     ],
 )
@@ -122,8 +122,8 @@ def test_engines_without_an_option_return_themselves():
 
 def test_noise_at_rest_is_measured_by_what_is_compiled():
     times = {"dt_ms": 0.05, "settle_ms": 100.0}
-    for kind in ("plain", "brian2", "ensemble"):
+    for kind in ("plain", "brian2", "spikes"):
         asked = engine_of(kind, **times, spikes=("STN",)).at_rest()
-        assert asked == Ensemble(**times, rates=False)
+        assert asked == Spikes(**times, rates=False)
     asked = Population(**times, sample_ms=5.0, drop_below=0.3, workers=2).at_rest()
     assert asked == Population(**times, rates=False, workers=2)

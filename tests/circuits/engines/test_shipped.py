@@ -7,8 +7,8 @@ from circuits import anatomy
 from circuits.dynamics.ticks import Clock
 from circuits.dynamics.wiring import wire
 from circuits.engines import engine_of, run
-from circuits.engines.ensemble.plan import plan, workspace
 from circuits.engines.memory import blocks, cells
+from circuits.engines.spikes.plan import plan, workspace
 
 TABLE = anatomy.spiking_msprt()
 
@@ -29,14 +29,14 @@ def test_memory_of_engines_without_cells_is_that_of_what_they_return(name):
 def test_memory_of_cells_is_that_of_what_each_thread_or_trial_works_in():
     of = {
         (name, workers): engine_of(name).tuned(workers=workers).memory_bytes(TABLE, 10, 50)
-        for name in ("ensemble", "brian2", "plain")
+        for name in ("spikes", "brian2", "plain")
         for workers in (1, 2)
     }
     kept = 10 * 50 * (8 * TABLE.channels + 4 * blocks(TABLE))
-    each = (of["ensemble", 1] - kept) / cells(TABLE)
+    each = (of["spikes", 1] - kept) / cells(TABLE)
     wiring = wire(TABLE)
     work = workspace(plan(wiring, Clock(1, 50), np.zeros(wiring.blocks, bool)))
     assert sum(part.nbytes for part in work) / cells(TABLE) == pytest.approx(each, rel=0.2)
-    assert of["ensemble", 2] - of["ensemble", 1] == each * cells(TABLE)
+    assert of["spikes", 2] - of["spikes", 1] == each * cells(TABLE)
     assert of["brian2", 2] - kept == pytest.approx(10 * 2.5 * each * cells(TABLE))
     assert of["plain", 1] - kept == pytest.approx(2.5 * each * cells(TABLE))

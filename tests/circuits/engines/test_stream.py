@@ -37,7 +37,7 @@ STREAMED = [
         name,
         marks=[pytest.mark.validate] * (name == "course" and engine in ("rate", "population")),
     )
-    for engine in ("rate", "population", "ensemble", "plain")
+    for engine in ("rate", "population", "spikes", "plain")
     for name in TABLES
 ]
 
@@ -61,7 +61,7 @@ def test_readings_one_by_one_give_the_bytes_of_all_at_once(engine, name):
         assert np.array_equal(stream.time_ms, activity.time_ms)
 
 
-@pytest.mark.parametrize("engine", ["rate", "population", "ensemble"])
+@pytest.mark.parametrize("engine", ["rate", "population", "spikes"])
 @given(st.integers(1, STEPS - 1), st.integers(0, 2**16))
 @settings(max_examples=10, deadline=None)
 def test_later_readings_change_nothing_of_what_was_before(engine, step, seed):

@@ -30,7 +30,7 @@ def test_shared_noise_has_the_size_that_was_asked():
     silence = np.zeros((40, 10, 4))
     sd = []
     for table in (TABLE, noisy):
-        y = BasalGanglia(table, "ensemble", seed=SEED).run_drive(silence, 50.0).decoded_nats("ctx")
+        y = BasalGanglia(table, "spikes", seed=SEED).run_drive(silence, 50.0).decoded_nats("ctx")
         # Over 20 ms, the time of the shared noise.
         sd.append(y.reshape(40, 25, 20, 4).mean(axis=2).std())
     assert np.sqrt(sd[1] ** 2 - sd[0] ** 2) == pytest.approx(

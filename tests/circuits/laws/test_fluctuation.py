@@ -19,7 +19,7 @@ from circuits.laws.fluctuation import (
     rate_spectrum,
     swept,
 )
-from tests.circuits.helpers import creeping, run_algebra, run_ensemble, state
+from tests.circuits.helpers import creeping, run_algebra, run_spikes, state
 
 TABLE = anatomy.spiking_msprt()
 
@@ -78,7 +78,7 @@ def test_the_noise_of_few_cells_is_in_the_fixed_point():
     # So many that the error of the mean is a fortieth of what is computed.
     drive = np.zeros((200, 1, 2))
     drive[:, 0] = 1.0, -1.0
-    spikes = run_ensemble(table, drive, step_ms=4000, seed=73, rates=False, sample_ms=5.0)
+    spikes = run_spikes(table, drive, step_ms=4000, seed=73, rates=False, sample_ms=5.0)
     measured = spikes.output_nats[:, 200:, 0].mean(axis=1)
     error = measured.std(ddof=1) / np.sqrt(len(measured))
     cells, finite = (
@@ -129,7 +129,7 @@ MANY = TABLE.with_neurons(1000)
 @pytest.fixture(scope="module")
 def at_rest():
     """Return 1 000 cells at rest: of 300, D1 near silence bends too much for small noise."""
-    return run_ensemble(MANY, np.zeros((10, 3, 2)), step_ms=1000, seed=72)
+    return run_spikes(MANY, np.zeros((10, 3, 2)), step_ms=1000, seed=72)
 
 
 @pytest.mark.parametrize("name", ["ctx", "D1", "STN", "GPe", "SNr"])
@@ -147,7 +147,7 @@ def test_beta_of_cells_that_differ_is_what_spikes_show(level):
     """The macaque's, in which every cell has a different rate, from 13 to 30 Hz."""
     table = anatomy.macaque().dopamine(level)
     assert table.population("STN").heterogeneity
-    activity = run_ensemble(table, np.zeros((20, 3, 2)), step_ms=1000, seed=75)
+    activity = run_spikes(table, np.zeros((20, 3, 2)), step_ms=1000, seed=75)
     for name in ("ctx", "STN", "GPe", "SNr"):
         frequency, power = activity.spectrum(name, from_ms=1000, segment_ms=500)
         band = (frequency >= 13) & (frequency <= 30)
@@ -177,7 +177,7 @@ def test_out_scatters_as_computed(edit):
     drive = np.array([0.85, -0.85])
     held = np.tile(drive, (30, 1, 1))
     settings = {"step_ms": 5000, "seed": 74, "rates": False, "sample_ms": 5.0}
-    out = run_ensemble(table, held, **settings).output_nats[:, 200:, 0]
+    out = run_spikes(table, held, **settings).output_nats[:, 200:, 0]
     measured = out.reshape(30, -1, 10).mean(axis=2)[:, ::2].std()
     whose = out_variance(table, drive, mean_ms=50)
     law = np.sqrt(sum(part[0] for part in whose.values()))

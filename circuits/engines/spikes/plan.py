@@ -15,8 +15,8 @@ from circuits.dynamics.ticks import Clock, Scheme, Timed, cell_factors, rows, sp
 from circuits.dynamics.wiring import Wiring, fan_in
 from circuits.engines.compiling import edges
 from circuits.engines.compiling import records as filled
-from circuits.engines.ensemble import kernel, lanes, records
-from circuits.engines.ensemble.cells import GENERAL, Entry, entry
+from circuits.engines.spikes import kernel, lanes, records
+from circuits.engines.spikes.cells import GENERAL, Entry, entry
 from circuits.errors import InputError
 
 
@@ -205,7 +205,7 @@ def _added(places: _Places) -> tuple[npt.NDArray[np.intp], Array]:
 
 def _law(name: str) -> int:
     if name not in kernel.TRANSFERS:
-        message = f"the ensemble engine knows the transfers {', '.join(kernel.TRANSFERS)}"
+        message = f"the spikes engine knows the transfers {', '.join(kernel.TRANSFERS)}"
         raise InputError(f"{message}, not {name!r}: use brian2 or plain", "transfer")
     return kernel.TRANSFERS[name]
 

@@ -22,7 +22,7 @@ from circuits.cells import Cell, Lif, Phase, single
 from circuits.cells.cell import constant_names
 from circuits.dynamics.ticks import ALL_ALIKE
 from circuits.engines.compiling import OPTIONS
-from circuits.engines.ensemble import kernel, lanes
+from circuits.engines.spikes import kernel, lanes
 
 
 @overload(single.single, strict=False)

@@ -36,7 +36,7 @@ def out_of(circuit: Circuit, saliences: npt.ArrayLike, seeds: int) -> Array:
     outputs = []
     for seed in range(seeds):
         wired = replace(circuit, wiring_seed=seed)
-        settings = {"engine": "ensemble", "step_ms": STEP_MS, "seed": SCORING_SEED + seed}
+        settings = {"engine": "spikes", "step_ms": STEP_MS, "seed": SCORING_SEED + seed}
         outputs.append(run(wired, drive, **settings).output_nats[:, SETTLED_MS:].mean(axis=(0, 1)))
     return np.array(outputs)
 
@@ -54,7 +54,7 @@ def humphries(seeds: int) -> Iterator[dict[str, Any]]:
     rates: dict[str, list[float]] = {"GPe": [], "SNr": [], "STN": []}
     for seed in range(seeds):
         wired = replace(circuit, wiring_seed=seed)
-        activity = run(wired, rest, engine="ensemble", step_ms=STEP_MS, seed=SCORING_SEED + seed)
+        activity = run(wired, rest, engine="spikes", step_ms=STEP_MS, seed=SCORING_SEED + seed)
         for name, values in rates.items():
             values.append(activity.rates_hz[name][:, SETTLED_MS:].mean())
     for name, printed in (("GPe", "30"), ("SNr", "30"), ("STN", "12")):
@@ -84,7 +84,7 @@ def stewart(seeds: int) -> Iterator[dict[str, Any]]:
     late = []
     for seed in range(seeds):
         settings = {
-            "engine": "ensemble",
+            "engine": "spikes",
             "step_ms": 0.5,
             "sample_ms": 0.5,
             "seed": SCORING_SEED + seed,

@@ -1,4 +1,4 @@
-"""Fast loops of the ensemble engine over cells.
+"""Fast loops of the spikes engine over cells.
 
 Trials run one at a time; the compiler turns a loop over neighbouring cells into vector
 instructions. A word of noise serves four ticks, and a cell advances through all four while its

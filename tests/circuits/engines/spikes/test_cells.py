@@ -6,7 +6,7 @@ import pytest
 
 from circuits.cells import Lif, Phase, Rate, register
 from circuits.declaration.transfer import TRANSFERS
-from circuits.engines.ensemble import cells as compiled_cells
+from circuits.engines.spikes import cells as compiled_cells
 from tests.circuits.spiking import (
     BASE,
     GIVEN,
@@ -41,17 +41,17 @@ def test_loops_of_their_own_give_the_spikes_of_the_tick_as_it_stands(heterogenei
     twin = registered(circuit)
     assert compiled_cells.entry(twin.population("GPe").cell) is compiled_cells.GENERAL
     assert compiled_cells.entry(circuit.population("GPe").cell) is not compiled_cells.GENERAL
-    assert spikes_of(circuit, "ensemble") == spikes_of(twin, "ensemble")
+    assert spikes_of(circuit, "spikes") == spikes_of(twin, "spikes")
 
 
 def test_types_of_ones_own_with_sparse_connections_spike_as_in_the_plain_engine():
     twin = registered(BASE.with_connections(0.25).with_heterogeneity(0.1))
-    fast, plain = spikes_of(twin, "ensemble"), spikes_of(twin, "plain")
+    fast, plain = spikes_of(twin, "spikes"), spikes_of(twin, "plain")
     assert len(fast ^ plain) <= 0.03 * len(plain)
 
 
 def test_a_transfer_that_an_engine_does_not_know_is_refused_by_it(monkeypatch):
     monkeypatch.setitem(TRANSFERS, "square", TRANSFERS["rectified"])
     circuit = BASE.with_population("ctx", transfer="square")
-    one_sentence(lambda: lacking("ensemble")(circuit), "transfers", "square", "brian2")
+    one_sentence(lambda: lacking("spikes")(circuit), "transfers", "square", "brian2")
     assert lacking("plain")(circuit).output_nats.shape == (2, round(GIVEN["step_ms"]), 2)

@@ -1,4 +1,4 @@
-"""One trial of the ensemble engine: the tick scheme of ``circuits.dynamics.ticks``, compiled.
+"""One trial of the spikes engine: the tick scheme of ``circuits.dynamics.ticks``, compiled.
 
 Input within the next ticks, up to the shortest delay, is known in advance, so each block in turn is
 advanced through such a window of ticks, and then the read-out. This does not change the results.
@@ -18,13 +18,13 @@ import numpy as np
 from circuits.declaration.transfer import EXP_MOST, MOST_NATS
 from circuits.dynamics import noise
 from circuits.engines.compiling import compiled, part
-from circuits.engines.ensemble import lanes
+from circuits.engines.spikes import lanes
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
     from circuits.arrays import Array
-    from circuits.engines.ensemble.records import Plan, Work
+    from circuits.engines.spikes.records import Plan, Work
 
 RATE, LIF, PHASE, GENERAL = range(4)
 """Kinds of loops over cells: none, those of two types, or one compiled from a type's tick."""

@@ -1,4 +1,4 @@
-"""The ensemble engine: thousands of spiking trials, compiled from the same table.
+"""The spikes engine: thousands of spiking trials, compiled from the same table.
 
 The scheme is that of ``circuits.dynamics.ticks``, the noise that of ``circuits.dynamics.noise``.
 The spikes are those of the plain and the Brian2 engine, except with sparse connections: inputs are
@@ -20,14 +20,14 @@ from circuits.arrays import Array
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
-from circuits.engines.ensemble import kernel
-from circuits.engines.ensemble.plan import plan, workspace
-from circuits.engines.ensemble.records import Plan
+from circuits.engines.spikes import kernel
+from circuits.engines.spikes.plan import plan, workspace
+from circuits.engines.spikes.records import Plan
 from circuits.engines.stream import Onward, Stream
 from circuits.errors import InputError
 
 if TYPE_CHECKING:
-    from circuits.engines.shipped import Ensemble
+    from circuits.engines.shipped import Spikes
 
 TRIALS_A_TASK = 8
 FIRST_CAPACITY = 4096
@@ -35,7 +35,7 @@ FIRST_CAPACITY = 4096
 
 
 def run(
-    circuit: CircuitTable, drive: Array, engine: Ensemble, step_ms: float, seed: int, first: int
+    circuit: CircuitTable, drive: Array, engine: Spikes, step_ms: float, seed: int, first: int
 ) -> Activity:
     """Run a circuit of spiking cells on many trials; the arguments are those of ``Engine.run``."""
     warn_beyond_range(circuit, drive)
@@ -60,7 +60,7 @@ def run(
 
 
 def stream(
-    circuit: CircuitTable, engine: Ensemble, *, step_ms: float, steps: int, seed: int, trial: int
+    circuit: CircuitTable, engine: Spikes, *, step_ms: float, steps: int, seed: int, trial: int
 ) -> Stream:
     """Begin a trial of spiking cells; the arguments are those of ``Engine.stream``.
 
@@ -86,7 +86,7 @@ def stream(
     return Stream(circuit, clock, begin)
 
 
-def _trials(p: Plan, arrays: tuple[Any, ...], engine: Ensemble) -> list[npt.NDArray[np.int32]]:
+def _trials(p: Plan, arrays: tuple[Any, ...], engine: Spikes) -> list[npt.NDArray[np.int32]]:
     """Run all trials, a few per task; return the spikes of each.
 
     ``arrays`` are drive, keys of noise, OUT and rates, one row per trial; the last two are written.

@@ -6,10 +6,10 @@ import pytest
 
 from circuits import anatomy
 from circuits.declaration.rows import Projection
-from circuits.engines.ensemble import kernel
-from circuits.engines.ensemble import run as ensemble
+from circuits.engines.spikes import kernel
+from circuits.engines.spikes import run as spikes
 from circuits.errors import EditWarning
-from tests.circuits.helpers import run_ensemble, run_plain
+from tests.circuits.helpers import run_plain, run_spikes
 
 NAMES = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
 BASE = anatomy.spiking_msprt(2).with_neurons(40)
@@ -29,7 +29,7 @@ def spike_set(table):
 
 def both(circuit, drive, **options):
     settings = {"step_ms": 40, "seed": 7, "settle_ms": 60, "spikes": NAMES} | options
-    return run_ensemble(circuit, drive, **settings), run_plain(circuit, drive, **settings)
+    return run_spikes(circuit, drive, **settings), run_plain(circuit, drive, **settings)
 
 
 @pytest.mark.parametrize(
@@ -62,9 +62,9 @@ def test_sparse_inputs_make_cells_spike_as_in_the_plain_scheme_up_to_single_prec
 def test_the_same_bytes_for_any_batch_order_and_number_of_workers(circuit):
     drive = ramp(20, 3)
     settings = {"step_ms": 20, "seed": 3, "settle_ms": 20}
-    one_batch = run_ensemble(circuit, drive, **settings)
-    threads = run_ensemble(circuit, drive, workers=2, **settings)
-    parts = [run_ensemble(circuit, drive[i : i + 7], first_trial=i, **settings) for i in (14, 0, 7)]
+    one_batch = run_spikes(circuit, drive, **settings)
+    threads = run_spikes(circuit, drive, workers=2, **settings)
+    parts = [run_spikes(circuit, drive[i : i + 7], first_trial=i, **settings) for i in (14, 0, 7)]
     batches = np.concatenate([parts[1].output_nats, parts[2].output_nats, parts[0].output_nats])
     assert one_batch.output_nats.tobytes() == threads.output_nats.tobytes() == batches.tobytes()
     for name in NAMES:
@@ -82,10 +82,10 @@ def test_the_same_bytes_for_any_batch_order_and_number_of_workers(circuit):
 )
 def test_neither_windows_nor_recording_change_a_spike(circuit, monkeypatch):
     settings = {"step_ms": 20.1, "sample_ms": 0.3, "seed": 3, "settle_ms": 20.3}
-    recorded = run_ensemble(circuit, ramp(2, 3), spikes=NAMES, **settings)
-    unrecorded = run_ensemble(circuit, ramp(2, 3), **settings)
+    recorded = run_spikes(circuit, ramp(2, 3), spikes=NAMES, **settings)
+    unrecorded = run_spikes(circuit, ramp(2, 3), **settings)
     monkeypatch.setattr(kernel, "WINDOW", 1)
-    one = run_ensemble(circuit, ramp(2, 3), spikes=NAMES, **settings)
+    one = run_spikes(circuit, ramp(2, 3), spikes=NAMES, **settings)
     for other in (unrecorded, one):
         assert other.output_nats.tobytes() == recorded.output_nats.tobytes()
     for name in NAMES:
@@ -95,21 +95,21 @@ def test_neither_windows_nor_recording_change_a_spike(circuit, monkeypatch):
 def test_what_lies_downstream_never_changes_what_lies_upstream():
     drive = ramp(2, 2)
     settings = {"step_ms": 40, "seed": 3, "spikes": ("ctx", "D1", "STN", "GPe")}
-    intact = run_ensemble(BASE, drive, **settings).spikes
+    intact = run_spikes(BASE, drive, **settings).spikes
     edits = [
         BASE.with_population("SNr", neurons=10).with_cell("SNr", noise_mv=1.0),
         BASE.lesion("D1", 0.5),
         BASE.scale("STN->SNr", 0.2),
     ]
     for edited in edits:
-        for name, table in run_ensemble(edited, drive, **settings).spikes.items():
+        for name, table in run_spikes(edited, drive, **settings).spikes.items():
             assert spike_set(table) == spike_set(intact[name])
 
 
 def test_more_spikes_than_room_are_all_there(monkeypatch):
-    plenty = run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=7, spikes=NAMES).spikes
-    monkeypatch.setattr(ensemble, "FIRST_CAPACITY", 5)
-    little = run_ensemble(BASE, ramp(1, 2), step_ms=40, seed=7, spikes=NAMES).spikes
+    plenty = run_spikes(BASE, ramp(1, 2), step_ms=40, seed=7, spikes=NAMES).spikes
+    monkeypatch.setattr(spikes, "FIRST_CAPACITY", 5)
+    little = run_spikes(BASE, ramp(1, 2), step_ms=40, seed=7, spikes=NAMES).spikes
     for name in NAMES:
         assert spike_set(little[name]) == spike_set(plenty[name])
 
@@ -122,4 +122,4 @@ def test_strong_inhibition_is_not_taken_for_a_refractory_period():
 def test_an_edit_without_a_state_of_rest_warns():
     runaway = BASE.with_rows(Projection("STN", "STN", 0.5, "diffuse", delay_ms=2)).lesion("common")
     with pytest.warns(EditWarning, match="has no resting state after these edits"):
-        run_ensemble(runaway, ramp(1, 1), step_ms=20, seed=1, settle_ms=10)
+        run_spikes(runaway, ramp(1, 1), step_ms=20, seed=1, settle_ms=10)

@@ -61,7 +61,7 @@ ENTRANTS = (
     Entrant("spiking_msprt", "population"),
     Entrant("gpr", "rate"),
     Entrant("stewart", "rate"),
-    Entrant("humphries", "ensemble", 10),
+    Entrant("humphries", "spikes", 10),
 )
 
 

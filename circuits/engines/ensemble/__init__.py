@@ -1,1 +1,0 @@
-"""The ensemble engine: thousands of spiking trials, compiled."""

@@ -1,0 +1,1 @@
+"""The spikes engine: thousands of spiking trials, compiled."""
