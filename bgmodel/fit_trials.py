@@ -55,7 +55,7 @@ ModelName = str | Path | Circuit | TrialModel
 
 
 @dataclass(frozen=True)
-class Kind:
+class TrialKind:
     """How trials of one kind are fitted."""
 
     # The model of a name or record; the folder keeps simulated trials.
@@ -77,7 +77,7 @@ class Question:
     data: tuple[str, str] = ("", "")  # name and hash of the table
     between: list[Formula] = field(default_factory=list)  # of what differs between people
     # Models by name, each with its settings.
-    versions: dict[str, tuple[FitSettings, AnyModel, Kind]] = field(default_factory=dict)
+    versions: dict[str, tuple[FitSettings, AnyModel, TrialKind]] = field(default_factory=dict)
     # Parameters that are asked for and that a model does not have, as sentences.
     lacking: list[str] = field(default_factory=list)
 
@@ -191,7 +191,7 @@ def _origin(data: object, trials: Trials) -> tuple[str, str]:
     return str(data), checksum(data) if Path(data).is_file() else str(data)
 
 
-def _check_settings(asked: FitSettings, kind: Kind, trials: Trials) -> None:
+def _check_settings(asked: FitSettings, kind: TrialKind, trials: Trials) -> None:
     """Raise ValueError for settings without effect on these trials."""
     check_unused(asked, kind.unused, f"on {trials.kind}")
     if not trials.timed:
@@ -304,19 +304,19 @@ def _ssrt(people: dict[str, Trials]) -> pd.DataFrame:
 
 ON_CHOICES = ("strength", "rt_window", "mechanism", "noise_nats", "trials")
 """Settings that have an effect on choices alone."""
-CHOICES = Kind(_model_of_choices, _of_choices, ("constant_gap", "macaque"), ("runs",))
+CHOICES = TrialKind(_model_of_choices, _of_choices, ("constant_gap", "macaque"), ("runs",))
 MANY = ("msprt", "macaque")
 """Models that the command compares by default with more than two alternatives."""
-KNOWN = Kind(_known_model, _of_known, ("msprt", "leaky_sum", "run", "macaque"), ON_CHOICES)
-CELLS = Kind(
+KNOWN = TrialKind(_known_model, _of_known, ("msprt", "leaky_sum", "run", "macaque"), ON_CHOICES)
+CELLS = TrialKind(
     _cells, _of_cells, ("step", "exponential", "linear"),
     (*ON_CHOICES, "pooled", "vary", "formula", "engine", "seed", "runs"),
 )  # fmt: skip
-REWARDED = Kind(
+REWARDED = TrialKind(
     _learner, _of_learners, ("no learning", "q", "q, two rates"),
     (*ON_CHOICES, "pooled", "engine", "seed", "runs"),
 )  # fmt: skip
-STOPS = Kind(
+STOPS = TrialKind(
     _stop_process, _of_stops, ("constant_gap", "macaque"),
     ("strength", "pooled", "rt_window", "mechanism", "trials", "engine", "seed", "runs"), _ssrt,
 )  # fmt: skip

@@ -293,7 +293,7 @@ def _at_equal_accuracy(table: pd.DataFrame) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class Chain:
+class LearnedFromTaps:
     """Settings that test and circuit learned from reward, and their decisions with these."""
 
     courses: pd.DataFrame  # see Touched.learning; empty if readings are uninformative
@@ -315,7 +315,7 @@ def chain(
     seed: int,
     workers: int,
     spiking: int,
-) -> Chain:
+) -> LearnedFromTaps:
     """Let reward set the gap of the test and the threshold of the circuit, and decide with both.
 
     The circuit learns by populations, at the gain that it decides with, and decides the first
@@ -323,7 +323,7 @@ def chain(
     """
     pooled = readings.pooled
     if pooled.silent:
-        return Chain(pd.DataFrame(), pd.DataFrame(), {})
+        return LearnedFromTaps(pd.DataFrame(), pd.DataFrame(), {})
     settings: dict[str, Any] = {"xi": XI, "runs": RUNS, "seed": seed, "learner": learner}
     gap, courses = {}, []
     if len(pooled.names) == 2:
@@ -349,7 +349,7 @@ def chain(
         circuit, few, gaps=gaps, groups=readings.groups(few.trials),
         engine=engine_of("spikes", workers=workers), seed=seed,
     )  # fmt: skip
-    return Chain(pd.concat(courses), learned, gap, circuit)
+    return LearnedFromTaps(pd.concat(courses), learned, gap, circuit)
 
 
 def _one_decision(

@@ -21,7 +21,7 @@ from bgmodel.exam.numbers import Number
 from bgmodel.exam.record import scored
 from bgmodel.exam.tables import NotApplicable, rows_of
 from bgmodel.experiments.expected import AGREES
-from bgmodel.experiments.models import Model, model_of
+from bgmodel.experiments.models import DecisionModel, model_of
 from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.saved import Facts
@@ -48,7 +48,7 @@ BEFORE, AFTER = "before", "after"
 class Tuning(Facts):
     """A tuned circuit and its scores."""
 
-    model: Model  # the tuned circuit; ``model.circuit(channels)`` builds it
+    model: DecisionModel  # the tuned circuit; ``model.circuit(channels)`` builds it
     values: dict[str, float]  # of the free directions
     # One row per number, seed and circuit: id, part ("tuned" or "held out"), circuit ("before" or
     # "after"), seed, use ("tuning" or "scoring"), published, value, z, outcome.
@@ -143,7 +143,7 @@ def tune(
     lows, highs, start = _box(base, free, asked[TUNED])
     tried = 0
 
-    def at(point: Array) -> Model:
+    def at(point: Array) -> DecisionModel:
         return _moved(base, dict(zip(free, map(float, lows + point * (highs - lows)), strict=True)))
 
     def loss(point: Array) -> float:
@@ -186,7 +186,7 @@ def _check_ids(exam: Exam, lists: Mapping[str, list[str]]) -> None:
     require(not both, "held_out", "must not be among the numbers that are tuned", both)
 
 
-def _moved(base: Model, values: dict[str, float]) -> Model:
+def _moved(base: DecisionModel, values: dict[str, float]) -> DecisionModel:
     """Return a model whose circuits have other values of free directions."""
 
     def build(channels: int) -> Circuit:
@@ -197,11 +197,11 @@ def _moved(base: Model, values: dict[str, float]) -> Model:
             circuit = circuit.set(name, value)
         return replace(circuit, unedited=None)
 
-    return Model(f"{base.name}, tuned", build, base.engine, base.gain)
+    return DecisionModel(f"{base.name}, tuned", build, base.engine, base.gain)
 
 
 def _box(
-    base: Model, free: Mapping[str, tuple[float, float]], exam: Exam
+    base: DecisionModel, free: Mapping[str, tuple[float, float]], exam: Exam
 ) -> tuple[Array, Array, Array]:
     """Return the ends of the free directions, and the circuit's place between them, 0 to 1."""
     require(len(free) > 0, "free", "must name one or more free directions", list(free))
@@ -225,7 +225,7 @@ def _box(
 
 
 def _scores(
-    model: Model, exam: Exam, seed: int, share: float, workers: int, *, closed: bool = False
+    model: DecisionModel, exam: Exam, seed: int, share: float, workers: int, *, closed: bool = False
 ) -> list[dict[str, Any]]:
     """Return the rows of an exam; with ``closed`` resting rates are those of the fixed point."""
     rest = [n for n in exam.numbers if n.measure == "rate" and n.of["window"] == "rest"]
@@ -238,7 +238,7 @@ def _scores(
     return rows
 
 
-def _resting(model: Model, number: Number, exam: Exam) -> Estimate | NotApplicable:
+def _resting(model: DecisionModel, number: Number, exam: Exam) -> Estimate | NotApplicable:
     """Return a resting rate at the fixed point, Hz."""
     nucleus = str(number.of["nucleus"])
     rates = resting_hz(model.circuit(exam.tasks[str(number.of["task"])].channels))

@@ -12,7 +12,7 @@ from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.settings import FitSettings
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.crossings import log_odds
-from bgmodel.integrators.first_passage import Gaussian, walk
+from bgmodel.integrators.first_passage import GaussianIncrements, walk
 from circuits.anatomy import load_circuit
 from tests.helpers import unwarned
 from tests.test_start_point import RESPONSES, drawn
@@ -51,7 +51,7 @@ def decided(model, drift, bias, threshold=THRESHOLD, grid=GRID):
 
 def exact(drift, bias):
     """Return the share of response 1 and the mean time, s, of the walk that decides."""
-    step = Gaussian(2.0 * drift * BIN_S, 2.0 * np.sqrt(BIN_S))
+    step = GaussianIncrements(2.0 * drift * BIN_S, 2.0 * np.sqrt(BIN_S))
     ends = walk(step, -ODDS - bias, ODDS - bias, t_max=300)
     mass = np.append(ends.steps_pmf[:-1], ends.steps_pmf[-1] - ends.p_forced)
     mean = mass @ np.arange(301) / mass.sum() * BIN_S

@@ -18,7 +18,7 @@ from bgmodel.fitting.posterior import Directions
 from bgmodel.fitting.several import fit_entry
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes
-from bgmodel.fitting.simulated.error import Simulation
+from bgmodel.fitting.simulated.error import SimulationErrors
 from bgmodel.support.files import checksum_entry
 from bgmodel.sweeps import shards
 from bgmodel.sweeps.plan import Plan
@@ -42,7 +42,7 @@ VECTOR = LIKELIHOOD.freedom.start
 FIT = Fit(
     Optimum(LIKELIHOOD, VECTOR, -3.0, 7),
     Directions(LIKELIHOOD.freedom.names, VECTOR, np.eye(len(VECTOR))),
-    Simulation(0.0, np.zeros(len(VECTOR))), Misfit(np.zeros(1), np.ones(1), {}),
+    SimulationErrors(0.0, np.zeros(len(VECTOR))), Misfit(np.zeros(1), np.ones(1), {}),
 )  # fmt: skip
 MODEL = CircuitModel(load_circuit("macaque", 2), "rate")
 BINS, CHOICE = RNG.integers(0, 9, (2, 60, 30)).astype("int16")

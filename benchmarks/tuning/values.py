@@ -15,12 +15,12 @@ import numpy as np
 from bgmodel.learning.bandit import Bandit, ideal_of, play, relative_regret
 from bgmodel.learning.value_learners import (
     Confidence,
-    Learner,
     LogitQ,
     Opal,
     QBoth,
     QLearning,
     Reinforce,
+    ValueLearner,
 )
 
 TUNING_SEED = 45_001
@@ -29,7 +29,7 @@ RUNS = 200
 CHOICES = (5.0, 10.0, 20.0, 40.0, np.inf)
 """Inverse temperatures."""
 RATES = (0.2, 0.3, 0.4, 0.6, 0.8, 0.9)
-GRIDS: dict[str, tuple[type[Learner], dict[str, tuple[Any, ...]]]] = {
+GRIDS: dict[str, tuple[type[ValueLearner], dict[str, tuple[Any, ...]]]] = {
     "q-both": (QBoth, {"rate": (0.1, 0.15, *RATES[:3]), "beta": CHOICES}),
     "q": (QLearning, {"rate": RATES, "beta": CHOICES}),
     "logit-q": (LogitQ, {"rate": RATES, "beta": (1.0, 1.5, 3.0, *CHOICES)}),
@@ -58,7 +58,7 @@ GRIDS: dict[str, tuple[type[Learner], dict[str, tuple[Any, ...]]]] = {
 """Learners, and the values of each option that are tried."""
 
 
-def grids(bandit: Bandit) -> Iterator[tuple[str, type[Learner], dict[str, tuple[Any, ...]]]]:
+def grids(bandit: Bandit) -> Iterator[tuple[str, type[ValueLearner], dict[str, tuple[Any, ...]]]]:
     """Yield learners with their grids; the affine critic expects the rewards of the bandit."""
     for name, (kind, grid) in GRIDS.items():
         yield name, kind, grid

@@ -54,7 +54,7 @@ FOLLOWS, APART, OPEN = "follows", "told apart", "left open"
 
 
 @dataclass(frozen=True)
-class Design:
+class DesignedTrial:
     """A designed trial: evidence for competitors from the first reading on, (channels - 1,) nats.
 
     ``held`` names what equals that with equal competitors: "same lead" over the next, or "same
@@ -82,19 +82,19 @@ class Design:
         )
 
 
-def designs(channels: int = CHANNELS) -> tuple[Design, ...]:
+def designs(channels: int = CHANNELS) -> tuple[DesignedTrial, ...]:
     """Return the designed trials, the one with equal competitors first."""
     if channels < 3:
         raise InputError(f"designed trials need 3 channels or more, got {channels}", "channels")
     competitors = channels - 1
-    kinds = [Design(f"{competitors} equal", "", (0.0,) * competitors)]
+    kinds = [DesignedTrial(f"{competitors} equal", "", (0.0,) * competitors)]
     for held in (LEAD, AVERAGE):
         # One close competitor, and one hopeless one; with two competitors these are the same.
         for close in dict.fromkeys((1, competitors - 1)):
             far = competitors - close
             up = SPREAD_NATS * far / competitors if held == AVERAGE else 0.0
             each = (up,) * close + (up - SPREAD_NATS,) * far
-            kinds.append(Design(f"{close} close, {far} hopeless", held, each))
+            kinds.append(DesignedTrial(f"{close} close, {far} hopeless", held, each))
     return tuple(kinds)
 
 

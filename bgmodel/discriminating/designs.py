@@ -21,10 +21,10 @@ from bgmodel.discriminating.information import (
     information,
 )
 from bgmodel.discriminating.space import Probe, Sessions, Space
-from bgmodel.discriminating.trials import Trials
+from bgmodel.discriminating.trials import PairedTrials
 from bgmodel.experiments.expected import Expected
 from bgmodel.experiments.experiment import Experiment
-from bgmodel.experiments.models import Model
+from bgmodel.experiments.models import DecisionModel
 from bgmodel.experiments.record import Changes
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.stopping.task import StopTask
@@ -42,7 +42,7 @@ LEAST_SURE = 1.64
 
 
 @dataclass(frozen=True)
-class Design:
+class TaskDesign:
     """One task: its probes, the accuracy that sets thresholds, and its deadline."""
 
     probe: Probe
@@ -60,7 +60,7 @@ class Design:
         return values | {"accuracy": self.accuracy, "deadline_ms": self.deadline_ms}
 
 
-D = TypeVar("D", Design, Sessions)
+D = TypeVar("D", TaskDesign, Sessions)
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class TaskInformation(Generic[D]):
         return min(direction.low for direction in self.directions)
 
 
-def shares_of(trials: Trials, probe: Probe) -> tuple[list[Probe], list[float]]:
+def shares_of(trials: PairedTrials, probe: Probe) -> tuple[list[Probe], list[float]]:
     """Return the kinds of trials in a task, and the share of each."""
     if probe == probe.plain:
         return [probe], [1.0]
@@ -109,7 +109,9 @@ def shares_of(trials: Trials, probe: Probe) -> tuple[list[Probe], list[float]]:
     return [probe.plain, probe], [1 - share, share]
 
 
-def informed(trials: Trials, probe: Probe, free_time: bool) -> Iterator[TaskInformation[Design]]:
+def informed(
+    trials: PairedTrials, probe: Probe, free_time: bool
+) -> Iterator[TaskInformation[TaskDesign]]:
     """Yield the information of each task with these probes, at every accuracy and deadline.
 
     With ``free_time`` the other model has the non-decision time that is hardest to tell apart.
@@ -133,7 +135,9 @@ def informed(trials: Trials, probe: Probe, free_time: bool) -> Iterator[TaskInfo
             _, shift, rival = min(nearest, key=lambda each: each[0])
             other = [each.later(shift) for each in recorded(1 - k, rival)]
             directions.append(Direction(*information(true, other, shares), (level, rival), shift))
-        yield TaskInformation(Design(probe, accuracy, deadline_ms), (directions[0], directions[1]))
+        yield TaskInformation(
+            TaskDesign(probe, accuracy, deadline_ms), (directions[0], directions[1])
+        )
 
 
 def _nearest(
@@ -172,8 +176,8 @@ CLEAR = 3.0
 
 
 def planned(
-    models: tuple[Model, Model],
-    check: TaskInformation[Design],
+    models: tuple[DecisionModel, DecisionModel],
+    check: TaskInformation[TaskDesign],
     space: Space,
     median: float,
     verdict: str,
@@ -214,11 +218,13 @@ def planned(
         stop=stop,
         control=control,
         manipulation=manipulation,
-        predictions=_predictions(Trials(models, space, seed, PREDICTED), check),
+        predictions=_predictions(PairedTrials(models, space, seed, PREDICTED), check),
     )  # fmt: skip
 
 
-def edited_from(first: Model, second: Model, channels: int | None = None) -> Model:
+def edited_from(
+    first: DecisionModel, second: DecisionModel, channels: int | None = None
+) -> DecisionModel:
     """Return the second model as edits of the first one's circuit, before the edits of either."""
     for model in (first, second):
         if not model.source:
@@ -231,7 +237,7 @@ def edited_from(first: Model, second: Model, channels: int | None = None) -> Mod
     return replace(second, source=first.source, edits=edits)
 
 
-def _check_order(models: tuple[Model, Model], probe: Probe) -> None:
+def _check_order(models: tuple[DecisionModel, DecisionModel], probe: Probe) -> None:
     """Raise ValueError if one list of edits would not do what was done one after the other."""
     if probe.edits and any(one.edits.compensates for one in models):
         raise InputError(
@@ -241,7 +247,7 @@ def _check_order(models: tuple[Model, Model], probe: Probe) -> None:
         )
 
 
-def _predictions(trials: Trials, check: TaskInformation[Design]) -> tuple[Expected, ...]:
+def _predictions(trials: PairedTrials, check: TaskInformation[TaskDesign]) -> tuple[Expected, ...]:
     """Return the changes of probe trials that are clear, half of each as the least."""
     design = check.design
     with quiet():

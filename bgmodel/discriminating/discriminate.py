@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel import names
-from bgmodel.discriminating.designs import Design, TaskInformation, informed, row
+from bgmodel.discriminating.designs import TaskDesign, TaskInformation, informed, row
 from bgmodel.discriminating.information import Recording
 from bgmodel.discriminating.recorded import FEWEST_PILOTS, PILOTS, told_apart
 from bgmodel.discriminating.result import Discrimination
@@ -26,8 +26,8 @@ from bgmodel.discriminating.space import (
     search,
     split,
 )
-from bgmodel.discriminating.trials import Trials
-from bgmodel.experiments.models import Model, model_of
+from bgmodel.discriminating.trials import PairedTrials
+from bgmodel.experiments.models import DecisionModel, model_of
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.integrators.sprt import Integrator
 from bgmodel.names import EngineName
@@ -163,7 +163,7 @@ def discriminate(
     _check_recording(recording, models, space)
     one_test = sum(model.test is not None for model in models) == 1
     free_time = non_decision == "free" or (non_decision is None and one_test)
-    searched = Trials(models, space, seed, trials, thresholds == "free", workers, recording)
+    searched = PairedTrials(models, space, seed, trials, thresholds == "free", workers, recording)
     with quiet():
         tasks, refused = _searched(searched, free_time, evaluations, tell)
         best = max(tasks, key=lambda task: task.low)
@@ -211,7 +211,7 @@ def _check_numbers(
 
 
 def _check_recording(
-    recording: Recording | None, models: tuple[Model, Model], space: Space
+    recording: Recording | None, models: tuple[DecisionModel, DecisionModel], space: Space
 ) -> None:
     """Raise ValueError unless the cells are in both models, and the window within trials."""
     if recording is None:
@@ -228,7 +228,7 @@ def _check_recording(
     require(last <= space.longest_ms, "window_ms", must, last)
 
 
-def _within(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]]:
+def _within(space: Space, models: tuple[DecisionModel, DecisionModel]) -> tuple[Space, list[str]]:
     """Return the part of a space in which both models can be run, and what is left out."""
     space, left_out = _built(space, models)
     for channels in space.channels:
@@ -253,7 +253,7 @@ def _within(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]
     return space, left_out
 
 
-def _check(model: Model, channels: int, edits: Iterable[str] = ()) -> None:
+def _check(model: DecisionModel, channels: int, edits: Iterable[str] = ()) -> None:
     """Raise ValueError if the circuit cannot be edited, or does not work in nats."""
     if model.test is None:
         circuit = model.circuit(channels).edited(*edits)
@@ -261,7 +261,7 @@ def _check(model: Model, channels: int, edits: Iterable[str] = ()) -> None:
         gain_of(circuit)
 
 
-def _built(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]]:
+def _built(space: Space, models: tuple[DecisionModel, DecisionModel]) -> tuple[Space, list[str]]:
     """Return a space with the numbers of alternatives of both circuits, and what is left out.
 
     A circuit in a file has one number of alternatives.
@@ -278,7 +278,7 @@ def _built(space: Space, models: tuple[Model, Model]) -> tuple[Space, list[str]]
     return replace(space, channels=kept), [f"channels {channels}" for channels in errors]
 
 
-def same_rule(first: Model, second: Model, *, channels: int) -> bool:
+def same_rule(first: DecisionModel, second: DecisionModel, *, channels: int) -> bool:
     """Whether two tests are one rule at different thresholds, for a number of alternatives.
 
     They are if the output of one increases with that of the other over all alternatives, readings
@@ -293,11 +293,11 @@ def same_rule(first: Model, second: Model, *, channels: int) -> bool:
 
 
 def _searched(
-    trials: Trials, free_time: bool, evaluations: int, tell: Tell
-) -> tuple[list[TaskInformation[Design]], list[str]]:
+    trials: PairedTrials, free_time: bool, evaluations: int, tell: Tell
+) -> tuple[list[TaskInformation[TaskDesign]], list[str]]:
     """Return the information gained by each task, and the reasons for skipping others."""
     axes = trials.space.axes()
-    tasks: list[TaskInformation[Design]] = []
+    tasks: list[TaskInformation[TaskDesign]] = []
     refused: list[str] = []
 
     def score(place: Place) -> float:

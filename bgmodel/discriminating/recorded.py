@@ -14,11 +14,11 @@ from bgmodel.discriminating.designs import Direction, TaskInformation, row
 from bgmodel.discriminating.information import Information
 from bgmodel.discriminating.result import Discrimination
 from bgmodel.discriminating.space import Sessions
-from bgmodel.experiments.models import Model
+from bgmodel.experiments.models import DecisionModel
 from bgmodel.fit_trials import question
 from bgmodel.fitting.cells.encoding import encoding_of
 from bgmodel.fitting.cells.model import CellsLikelihood
-from bgmodel.fitting.cells.sessions import FEWEST_SPIKES, Session, sessions_of
+from bgmodel.fitting.cells.sessions import FEWEST_SPIKES, RecordedSession, sessions_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.settings import FitSettings
 from bgmodel.support.arrays import Array
@@ -75,7 +75,7 @@ def told_apart(
         "check_seed": seeds[1], "recording": None, "left_out": [], "refused": [],
     }  # fmt: skip
     table = pd.DataFrame([row(informed(x, groups == k)) for k, x in enumerate(space.each())])
-    models = Model(encodings[0]), Model(encodings[1])
+    models = DecisionModel(encodings[0]), DecisionModel(encodings[1])
     return Discrimination(models, space, table, check, sequential.confirmed(rows), (), settings)
 
 
@@ -108,7 +108,7 @@ def _gained(fits: list[_Fitted], k: int, number: int, copies: int, seeds: tuple[
     """
     name = fits[k][0].model.name
 
-    def new(seed: int, *path: object) -> tuple[Session, ...]:
+    def new(seed: int, *path: object) -> tuple[RecordedSession, ...]:
         return simulated(fits[k], stream(seed, "recorded", name, number, *path))
 
     with quiet():
@@ -118,12 +118,12 @@ def _gained(fits: list[_Fitted], k: int, number: int, copies: int, seeds: tuple[
         return np.array([[apart(fitted[k], fitted[1 - k], x) for x in each] for each in pairs])
 
 
-def simulated(fit: _Fitted, rng: np.random.Generator) -> tuple[Session, ...]:
+def simulated(fit: _Fitted, rng: np.random.Generator) -> tuple[RecordedSession, ...]:
     """Return the sessions of a fit with new choices and spikes of the same cells."""
     return sessions_of(fit[0].simulated(fit[1], rng), fewest=0)
 
 
-def apart(first: _Fitted, second: _Fitted, sessions: tuple[Session, ...]) -> Array:
+def apart(first: _Fitted, second: _Fitted, sessions: tuple[RecordedSession, ...]) -> Array:
     """Return the difference of the log densities of each trial under two fits, (trials,), nats."""
     one, other = (replace(x, sessions=sessions).each(vector) for x, vector in (first, second))
     return np.asarray(one - other)

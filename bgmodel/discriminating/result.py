@@ -14,7 +14,7 @@ from bgmodel.bootstrap import Z95
 from bgmodel.discriminating.designs import TaskInformation, planned
 from bgmodel.discriminating.sequential import FACTOR, LEAST_RIGHT
 from bgmodel.discriminating.space import Sessions, Space
-from bgmodel.experiments.models import Model
+from bgmodel.experiments.models import DecisionModel
 from bgmodel.support.files import json_text, provenance
 from bgmodel.support.saved import Facts
 from bgmodel.support.tables import Readable
@@ -134,7 +134,7 @@ class Discrimination(Facts):
 
     Parameters
     ----------
-    models : tuple of Model
+    models : tuple of DecisionModel
         The first and the second model; of encodings of recorded cells the names alone.
     space : Space or Sessions
         The tasks that both can be in, or the sessions in which cells were recorded.
@@ -156,7 +156,7 @@ class Discrimination(Facts):
         Options of the search, what was left out of the space, and tasks that could not be run.
     """
 
-    models: tuple[Model, Model]
+    models: tuple[DecisionModel, DecisionModel]
     space: Space | Sessions
     table: pd.DataFrame
     check: TaskInformation[Any]

@@ -9,9 +9,15 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import Z95
-from bgmodel.discriminating.designs import Design, Direction, TaskInformation, informed, shares_of
+from bgmodel.discriminating.designs import (
+    Direction,
+    TaskDesign,
+    TaskInformation,
+    informed,
+    shares_of,
+)
 from bgmodel.discriminating.information import Information
-from bgmodel.discriminating.trials import Trials
+from bgmodel.discriminating.trials import PairedTrials
 from bgmodel.integrators.first_passage import Empirical, walk
 from bgmodel.integrators.sprt_theory import OVERSHOOT
 from bgmodel.support.arrays import Array, Integers
@@ -133,15 +139,15 @@ def needed(information: Information, quantile: float = Z95) -> dict[str, float]:
     return known | ends | {"wald_mean": wald_mean(nats)}
 
 
-def _only(trials: Trials, design: Design, seed: int, count: int) -> Trials:
+def _only(trials: PairedTrials, design: TaskDesign, seed: int, count: int) -> PairedTrials:
     """Return trials of one task alone, with another seed."""
     space = replace(trials.space, accuracy=(design.accuracy,), deadline_ms=(design.deadline_ms,))
     return replace(trials, space=space, seed=seed, trials=count, cache={})
 
 
 def again(
-    trials: Trials, design: Design, seed: int, count: int, free_time: bool
-) -> TaskInformation[Design]:
+    trials: PairedTrials, design: TaskDesign, seed: int, count: int, free_time: bool
+) -> TaskInformation[TaskDesign]:
     """Return the information of a task with another seed."""
     tasks = list(informed(_only(trials, design, seed, count), design.probe, free_time))
     if not tasks:
@@ -152,7 +158,7 @@ def again(
 
 
 def simulated_experiments(
-    trials: Trials, check: TaskInformation[Design], seed: int, count: int
+    trials: PairedTrials, check: TaskInformation[TaskDesign], seed: int, count: int
 ) -> pd.DataFrame:
     """Return predicted numbers of trials, and those of simulated sequential experiments.
 
@@ -184,7 +190,9 @@ def confirmed(rows: list[dict[str, Any]]) -> pd.DataFrame:
     return table
 
 
-def _ended(trials: Trials, k: int, direction: Direction, design: Design) -> dict[str, float]:
+def _ended(
+    trials: PairedTrials, k: int, direction: Direction, design: TaskDesign
+) -> dict[str, float]:
     """Return the median length of experiments on a model's trials, and the share that favour it."""
     kinds, shares = shares_of(trials, design.probe)
     bins = [

@@ -20,7 +20,7 @@ from bgmodel.discriminating.information import (
 )
 from bgmodel.discriminating.space import Probe, Space
 from bgmodel.evidence import Evidence
-from bgmodel.experiments.models import Model, stopped
+from bgmodel.experiments.models import DecisionModel, stopped
 from bgmodel.integrators.at_thresholds import (
     CIRCUIT,
     decide_at_thresholds,
@@ -46,7 +46,7 @@ LOWEST, HIGHEST = 0.5, 0.99
 
 
 @dataclass(frozen=True)
-class Simulated:
+class SimulatedDecisions:
     """Decisions of one model in one kind of trials at many thresholds, up to the latest deadline.
 
     With conflict, the channel after the true one is the competitor. ``jitter_ms`` (trials,) are
@@ -72,14 +72,14 @@ class Simulated:
 
 
 @dataclass(frozen=True)
-class Trials:
+class PairedTrials:
     """Simulated trials of two models, which share evidence and noise, in a space of tasks.
 
     ``trials`` is their number for each kind of trials. Thresholds are matched on other trials of
     the same seed; if ``free``, thresholds around the matched ones are simulated too.
     """
 
-    models: tuple[Model, Model]
+    models: tuple[DecisionModel, DecisionModel]
     space: Space
     seed: int
     trials: int
@@ -120,7 +120,7 @@ class Trials:
         return [float(a) for a in accuracies if 0 < a < 1]
 
     @once
-    def simulated(self, k: int, probe: Probe) -> Simulated:
+    def simulated(self, k: int, probe: Probe) -> SimulatedDecisions:
         """Return the decisions of a model in one kind of trials."""
         model = self.models[k]
         levels = np.array(list(self.levels(k, probe).values()))
@@ -152,7 +152,7 @@ class Trials:
         sd = self.space.non_decision_sd_ms
         jitter = sd * stream(self.seed, *names, "non-decision").standard_normal(self.trials)
         assert evidence.truth is not None
-        return Simulated(
+        return SimulatedDecisions(
             decided, evidence.truth, probe.channels, probe.conflict > 0, jitter, spikes
         )
 
@@ -162,7 +162,7 @@ class Trials:
 
 
 def _with_stop(
-    model: Model,
+    model: DecisionModel,
     evidence: Evidence,
     edits: Iterable[str],
     stop: tuple[float, float],
@@ -192,7 +192,7 @@ def _spikes(
     return recording.counts(np.concatenate(means), model.circuit, rng)
 
 
-def _swept(model: Model, evidence: Evidence, *, seed: int, workers: int) -> Tradeoff:
+def _swept(model: DecisionModel, evidence: Evidence, *, seed: int, workers: int) -> Tradeoff:
     """Return the decisions at all thresholds at which evidence decides."""
     if model.test is not None:
         return tradeoff(model.test.run(evidence), evidence)

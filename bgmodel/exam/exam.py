@@ -24,7 +24,7 @@ from bgmodel.exam.tables import (
     read_tables,
 )
 from bgmodel.experiments.expected import UNANSWERED
-from bgmodel.experiments.models import Model, model_of
+from bgmodel.experiments.models import DecisionModel, model_of
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum
 from bgmodel.support.references import cited, sources_of
@@ -138,7 +138,7 @@ class Exam:
 
     def take(
         self,
-        circuit: Circuit | Model | str | Path,
+        circuit: Circuit | DecisionModel | str | Path,
         *,
         edits: Iterable[str] = (),
         engine: str | None = None,
@@ -179,7 +179,11 @@ class Exam:
         """
         check_range(0.05, 10, share=share)
         whole("workers", workers, 1)
-        model = circuit if isinstance(circuit, Model) else model_of(circuit, edits, engine, gain)
+        model = (
+            circuit
+            if isinstance(circuit, DecisionModel)
+            else model_of(circuit, edits, engine, gain)
+        )
         simulation = Simulation(model, self.tasks, whole("seed", seed, 0), share, workers, motifs)
         included = simulation.included  # an unknown name or edit raises here
         results = Results(simulation, self.tasks, seed)
@@ -244,7 +248,7 @@ def _file(source: str | Path | pd.DataFrame | None) -> dict[str, str] | None:
     return {"file": Path(source).name, "sha256": checksum(source)}
 
 
-def take_exam(circuit: Circuit | Model | str | Path, **options: Any) -> ExamRecord:
+def take_exam(circuit: Circuit | DecisionModel | str | Path, **options: Any) -> ExamRecord:
     """Let a circuit take the shipped exam; arguments are those of ``Exam.take``."""
     return Exam.shipped().take(circuit, **options)
 

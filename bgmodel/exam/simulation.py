@@ -28,7 +28,7 @@ from bgmodel.exam.tables import (
     rate_rows,
     rest_rows,
 )
-from bgmodel.experiments.models import Model, stopped
+from bgmodel.experiments.models import DecisionModel, stopped
 from bgmodel.integrators.at_thresholds import behaviour_of, refined
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stopping.inputs import StopSignal
@@ -70,7 +70,7 @@ class Simulation:
     results. Without ``motifs`` no task adds rows to the circuit.
     """
 
-    model: Model
+    model: DecisionModel
     tasks: dict[str, ExamTask]
     seed: int
     share: float = 1.0

@@ -27,7 +27,7 @@ TESTS: dict[str, Callable[[], Integrator]] = {"msprt": Msprt, **BASELINES}
 
 
 @dataclass(frozen=True)
-class Model:
+class DecisionModel:
     """A model of decisions for any number of alternatives: a circuit, or a test.
 
     Parameters
@@ -113,7 +113,7 @@ def model_of(
     gain: float | None = None,
     *,
     argument: str = "circuit",
-) -> Model:
+) -> DecisionModel:
     """Return a circuit (an object, a name or a file) or a test as a model."""
     of_lines = isinstance(edits, (list, tuple)) and all(isinstance(x, str) for x in edits)
     require(of_lines, "edits", "must be a list of lines", edits)
@@ -127,7 +127,7 @@ def model_of(
         test, name = model, repr(model)
     if test is not None:
         require(not lines, "edits", "are for a circuit, and a test is given", [*lines])
-        return Model(name, test=test)
+        return DecisionModel(name, test=test)
 
     def build(channels: int) -> Circuit:
         circuit = checked_circuit(model, channels)  # type: ignore[arg-type]
@@ -142,7 +142,7 @@ def model_of(
     known = isinstance(model, Circuit)
     title = model.name if isinstance(model, Circuit) else Path(name).stem
     title = f"{title}, {'; '.join(lines)}" if lines else title
-    return Model(title, build, engine, gain, "" if known else name, lines)
+    return DecisionModel(title, build, engine, gain, "" if known else name, lines)
 
 
 def stopped(

@@ -12,7 +12,7 @@ import pandas as pd
 from bgmodel.conditions import Observed
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.explorer.state import State
+from bgmodel.explorer.state import ExplorerState
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.names import EngineName
@@ -137,7 +137,7 @@ NEUTRAL = {"lesion": 0.0, "cut": 0.0, "scale": 1.0}
 """Verbs with a field for the chosen row, and the number at which there is no edit."""
 
 
-def names(state: State) -> dict[str, list[str]]:
+def names(state: ExplorerState) -> dict[str, list[str]]:
     """Return the names of nuclei and of pathways of the edited circuit."""
     circuit = state.circuit
     return {
@@ -163,7 +163,7 @@ def _text(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def table(state: State, name: str) -> pd.DataFrame:
+def table(state: ExplorerState, name: str) -> pd.DataFrame:
     """Return the fields of a row as a table, with the control's values where they differ."""
     control = state.control
     before = values(control.row(name)) if name in control else {}
@@ -175,7 +175,7 @@ def table(state: State, name: str) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["Field", "Value", "Control"])
 
 
-def amount(state: State, verb: str, name: str) -> float:
+def amount(state: ExplorerState, verb: str, name: str) -> float:
     """Return the size of the edit of a row by a verb: per cent lost, or a factor."""
     edit = _of(state, verb, name)
     if edit is None:
@@ -183,7 +183,7 @@ def amount(state: State, verb: str, name: str) -> float:
     return float(edit.value) * (1 if verb == "scale" else 100)
 
 
-def with_amount(state: State, verb: str, name: str, number: float | None) -> State:
+def with_amount(state: ExplorerState, verb: str, name: str, number: float | None) -> ExplorerState:
     """Return the state with a lesion, a cut or a scaling of a row.
 
     The neutral number, and None for an empty field, remove the edit.
@@ -194,19 +194,19 @@ def with_amount(state: State, verb: str, name: str, number: float | None) -> Sta
     return state.edited(f"{verb} {name} {number:.12g}{'' if verb == 'scale' else '%'}")
 
 
-def _of(state: State, verb: str, name: str) -> Edit | None:
+def _of(state: ExplorerState, verb: str, name: str) -> Edit | None:
     """Return the edit of a row, in all channels, by a verb."""
     edits = (edit for edit in state.edits.of(verb) if edit.row == name and edit.channel is None)
     return next(edits, None)
 
 
-def dopamine(state: State) -> float:
+def dopamine(state: ExplorerState) -> float:
     """Return the dopamine level set by an edit, or 1."""
     edits = state.edits.of("dopamine")
     return float(edits[0].value) if edits else 1.0
 
 
-def with_dopamine(state: State, level: float | None) -> State:
+def with_dopamine(state: ExplorerState, level: float | None) -> ExplorerState:
     """Return the state at a dopamine level; 1 and None remove the edit."""
     if level is None or level == 1:
         return state.without(*(edit.text for edit in state.edits.of("dopamine")))

@@ -12,14 +12,14 @@ import panel as pn
 from bgmodel.bootstrap import FEWEST_TRIALS
 from bgmodel.experiments.experiment import shipped_names
 from bgmodel.explorer import circuit
-from bgmodel.explorer.state import MOST_TRIALS, State, opened
+from bgmodel.explorer.state import MOST_TRIALS, ExplorerState, opened
 from circuits.anatomy import CIRCUITS
 
-Change = Callable[[Callable[[State], State], Any], None]
+Change = Callable[[Callable[[ExplorerState], ExplorerState], Any], None]
 """Changes the state; the second argument is the widget below which an error is shown."""
-Read = Callable[[State], Any]
+Read = Callable[[ExplorerState], Any]
 """Returns what a widget shows of a state."""
-Write = Callable[[State, Any], State]
+Write = Callable[[ExplorerState, Any], ExplorerState]
 """Returns the state after a new value of a widget."""
 CHOOSE = "(choose)"
 NUMBERS: dict[str, tuple[str, type, float]] = {
@@ -129,7 +129,7 @@ class Controls:
         self._add("dopamine", dopamine, circuit.dopamine, circuit.with_dopamine)
         self.edits = pn.Column(**WIDE)
         self.control = pn.widgets.Button(name="Use the edited circuit as the control")
-        self.control.on_click(lambda _: self._change(State.as_control, self.control))
+        self.control.on_click(lambda _: self._change(ExplorerState.as_control, self.control))
 
     def _row(self) -> None:
         label = "Nucleus or pathway (or click it in the drawing)"
@@ -145,21 +145,21 @@ class Controls:
 
     # ---- what widgets of the chosen row read and write
 
-    def _amount(self, verb: str, state: State) -> float:
+    def _amount(self, verb: str, state: ExplorerState) -> float:
         return circuit.amount(state, verb, self.row.value)
 
-    def _with_amount(self, verb: str, state: State, number: float | None) -> State:
+    def _with_amount(self, verb: str, state: ExplorerState, number: float | None) -> ExplorerState:
         return circuit.with_amount(state, verb, self.row.value, number)
 
-    def _field_value(self, state: State) -> str:
+    def _field_value(self, state: ExplorerState) -> str:
         return circuit.values(state.circuit.row(self.row.value)).get(self.field.value, "")
 
-    def _with_field(self, state: State, text: str) -> State:
+    def _with_field(self, state: ExplorerState, text: str) -> ExplorerState:
         return state.edited(f"set {self.row.value}.{self.field.value} {text}")
 
     # ---- showing a state
 
-    def show(self, state: State) -> None:
+    def show(self, state: ExplorerState) -> None:
         """Set every widget to a state, without changing it."""
         self._state, self._showing = state, True
         try:
@@ -212,7 +212,7 @@ class Controls:
         return button
 
 
-def _opened(state: State, name: str) -> State:
+def _opened(state: ExplorerState, name: str) -> ExplorerState:
     return state if name in ("", CHOOSE) else opened(name)
 
 

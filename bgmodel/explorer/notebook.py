@@ -9,7 +9,7 @@ from typing import Any
 import platformdirs
 
 from bgmodel.experiments.experiment import Experiment
-from bgmodel.explorer.state import State, of_circuit, opened
+from bgmodel.explorer.state import ExplorerState, of_circuit, opened
 from circuits.circuit import Circuit
 from circuits.errors import InputError
 
@@ -54,10 +54,10 @@ def explore(what: Circuit | Experiment | str | Path = "") -> Any:
     return layout
 
 
-def state_of(what: Circuit | Experiment | str | Path) -> State:
+def state_of(what: Circuit | Experiment | str | Path) -> ExplorerState:
     """Return the state of a circuit or an experiment, given as an object, by name, file or link."""
     if isinstance(what, Experiment):
-        return State(what)
+        return ExplorerState(what)
     if isinstance(what, Circuit):
         return of_circuit(str(_written(what)))
     if not isinstance(what, (str, Path)):

@@ -14,8 +14,8 @@ from panel.custom import JSComponent
 
 from bgmodel.explorer.controls import TABLE, WIDE, Controls
 from bgmodel.explorer.panels import CIRCUIT, MEASURES, TIMES, TITLES, TRADEOFF, TRIAL, Panel
-from bgmodel.explorer.runs import RANKING, Runs
-from bgmodel.explorer.state import History, State
+from bgmodel.explorer.runs import RANKING, PanelRuns
+from bgmodel.explorer.state import ExplorerState, History
 from circuits.errors import quiet
 
 LOSSES = "Which loss slows decisions?"
@@ -104,7 +104,7 @@ class Explorer:
 
     def __init__(
         self,
-        state: State,
+        state: ExplorerState,
         address: str = "",
         later: Callable[[Callable[[], None]], None] | None = None,
     ) -> None:
@@ -124,14 +124,14 @@ class Explorer:
         for column, width in zip(columns, (300, 400, 400), strict=True):
             column.styles = {"flex": f"1 1 {width}px", "min-width": "0"}
         self.body = pn.Column(self.notices, pn.FlexBox(*columns), **WIDE)
-        self.runs = Runs(
+        self.runs = PanelRuns(
             lambda panel: self._later(lambda: self._deliver(panel)),
             lambda state: self._later(lambda: self._ended(state)),
         )
         self._show()
 
     @property
-    def state(self) -> State:
+    def state(self) -> ExplorerState:
         """The state that is shown."""
         return self.history.state
 
@@ -193,7 +193,7 @@ class Explorer:
     # ---- what a user does
 
     @quiet()  # the panels show warnings
-    def change(self, make: Callable[[State], State], widget: Any = None) -> None:
+    def change(self, make: Callable[[ExplorerState], ExplorerState], widget: Any = None) -> None:
         """Change the state; an error is shown below the widget, and the state stays."""
         before = self.state
         try:
@@ -279,7 +279,7 @@ class Explorer:
             card.remove(self.refusal)
             self._refused = None
 
-    def _ended(self, state: State) -> None:
+    def _ended(self, state: ExplorerState) -> None:
         self.begin.disabled, self.cancel.disabled = False, True
         if state == self.state:
             self._say("Up to date.")

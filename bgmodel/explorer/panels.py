@@ -18,7 +18,7 @@ from bgmodel.experiments.outcomes import PREDICTED, measured, predicted, shift_o
 from bgmodel.experiments.record import CONDITIONS, UNCHANGED
 from bgmodel.explorer import drawing
 from bgmodel.explorer.circuit import Shown, one_trial
-from bgmodel.explorer.state import State
+from bgmodel.explorer.state import ExplorerState
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.plots import labelled
 from bgmodel.trials.named import NamedEvidence
@@ -78,18 +78,18 @@ class Memory:
     outcome: tuple[str, Outcome] | None = None
     """The last outcome, and the key of its state."""
 
-    def evidence(self, state: State) -> NamedEvidence:
+    def evidence(self, state: ExplorerState) -> NamedEvidence:
         """Return the evidence of a state."""
         return self.others.once("evidence", _task(state), state.experiment.given)
 
 
-def _task(state: State) -> tuple[Hashable, ...]:
+def _task(state: ExplorerState) -> tuple[Hashable, ...]:
     """Return the settings that determine the evidence of a state."""
     experiment = state.experiment
     return experiment.task, experiment.seed, experiment.truth
 
 
-def panels(state: State, memory: Memory, *, workers: int = 2) -> Iterator[Panel]:
+def panels(state: ExplorerState, memory: Memory, *, workers: int = 2) -> Iterator[Panel]:
     """Compute the panels of a state, those of behaviour first.
 
     A panel whose run is refused contains the error.
@@ -110,7 +110,7 @@ def panels(state: State, memory: Memory, *, workers: int = 2) -> Iterator[Panel]
                 yield Panel(name, state.key, state.digest, str(error), refused=True)
 
 
-def _behaviour(state: State, memory: Memory, workers: int) -> Iterator[Panel]:
+def _behaviour(state: ExplorerState, memory: Memory, workers: int) -> Iterator[Panel]:
     """Run the experiment, and return the panels of behaviour."""
     with collected() as notes:
         outcome = state.experiment.run(
@@ -129,7 +129,7 @@ def _behaviour(state: State, memory: Memory, workers: int) -> Iterator[Panel]:
     yield Panel(TRADEOFF, state.key, state.digest, text, svg)
 
 
-def _shown(state: State) -> tuple[str, ...]:
+def _shown(state: ExplorerState) -> tuple[str, ...]:
     """Return the conditions that are shown: without edits, the control alone."""
     return CONDITIONS[: 1 if state.alike else 2]
 
@@ -146,7 +146,7 @@ def _number(value: float, digits: int = 3, unit: str = "") -> str:
     return f"{value:.{digits}f}{unit}" if value == value else "unknown"
 
 
-def _measures(outcome: Outcome, state: State) -> tuple[str, tuple[pd.DataFrame, ...]]:
+def _measures(outcome: Outcome, state: ExplorerState) -> tuple[str, tuple[pd.DataFrame, ...]]:
     """Return the behaviour in words and as the table of ``bgmodel experiment``.
 
     The measures are the same for all edits of a task. The words include the published result and
@@ -179,7 +179,7 @@ def _measures(outcome: Outcome, state: State) -> tuple[str, tuple[pd.DataFrame, 
     return "\n".join(lines), tuple(tables)
 
 
-def _medians(outcome: Outcome, state: State) -> str:
+def _medians(outcome: Outcome, state: ExplorerState) -> str:
     """Describe the distributions in words."""
     values = _values(outcome)
     line = "" if state.alike else "; the lines are the control"
@@ -190,7 +190,7 @@ def _medians(outcome: Outcome, state: State) -> str:
     )
 
 
-def _tradeoff(outcome: Outcome, state: State, memory: Memory) -> tuple[str, str]:
+def _tradeoff(outcome: Outcome, state: ExplorerState, memory: Memory) -> tuple[str, str]:
     """Return speed and accuracy in words, and their figure."""
     evidence, gain = outcome.given.evidence, outcome.models[0].gain
     key = *_task(state), gain
@@ -237,7 +237,7 @@ def _later(name: str, rows: pd.DataFrame, test: pd.DataFrame) -> str:
     )
 
 
-def _circuit(state: State) -> Iterator[Panel]:
+def _circuit(state: ExplorerState) -> Iterator[Panel]:
     """Return the panel of the circuit, with a table of its oscillations at rest."""
     edited, control = state.circuit, state.control
     with collected() as notes:
@@ -267,7 +267,7 @@ def _rhythm(circuit: Circuit) -> tuple[str, str]:
     return "no", "none" if amplified <= 1 else f"{amplified:.1f}-fold, at {hz:.0f} Hz"
 
 
-def _trial(state: State, memory: Memory) -> Iterator[Panel]:
+def _trial(state: ExplorerState, memory: Memory) -> Iterator[Panel]:
     """Return the panel of one trial."""
     with collected() as notes:
         trials = trials_of(state, memory)
@@ -283,7 +283,7 @@ def _trial(state: State, memory: Memory) -> Iterator[Panel]:
     yield Panel(TRIAL, state.key, state.digest, " ".join(sentences), svg, warnings=warnings)
 
 
-def trials_of(state: State, memory: Memory) -> Mapping[str, Shown]:
+def trials_of(state: ExplorerState, memory: Memory) -> Mapping[str, Shown]:
     """Return the trial of the control and, if the circuit is edited, that of the manipulation."""
     evidence, trial = memory.evidence(state).evidence, state.trial
     control, manipulation = state.experiment.conditions

@@ -13,7 +13,7 @@ import pandas as pd
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.experiments.outcomes import measured
 from bgmodel.explorer.panels import Memory, Panel, panels
-from bgmodel.explorer.state import State
+from bgmodel.explorer.state import ExplorerState
 from bgmodel.support import processes
 from bgmodel.trials.named import NamedEvidence
 from circuits.declaration.edits import Edits
@@ -30,14 +30,14 @@ SHOWN = {"mean_ms": "Time (ms)", "accuracy": "Accuracy", "missed": "Missed"}
 """Measures whose changes are listed, and their headings."""
 
 
-def losses(state: State) -> list[str]:
+def losses(state: ExplorerState) -> list[str]:
     """Return the edits that are ranked: a lesion of each nucleus, and a cut of each pathway."""
     circuit = state.circuit
     lesions = [f"lesion {row.name} {LOSS}" for row in circuit.populations]
     return lesions + [f"cut {pair} {LOSS}" for pair in {row.pair: 0 for row in circuit.projections}]
 
 
-def ranked(state: State, *, workers: int = 2) -> Iterator[Panel]:
+def ranked(state: ExplorerState, *, workers: int = 2) -> Iterator[Panel]:
     """Run each loss in addition to the edits of a state, and yield the ranking after each."""
     task = state.experiment.task
     many = task.file is None and task.trials > TRIALS
@@ -95,7 +95,7 @@ class Superseded(Exception):
     """Cancelled: superseded by a newer request, or the page was closed."""
 
 
-class Runs:
+class PanelRuns:
     """One thread that computes the panels of the newest state.
 
     ``deliver`` receives each panel, and ``ended`` the state when all are computed; both are called
@@ -103,7 +103,10 @@ class Runs:
     """
 
     def __init__(
-        self, deliver: Callable[[Panel], None], ended: Callable[[State], None], workers: int = 2
+        self,
+        deliver: Callable[[Panel], None],
+        ended: Callable[[ExplorerState], None],
+        workers: int = 2,
     ) -> None:
         self.memory = Memory()
         self._deliver, self._ended, self._workers = deliver, ended, workers
@@ -111,12 +114,12 @@ class Runs:
         """Numbers of requests; only the newest is wanted."""
         self._thread = ThreadPoolExecutor(1, "explorer")
 
-    def show(self, state: State) -> None:
+    def show(self, state: ExplorerState) -> None:
         """Compute the panels of a state, and cancel the computation for an older one."""
         self._shows += 1
         self._submit(state, lambda: panels(state, self.memory, workers=self._workers))
 
-    def rank(self, state: State) -> None:
+    def rank(self, state: ExplorerState) -> None:
         """Rank the losses of a state after its panels."""
         self._ranks += 1
         self._submit(state, lambda: ranked(state, workers=self._workers), self._ranks)
@@ -131,7 +134,7 @@ class Runs:
         self._thread.shutdown(wait=wait, cancel_futures=True)
 
     def _submit(
-        self, state: State, compute: Callable[[], Iterator[Panel]], ranks: int | None = None
+        self, state: ExplorerState, compute: Callable[[], Iterator[Panel]], ranks: int | None = None
     ) -> None:
         """Queue a run, with the number of its ranking; an unexpected error is logged."""
         shows = self._shows

@@ -12,7 +12,7 @@ from bokeh.server.auth_provider import AuthProvider
 from tornado.web import HTTPError
 
 from bgmodel.explorer.page import Explorer
-from bgmodel.explorer.state import QUERY, State
+from bgmodel.explorer.state import QUERY, ExplorerState
 from circuits.errors import InputError, quiet, require
 
 HOST = "127.0.0.1"
@@ -73,7 +73,7 @@ def free_port(port: int) -> int:
 class Served:
     """A server of a state; each tab that opens its address has its own explorer."""
 
-    def __init__(self, state: State, port: int = 0) -> None:
+    def __init__(self, state: ExplorerState, port: int = 0) -> None:
         self.port, self.token = free_port(port), secrets.token_urlsafe(24)
         self.root = f"http://{HOST}:{self.port}/"
         self.address = f"{self.root}?{TOKEN}={self.token}"
@@ -101,7 +101,7 @@ class Served:
         query = pn.state.location.search if pn.state.location else ""
         if f"{QUERY}=" in query:
             try:
-                state = State.from_link(query)
+                state = ExplorerState.from_link(query)
                 state.check()
             except (ValueError, OSError) as error:
                 state, refused = self._state, str(error)

@@ -49,7 +49,7 @@ LONGEST = 200
 
 
 @dataclass(frozen=True)
-class State:
+class ExplorerState:
     """A control, a manipulation (the edited circuit), their task, and one trial."""
 
     experiment: Experiment
@@ -75,22 +75,22 @@ class State:
         """The edits of the edited circuit, in addition to those of the control."""
         return self.experiment.manipulation.edits
 
-    def edited(self, *lines: str) -> State:
+    def edited(self, *lines: str) -> ExplorerState:
         """Return the state with further edits, which replace those of the same target."""
         return self.with_edits(self.edits.replacing(lines))
 
-    def without(self, *lines: str) -> State:
+    def without(self, *lines: str) -> ExplorerState:
         """Return the state without some of its edits."""
         return self.with_edits(line for line in self.edits if line not in lines)
 
-    def with_edits(self, lines: Iterable[str]) -> State:
+    def with_edits(self, lines: Iterable[str]) -> ExplorerState:
         """Return the state with other edits of the edited circuit."""
         edits = Edits(lines)
         if edits == self.edits:
             return self
         return self._with(manipulation=replace(self.experiment.manipulation, edits=edits))
 
-    def as_control(self) -> State:
+    def as_control(self) -> ExplorerState:
         """Return the state whose control is the edited circuit, to which further edits add."""
         return self._with(control=replace(self.experiment.control, edits=self.edits))
 
@@ -107,7 +107,7 @@ class State:
         record = self.experiment if name in OF_RUN else self.experiment.task
         return getattr(record, name, None)
 
-    def with_setting(self, name: str, value: Any) -> State:
+    def with_setting(self, name: str, value: Any) -> ExplorerState:
         """Return the state with one setting of the task, the stop signal or the run changed.
 
         None leaves a setting out. ``evidence`` is the file of a table, and ``stop.NAME`` a field of
@@ -142,7 +142,7 @@ class State:
             changes["manipulation"] = replace(self.experiment.manipulation, posterior=None)
         return self._with(**changes)
 
-    def _with(self, **changes: Any) -> State:
+    def _with(self, **changes: Any) -> ExplorerState:
         """Return the state with other fields of its experiment, without texts about the old one.
 
         Predictions and published effects refer to the manipulation that they were written for.
@@ -151,7 +151,7 @@ class State:
             changes |= {"name": NAME, "note": NOTE, "published": "", "source": ""}
             changes |= {"predictions": (), "effects": ()}
         experiment = replace(self.experiment, **changes)
-        return State(experiment, min(self.trial, experiment.trials - 1))
+        return ExplorerState(experiment, min(self.trial, experiment.trials - 1))
 
     # ---- circuits
 
@@ -200,7 +200,7 @@ class State:
         return f"{address}?{QUERY}={code}" + (f"&trial={self.trial}" if self.trial else "")
 
     @classmethod
-    def from_link(cls, link: str) -> State:
+    def from_link(cls, link: str) -> ExplorerState:
         """Return the state of a link, or of its part from the question mark on."""
         from urllib.parse import parse_qs
 
@@ -218,11 +218,11 @@ class State:
         return cls(experiment, int(trial) if trial.isdecimal() else 0)
 
 
-def opened(name: str | Path) -> State:
+def opened(name: str | Path) -> ExplorerState:
     """Return the state of a circuit or an experiment, given by name, file or link."""
     text = str(name).strip()
     if f"?{QUERY}=" in text:
-        return State.from_link(text)
+        return ExplorerState.from_link(text)
     if text.endswith(".toml") and not toml_files.gives(text, "manipulation"):
         return of_circuit(text)
     if text in CIRCUITS or not text:
@@ -234,7 +234,7 @@ def opened(name: str | Path) -> State:
             raise
         known = ", ".join(CIRCUITS)
         raise InputError(f"{error}, or one of the circuits {known}", "file", text) from None
-    return State(_few(experiment))
+    return ExplorerState(_few(experiment))
 
 
 def _few(experiment: Experiment) -> Experiment:
@@ -245,13 +245,13 @@ def _few(experiment: Experiment) -> Experiment:
     return replace(experiment, task=task.changed(trials=TRIALS))
 
 
-def of_circuit(name: str) -> State:
+def of_circuit(name: str) -> ExplorerState:
     """Return a state of an unedited circuit with the default task."""
     from circuits.anatomy import load_circuit
 
     path = name.endswith(".toml")
     channels = load_circuit(name).channels if path else 2
-    return State(
+    return ExplorerState(
         Experiment(
             name=NAME,
             note=NOTE,
@@ -266,13 +266,13 @@ def of_circuit(name: str) -> State:
 class History:
     """The current state of one user, with undo and redo."""
 
-    def __init__(self, first: State) -> None:
+    def __init__(self, first: ExplorerState) -> None:
         first.check()
         self.first = self.state = first
-        self.undone: list[State] = []
-        self.past: list[State] = []
+        self.undone: list[ExplorerState] = []
+        self.past: list[ExplorerState] = []
 
-    def go(self, state: State) -> None:
+    def go(self, state: ExplorerState) -> None:
         """Move to a new state, which discards the states that were undone."""
         if state == self.state and state.key == self.state.key:
             return  # Keys differ if a circuit's file has changed.

@@ -11,7 +11,7 @@ from bgmodel.fitting.likelihood import STEP, BinnedLikelihood, Likelihood
 from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.posterior import ENOUGH, Directions, Posterior, directions
 from bgmodel.fitting.responses import Grid
-from bgmodel.fitting.simulated.error import Simulation
+from bgmodel.fitting.simulated.error import SimulationErrors
 from bgmodel.support.arrays import Array
 from circuits.errors import FitWarning
 
@@ -96,7 +96,7 @@ LATEST_T0_S = 1.0
 
 
 def cautions(
-    fitted: Optimum, there: Directions, simulated: Simulation, drawn: Posterior | None
+    fitted: Optimum, there: Directions, simulated: SimulationErrors, drawn: Posterior | None
 ) -> list[str]:
     """Return the warnings of a fit, apart from those of misfit and identifiability."""
     numerical = [*_rough(there, simulated), *of_bins(fitted.likelihood, there)]
@@ -145,7 +145,7 @@ def _short(drawn: Posterior | None) -> list[str]:
     ]
 
 
-def _rough(there: Directions, simulated: Simulation) -> list[str]:
+def _rough(there: Directions, simulated: SimulationErrors) -> list[str]:
     share = simulated.parameters / there.standard_errors
     rough = [
         f"{name} ({value:.0%})"

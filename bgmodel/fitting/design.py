@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.fitting.responses import BIN_S, ENDS_S, EVERY_TIME, Grid, Observed
+from bgmodel.fitting.responses import BIN_S, ENDS_S, EVERY_TIME, BinnedResponses, Grid
 from bgmodel.fitting.sides import check_sides, name_of
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import reals
@@ -124,7 +124,7 @@ class Design:
 
     strength: Array
     conditions: dict[str, list[str]]  # Level of each cell in each column.
-    observed: Observed  # Response 1 is the one that the strength favours.
+    observed: BinnedResponses  # Response 1 is the one that the strength favours.
     left_out: int = 0  # Number of trials outside the window of response times.
     who: str = EVERYONE
     choices: Trials | None = None  # Trials of the table within that window.
@@ -219,7 +219,7 @@ def _laid(
     if choices.withheld is not None:
         favours = np.array(conditions[FAVOURS]) == "1"
         untimed = np.eye(2, dtype=bool)[np.where(favours == choices.withheld, 1, 0)]
-    observed = Observed(
+    observed = BinnedResponses(
         cell, response, choices.rt_s, grid, deadline_s, window, choices.alternatives, untimed
     )
     return Design(strength, conditions, observed, who=name_of(choices), choices=choices)

@@ -26,7 +26,7 @@ from bgmodel.fitting.quantiles import (
     too_few,
 )
 from bgmodel.fitting.responses import QUANTILES, TINY, moments
-from bgmodel.fitting.simulated.error import Simulation, simulation_error, without_parts
+from bgmodel.fitting.simulated.error import SimulationErrors, simulation_error, without_parts
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.saved import Facts
 from bgmodel.support.tables import Readable
@@ -48,7 +48,7 @@ class Fit(Facts):
 
     optimum: Optimum
     directions: Directions
-    simulation: Simulation  # Errors due to the simulated trials of a circuit.
+    simulation: SimulationErrors  # Errors due to the simulated trials of a circuit.
     misfit: Misfit
     posterior: Posterior | None = None  # Only if samples were requested.
 

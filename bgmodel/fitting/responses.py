@@ -91,7 +91,7 @@ def _delay(decided: Array, t0: Array, t0_sd: Array, delayed: Array) -> None:
 
 
 @dataclass(frozen=True)
-class Observed:
+class BinnedResponses:
     """Responses binned on a grid, so that their likelihood is a few sums.
 
     It is conditional on responses within ``window_s``. A response without a time has the likelihood

@@ -210,7 +210,7 @@ def _gradient_adjoint(effect: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Gaussian:
+class GaussianIncrements:
     """Increments x ~ N(mean, sd), both in nats."""
 
     mean: float
@@ -221,16 +221,16 @@ class Gaussian:
         check_positive(sd=self.sd)
 
 
-Increments = Gaussian | Empirical
+Increments = GaussianIncrements | Empirical
 
 
-def gaussian_pair(d: float) -> tuple[Gaussian, Gaussian]:
+def gaussian_pair(d: float) -> tuple[GaussianIncrements, GaussianIncrements]:
     """Return x under S1 and S2 for readings of unit variance whose means lie `d` apart.
 
     x ~ N(-d^2/2, d) under S1 and N(d^2/2, d) under S2, in nats.
     """
     check_positive(d=d)
-    return Gaussian(-(d**2) / 2, d), Gaussian(d**2 / 2, d)
+    return GaussianIncrements(-(d**2) / 2, d), GaussianIncrements(d**2 / 2, d)
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,7 +281,7 @@ def _legendre(count: int) -> tuple[Array, Array]:
 
 
 def gaussian_chain(
-    x: Gaussian, lower: float, upper: float, start: float, t_max: int | None
+    x: GaussianIncrements, lower: float, upper: float, start: float, t_max: int | None
 ) -> Chain:
     """Nystrom's discretisation, on Gauss-Legendre nodes, of the Fredholm equation of the walk."""
     from scipy.special import ndtr
@@ -335,7 +335,7 @@ def walk(
     if start > upper or start < lower:
         pmf = None if t_max is None else np.eye(1, t_max + 1)[0]
         return Walk(float(start > upper), float(start < lower), 0.0, 0.0, pmf)
-    if isinstance(increments, Gaussian):
+    if isinstance(increments, GaussianIncrements):
         return gaussian_chain(increments, lower, upper, start, t_max).run(t_max)
     moving = t_max is not None or lower == upper or bool(np.any(increments.values != 0))
     require(moving, "increments", "must be other than 0 somewhere, or t_max given", "only 0")

@@ -265,7 +265,7 @@ def at_readings(out: Array, evidence: Evidence, readout: ReadOut | None = None) 
 
 
 @dataclass
-class Stream:
+class DecisionStream:
     """One trial of a test, one reading at a time, for use in a robot's control loop.
 
     The decision is that of the batch form for the same readings. Readings are added up here: give

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from bgmodel.deciding.reward import reward_of
 from bgmodel.integrators.first_passage import (
     Empirical,
-    Gaussian,
+    GaussianIncrements,
     Increments,
     Walk,
     gaussian_pair,
@@ -28,8 +28,8 @@ from circuits.errors import require
 
 __all__ = [
     "Empirical",
-    "Gaussian",
-    "Optimum",
+    "GaussianIncrements",
+    "OptimalThreshold",
     "Performance",
     "Walk",
     "gaussian_pair",
@@ -56,7 +56,7 @@ class Performance(NamedTuple):
     mean_steps: Array
 
 
-class Optimum(NamedTuple):
+class OptimalThreshold(NamedTuple):
     """Threshold `boundary_separation` in nats, and its cost in readings."""
 
     boundary_separation: float
@@ -188,7 +188,7 @@ def optimal_separation(
     bounds: tuple[float, float] | None = None,
     prior_s2: float = 0.5,
     cells: int = 256,
-) -> Optimum:
+) -> OptimalThreshold:
     """Find the threshold that minimises the exact cost xi ER + E[T], in readings.
 
     A grid of 33 thresholds is searched within `bounds`, nats, by default 0 and as much as it takes
@@ -212,5 +212,5 @@ def optimal_separation(
     around = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
     refined = minimize_scalar(cost, bounds=around, method="bounded", options={"xatol": 1e-5})
     if refined.fun < costs[best]:
-        return Optimum(float(refined.x), float(refined.fun))
-    return Optimum(float(grid[best]), float(costs[best]))
+        return OptimalThreshold(float(refined.x), float(refined.fun))
+    return OptimalThreshold(float(grid[best]), float(costs[best]))

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from bgmodel.deciding.decision import Decision
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.learning.value_learners import Learner, Number, check_option, learner_of
+from bgmodel.learning.value_learners import Number, ValueLearner, check_option, learner_of
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import check_finite, check_positive, check_range, reals, whole
 from bgmodel.support.seeds import stream
@@ -43,7 +43,7 @@ class Bandit:
         """Reversals per trial."""
         return self.hazard if self.reverse_every is None else 1 / self.reverse_every
 
-    def draw(self, trials: int, runs: int, seed: int) -> Draws:
+    def draw(self, trials: int, runs: int, seed: int) -> BanditDraws:
         """Return the random numbers of some runs, the same for every learner."""
         trials, runs = whole("trials", trials, 1), whole("runs", runs, 1)
         rngs = [stream(seed, "bandit", run) for run in range(runs)]
@@ -55,11 +55,11 @@ class Bandit:
         else:
             turned = (np.arange(trials) // self.reverse_every)[:, None]
         best = (first + turned) % 2
-        return Draws(self, best, uniform[..., 0], uniform[..., 1])
+        return BanditDraws(self, best, uniform[..., 0], uniform[..., 1])
 
 
 @dataclass(frozen=True, eq=False)
-class Draws:
+class BanditDraws:
     """What is random in some runs of a bandit, (trials, runs) each."""
 
     bandit: Bandit
@@ -83,7 +83,7 @@ def check_probabilities(better: float, worse: float) -> None:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class IdealLearner(Learner):
+class IdealLearner(ValueLearner):
     """The posterior that either arm is the better one, given all choices and rewards so far.
 
     A hidden Markov filter: optimal if ``better + worse = 1`` and reversals have the hazard.
@@ -126,7 +126,7 @@ Chooser = Callable[[Array, int], tuple[Integers, Array]]
 class Played:
     """Trials of several runs of one learner, (trials, runs) each."""
 
-    draws: Draws
+    draws: BanditDraws
     choice: Integers  # chosen arm, 0 or 1
     reward: Array  # 0 or 1
     difference: Array  # value of the better arm minus the other, before the choice
@@ -145,7 +145,7 @@ class Played:
 
 
 def play(
-    learner: Learner | str,
+    learner: ValueLearner | str,
     bandit: Bandit,
     *,
     trials: int = 1000,

@@ -31,7 +31,7 @@ read."""
 
 
 @dataclass(frozen=True)
-class Trials:
+class TrialOfRuns:
     """Trials of every run in one trial."""
 
     last: Integers  # (runs,), index of the last reading before the choice
@@ -61,7 +61,7 @@ class FixedPoint:
         if self.sampled is not None:
             whole("sampled", self.sampled, 1)
 
-    def choose(self, part: Features, weights: Array, noise: Array, number: int) -> Trials:
+    def choose(self, part: Features, weights: Array, noise: Array, number: int) -> TrialOfRuns:
         """Choose in trial ``number`` of every run; ``part`` holds one trial per run.
 
         At the first reading at which a posterior reaches the criterion. ``weights`` is (runs,
@@ -78,7 +78,7 @@ class FixedPoint:
             last = np.minimum(last, self.sampled - 1)
         heard, read = drive[runs, last], out[runs, last]
         choice = (heard + self._disturbance(noise)).argmax(axis=1)
-        return Trials(last, choice, heard, np.exp(-read[runs, choice]))
+        return TrialOfRuns(last, choice, heard, np.exp(-read[runs, choice]))
 
     def _disturbance(self, noise: Array) -> Array:
         """Return noise on the drives (runs, hypotheses) whose leader is the choice, nats."""
@@ -121,7 +121,7 @@ class InCircuit:
         """Highest posterior that the circuit can express."""
         return float(np.exp(-self.model.circuit.readable_nats[0]))
 
-    def choose(self, part: Features, weights: Array, noise: Array, number: int) -> Trials:
+    def choose(self, part: Features, weights: Array, noise: Array, number: int) -> TrialOfRuns:
         """Choose in one trial of every run; see ``FixedPoint``."""
         # What the channels' weights have in common is no evidence, and can exceed their range.
         weights = weights - weights.mean(axis=1, keepdims=True)
@@ -137,7 +137,7 @@ class InCircuit:
         total = self.gain * np.cumsum(nats, axis=1)
         heard = np.where(last[:, None] < 0, 0.0, total[np.arange(len(last)), last])
         choice = np.asarray(decision.choice, dtype=np.intp)
-        return Trials(last, choice, heard, self._confidence(trace, decision))
+        return TrialOfRuns(last, choice, heard, self._confidence(trace, decision))
 
     def _evidence(self, part: Features, nats: Array) -> Evidence:
         """Return learned log-likelihoods as evidence, without the warnings for users' tables."""

@@ -14,7 +14,7 @@ import pandas as pd
 from bgmodel.deciding.reward import reward_of
 from bgmodel.integrators.sprt_theory import (
     Empirical,
-    Optimum,
+    OptimalThreshold,
     optimal_separation,
     reward_curve,
     sprt,
@@ -100,7 +100,7 @@ def check_start(start_separation: float, field: str = "start_separation") -> Non
         raise InputError.of(field, f"must be within {low:g}..{high:g} nats", start_separation)
 
 
-def policy_for(policy: GaussianPolicy | None, optima: Sequence[Optimum]) -> GaussianPolicy:
+def policy_for(policy: GaussianPolicy | None, optima: Sequence[OptimalThreshold]) -> GaussianPolicy:
     """Return the policy, by default Gaussian with the best gaps inside; warn if it excludes one."""
     best, (least, most) = max(optimum.boundary_separation for optimum in optima), SEPARATIONS
     if policy is None:
@@ -150,7 +150,7 @@ def learn_sources(
 def regret_on_fresh_trials(
     boundary_separation: Array,
     readings: Source,
-    optimum: Optimum,
+    optimum: OptimalThreshold,
     *,
     xi: float,
     t_max: int,
@@ -216,7 +216,7 @@ def _scored(
     learned: Array,
     readings: Source,
     starts: Array,
-    optimum: Optimum,
+    optimum: OptimalThreshold,
     *,
     xi: float,
     t_max: int,

@@ -27,7 +27,7 @@ Number = float | Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Learner:
+class ValueLearner:
     """Base class: what is learned, and the values on which choices depend.
 
     The probability of choosing arm 1 is ``expit(beta (V_1 - V_0))``.
@@ -65,7 +65,7 @@ class Learner:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class QLearning(Learner):
+class QLearning(ValueLearner):
     """``Q_c`` moves towards the reward by a share of the error (Rescorla & Wagner 1972)."""
 
     name: ClassVar[str] = "q"
@@ -116,7 +116,7 @@ class LogitQ(QLearning):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Confidence(Learner):
+class Confidence(ValueLearner):
     """The confidence rule: the error is the reward minus that expected from confidence.
 
     It is ``low + (high - low) P_c`` with ``P_c = softmax(w)_c``; weights move apart by the error.
@@ -152,7 +152,7 @@ class Confidence(Learner):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Opal(Learner):
+class Opal(ValueLearner):
     """OpAL (Collins & Frank 2014): go and no-go weights that learn in proportion to themselves.
 
     ``dG_c = rate G_c error``, ``dN_c = -rate N_c error``; the value is ``(1 + rho) G - (1 - rho)
@@ -195,7 +195,7 @@ class Opal(Learner):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Reinforce(Learner):
+class Reinforce(ValueLearner):
     """REINFORCE (Williams 1992): ``dw_i = rate (r - mean) (1[i = c] - P_i)``, P = softmax(w)."""
 
     name: ClassVar[str] = "reinforce"
@@ -226,15 +226,15 @@ class Reinforce(Learner):
         )
 
 
-LEARNERS: dict[str, Callable[[], Learner]] = {
+LEARNERS: dict[str, Callable[[], ValueLearner]] = {
     one.name: one for one in (QLearning, QBoth, LogitQ, Confidence, Opal, Reinforce)
 }
 """Learners by name, with their default options."""
 
 
-def learner_of(learner: Learner | str) -> Learner:
+def learner_of(learner: ValueLearner | str) -> ValueLearner:
     """Return a learner, given as such or by name; ValueError for an unknown name."""
-    return learner if isinstance(learner, Learner) else made("learner", learner, LEARNERS)
+    return learner if isinstance(learner, ValueLearner) else made("learner", learner, LEARNERS)
 
 
 def check_option(name: str, value: Any, low: float, high: float) -> None:

@@ -26,11 +26,11 @@ from bgmodel.fitting.passage import standard_at_rest
 from bgmodel.fitting.responses import EVERY_TIME
 from bgmodel.learning.value_learners import (
     Confidence,
-    Learner,
     LogitQ,
     Opal,
     Pairs,
     QLearning,
+    ValueLearner,
     pairs_of,
 )
 from bgmodel.support.arrays import Array, Integers
@@ -127,7 +127,7 @@ class ValueModel:
     special: tuple[Parameter, ...]  # in addition to bound, non-decision time and stickiness
     # Takes its special parameters by name, except scale; each must have one value over all
     # trials. None is the baseline model, whose special parameter is the drift.
-    learner: Callable[..., Learner] | None
+    learner: Callable[..., ValueLearner] | None
     stacks = True
     threshold_name = "bound"
 
@@ -136,7 +136,7 @@ class ValueModel:
         """All parameters."""
         return (*self.special, *COMMON)
 
-    def made(self, values: Mapping[str, Array]) -> Learner:
+    def made(self, values: Mapping[str, Array]) -> ValueLearner:
         """Return learners with parameters (..., trials), which are the same in all trials."""
         if self.learner is None:
             raise InputError.of("model", "must have a learner", self.name)
@@ -175,7 +175,7 @@ class ValueModel:
         return replace(trials, response=response.astype(np.int8), rt_s=rt_s)
 
 
-def value_differences(learner: Learner, pairs: Pairs, shape: tuple[int, ...]) -> Array:
+def value_differences(learner: ValueLearner, pairs: Pairs, shape: tuple[int, ...]) -> Array:
     """Return the value of the better item minus the other before every trial, (..., trials)."""
     state = learner.start((*shape, len(pairs.names)))
     differences = np.empty((len(pairs.reward), *shape, len(pairs.names)))
@@ -258,7 +258,7 @@ def _nats(name: str) -> Parameter:
     return _parameter(name, "log", 0.3, 1.0, "learning rate, nats")
 
 
-def _remembered(kind: type[Confidence] | type[Opal]) -> Callable[..., Learner]:
+def _remembered(kind: type[Confidence] | type[Opal]) -> Callable[..., ValueLearner]:
     return partial(kind, decay=0.0)
 
 

@@ -14,7 +14,7 @@ from bgmodel.learning.deciders import (
     Feedback,
     FixedPoint,
     InCircuit,
-    Trials,
+    TrialOfRuns,
     WeightLearner,
 )
 from bgmodel.learning.feature_sources import FeatureSource, source_at
@@ -104,7 +104,7 @@ class Loop:
         self._noise = np.stack([r.standard_normal(shape) for r in self._rngs])[..., :-1]
         self._chance = np.stack([r.random((BLOCK, 2)) for r in self._rngs])
 
-    def _seen(self, part: Features, chosen: Trials, reward: Array) -> Trial:
+    def _seen(self, part: Features, chosen: TrialOfRuns, reward: Array) -> Trial:
         """Return the trial as critic and rule see it."""
         since = chosen.last[:, None] - np.arange(part.steps)
         kept = np.where(since >= 0, self.learner.trace_decay ** np.maximum(since, 0), 0.0)

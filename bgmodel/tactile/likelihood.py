@@ -23,7 +23,7 @@ KDE_SAMPLES = 100_000
 
 
 @dataclass(frozen=True)
-class Likelihood:
+class TabulatedLikelihood:
     """Log densities of a reading under each hypothesis, tabulated."""
 
     grid_deg: Array  # (points,), evenly spaced readings
@@ -96,7 +96,7 @@ def fit_likelihood(
     *,
     circular: bool = False,
     density: Density | None = None,
-) -> Likelihood:
+) -> TabulatedLikelihood:
     """Fit the density of readings under each hypothesis to decoded angles, degrees.
 
     The log-likelihood ratios are multiplied by a factor in [0, 1] that maximises the log score on
@@ -130,7 +130,7 @@ def fit_likelihood(
         shrink = _cross_validated_shrink(pool, readings, grid, period, log_densities, density)
     cap = density.cap_nats if density.cap_nats is not None else float(np.log(taps))
     logs = shrink * (raw - raw.max(axis=0))
-    return Likelihood(grid, np.maximum(logs, -cap), period, float(shrink), cap)
+    return TabulatedLikelihood(grid, np.maximum(logs, -cap), period, float(shrink), cap)
 
 
 def calibration(log_likelihood: Array, truth: Integers, bins: int = 10) -> pd.DataFrame:

@@ -34,7 +34,7 @@ class Skin:
         check_positive(owner="Skin", **vars(self))
 
 
-class Response(NamedTuple):
+class SkinResponse(NamedTuple):
     """Response to a unit pressure wave on the surface, as a function of its wavenumber.
 
     A pressure of 1 MPa times exp(ikx) yields, in mm and with z pointing into the body, the depth
@@ -47,7 +47,7 @@ class Response(NamedTuple):
     interface_lateral: Array
 
 
-def response(skin: Skin, wavenumber_per_mm: ArrayLike) -> Response:
+def response(skin: Skin, wavenumber_per_mm: ArrayLike) -> SkinResponse:
     """Return the response of the layered skin to pressure waves, mm/MPa.
 
     In each layer w = (A + B kz) exp(-kz) + (C + D kz) exp(kz), U = w'/k, p = G (U'' - k^2 U)/k,
@@ -65,7 +65,7 @@ def response(skin: Skin, wavenumber_per_mm: ArrayLike) -> Response:
     positive = distinct > 0
     values = np.zeros((3, distinct.size))
     values[:, positive] = _solve(skin, distinct[positive])
-    return Response(*values[:, where.reshape(k.shape)])
+    return SkinResponse(*values[:, where.reshape(k.shape)])
 
 
 def _solve(skin: Skin, k: Array) -> Array:

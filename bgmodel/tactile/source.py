@@ -19,7 +19,7 @@ from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum, read_provenance, read_table
 from bgmodel.support.seeds import generator
-from bgmodel.tactile.likelihood import Density, Likelihood, Pool, fit_likelihood
+from bgmodel.tactile.likelihood import Density, Pool, TabulatedLikelihood, fit_likelihood
 from bgmodel.task import Drawn
 from circuits.errors import CalibrationWarning, DataWarning, InputError, require
 
@@ -43,7 +43,7 @@ class Source:
 
     log_likelihood: list[Array]  # per true hypothesis (readings, hypotheses), nats
     names: tuple[str, ...]
-    likelihood: Likelihood  # fitted on other taps
+    likelihood: TabulatedLikelihood  # fitted on other taps
     where: str = "here"  # description of the stimulus, for use in messages
 
     def draw(

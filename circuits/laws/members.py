@@ -37,7 +37,7 @@ FREE |= dict.fromkeys(OF_TIME, "ms")
 Table = TypeVar("Table", bound=EditableTable)
 
 
-class Direction(NamedTuple):
+class FreeDirection(NamedTuple):
     """A free direction: the name by which ``moved`` knows it, the circuit's value and the unit."""
 
     name: str
@@ -45,7 +45,7 @@ class Direction(NamedTuple):
     unit: str
 
 
-def directions(circuit: CircuitTable) -> list[Direction]:
+def directions(circuit: CircuitTable) -> list[FreeDirection]:
     """Return the free directions of a member, with its coordinates.
 
     They are Sigma at rest, all weights but those that the constraints then set (``dependent``), and
@@ -53,13 +53,13 @@ def directions(circuit: CircuitTable) -> list[Direction]:
     """
     wiring = wired(circuit.steady)
     stn = wiring.blocks_of(reduced(circuit).stn)
-    directions = [Direction(SIGMA0, float(np.exp(rest(wiring)[stn]).sum()), "nats of activity")]
+    directions = [FreeDirection(SIGMA0, float(np.exp(rest(wiring)[stn]).sum()), "nats of activity")]
     bound = {p for pair in dependent(circuit).values() for p in circuit.pathways("->".join(pair))}
     rows: tuple[Population | Projection, ...] = (*circuit.populations, *circuit.projections)
     for row in rows:
         names = [name for name in FREE if hasattr(row, name)]
         directions += [
-            Direction(f"{row.name}.{name}", float(getattr(row, name)), FREE[name])
+            FreeDirection(f"{row.name}.{name}", float(getattr(row, name)), FREE[name])
             for name in names
             if name != "weight" or row not in bound
         ]

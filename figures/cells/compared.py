@@ -23,7 +23,7 @@ from scipy.optimize import minimize
 from bgmodel.fit_trials import question
 from bgmodel.fitting.cells.grid import SUMS, chosen, encoded_by, p_right, variance
 from bgmodel.fitting.cells.model import SHARED, CellsLikelihood, numbers_of
-from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, LAG_S, Session, sessions_of
+from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, LAG_S, RecordedSession, sessions_of
 from bgmodel.fitting.model_comparison import FOLDS
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.settings import FitSettings
@@ -187,7 +187,9 @@ def expected(likelihood: CellsLikelihood, vector: Array) -> Iterator[tuple[str, 
             yield name, log, (weight * rate).sum(axis=1)
 
 
-def _given_choice(session: Session, values: dict[str, float], nodes: Array) -> tuple[Array, Array]:
+def _given_choice(
+    session: RecordedSession, values: dict[str, float], nodes: Array
+) -> tuple[Array, Array]:
     """Return the noise of each bin at nodes, and the probability of the choice given each."""
     now = np.sqrt(variance(values, session.middles_s))[:, None] * nodes
     rest_s = np.maximum(session.end_s[:, None] - session.middles_s, 0.0)
@@ -227,7 +229,7 @@ def delayed(folder: str) -> pd.DataFrame:
     return table.assign(nats=table["apart"] - base.loc[table["cell"]].to_numpy())
 
 
-def _columns(session: Session, name: str, cell: int | None, later: int = 0) -> Array:
+def _columns(session: RecordedSession, name: str, cell: int | None, later: int = 0) -> Array:
     """Return the predictors of a regression in each bin, with the recent rate of a cell if any."""
     on, parts = session.on, [np.broadcast_to(session.basis, (*session.on.shape, KNOTS))]
     if "clicks" in name:

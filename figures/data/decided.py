@@ -13,7 +13,7 @@ import numpy as np
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import Design
-from bgmodel.fitting.responses import BIN_S, Grid, Observed
+from bgmodel.fitting.responses import BIN_S, BinnedResponses, Grid
 from bgmodel.fitting.simulated.circuit import NONE
 from bgmodel.fitting.simulated.crossings import simulated
 from bgmodel.support.arrays import Array, Integers
@@ -69,7 +69,7 @@ def responses(
     rt = np.where(lapse, rng.random(len(cell)) * DEADLINE_S, rt)
     choice = np.where(lapse, rng.integers(0, 2, len(cell)), choice)
     answered = (choice >= 0) & (rt > 0) & (rt < DEADLINE_S)
-    seen = Observed(
+    seen = BinnedResponses(
         cell, np.where(answered, choice, -1), np.where(answered, rt, np.nan), GRID, DEADLINE_S
     )
     return Design(np.array(strengths), {}, seen)

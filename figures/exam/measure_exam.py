@@ -18,7 +18,7 @@ from bgmodel.exam.exam import Exam
 from bgmodel.exam.numbers import SEED
 from bgmodel.exam.record import MOST_Z, totals
 from bgmodel.experiments.expected import AGREES, FAILS, UNANSWERED
-from bgmodel.experiments.models import Model, model_of
+from bgmodel.experiments.models import DecisionModel, model_of
 from circuits.anatomy import CIRCUITS, DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from circuits.laws.controls import shuffled_stn
@@ -103,11 +103,11 @@ FEW = 8
 """Largest number of answers that are listed by name; more are counted."""
 
 
-def examinees() -> dict[str, Model]:
+def examinees() -> dict[str, DecisionModel]:
     """Return every examinee by name."""
     by_name = {name: model_of(name) for name in CIRCUITS}
     for name, (_, edit) in CONTROLS.items():
-        by_name[name] = Model(name, partial(_edited, edit))
+        by_name[name] = DecisionModel(name, partial(_edited, edit))
     return by_name | {f"{name}{WITHOUT}": by_name[name] for name in NO_MOTIFS}
 
 

@@ -25,12 +25,12 @@ from bgmodel.learning.bandit import (
 )
 from bgmodel.learning.value_learners import (
     Confidence,
-    Learner,
     LogitQ,
     Opal,
     QBoth,
     QLearning,
     Reinforce,
+    ValueLearner,
 )
 from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
@@ -55,7 +55,7 @@ LOOP_RATE = 0.2
 """Rate of the learner in the loop, the tuned one of Q learning for both arms."""
 
 
-def learners(better: float) -> dict[str, Learner]:
+def learners(better: float) -> dict[str, ValueLearner]:
     """Return the learners with the options tuned for a probability of the better arm."""
     first = better == 0.8
     worse = round(1 - better, 1)

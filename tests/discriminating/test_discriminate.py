@@ -10,7 +10,7 @@ from bgmodel.discriminating.discriminate import _within, same_rule
 from bgmodel.discriminating.information import Recording
 from bgmodel.discriminating.result import INSEPARABLE, SEPARABLE
 from bgmodel.discriminating.space import Probe, Space
-from bgmodel.discriminating.trials import Trials
+from bgmodel.discriminating.trials import PairedTrials
 from bgmodel.experiments.models import model_of
 from bgmodel.integrators.steady import out_shift
 from circuits.declaration.table_writer import text
@@ -172,7 +172,7 @@ def test_a_manipulation_that_a_circuit_does_not_have_is_left_out_with_a_warning(
 
 def test_both_models_have_the_accuracy_of_the_task_in_plain_trials():
     models = model_of("macaque"), model_of("macaque", ["lesion GPe 5%"])
-    trials = Trials(models, QUICK, 5, 2000)
+    trials = PairedTrials(models, QUICK, 5, 2000)
     probe = Probe(2, 1.0)
     for k in (0, 1):
         [level] = trials.levels(k, probe).values()

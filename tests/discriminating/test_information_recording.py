@@ -17,7 +17,7 @@ from bgmodel.discriminating.information import (
 )
 from bgmodel.discriminating.result import INSEPARABLE, SEPARABLE
 from bgmodel.discriminating.space import Probe, Space
-from bgmodel.discriminating.trials import Trials
+from bgmodel.discriminating.trials import PairedTrials
 from bgmodel.experiments.models import model_of
 from circuits.laws.fluctuation import count_ratio
 from tests.helpers import refused
@@ -110,7 +110,7 @@ def test_cells_that_the_edit_does_not_reach_fire_alike_in_both_models():
     """SNr sends nothing back: the spikes of all other nuclei are the same, one by one."""
     models = model_of("macaque"), model_of("macaque", ["scale GPe->SNr 0.9"])
     for nucleus, alike in (("STN", True), ("ctx", True), ("SNr", False)):
-        trials = Trials(models, SPACE, 7, 200, recording=Recording(nucleus, cells=10))
+        trials = PairedTrials(models, SPACE, 7, 200, recording=Recording(nucleus, cells=10))
         first, second = (trials.simulated(k, Probe(2, 1.0)).spikes for k in (0, 1))
         assert (first == second).all() == alike
 

@@ -13,7 +13,7 @@ from bgmodel.exam.numbers import Number
 from bgmodel.exam.record import scored, totals
 from bgmodel.exam.simulation import Simulation
 from bgmodel.exam.tables import Failed, NotApplicable
-from bgmodel.experiments.models import Model, model_of
+from bgmodel.experiments.models import DecisionModel, model_of
 from circuits.anatomy import load_circuit
 from circuits.declaration import table_writer
 from tests.helpers import refusing
@@ -121,8 +121,8 @@ def deaf(channels):
 @pytest.mark.parametrize(
     "control",
     [
-        Model("no D1", lambda n: load_circuit("macaque", n).clamp("D1"), "rate"),
-        Model("noise alone", deaf, "rate"),
+        DecisionModel("no D1", lambda n: load_circuit("macaque", n).clamp("D1"), "rate"),
+        DecisionModel("noise alone", deaf, "rate"),
     ],
 )
 def test_a_circuit_without_evidence_fails_what_is_about_decisions_and_rests_as_before(control):

@@ -10,7 +10,7 @@ from bgmodel.exam.exam import Exam
 from bgmodel.exam.measures import MEASURES, Estimate, Results
 from bgmodel.exam.simulation import Simulation
 from bgmodel.exam.tables import Failed, NotApplicable, Tables, read_tables
-from bgmodel.experiments.models import Model
+from bgmodel.experiments.models import DecisionModel
 from bgmodel.support.seeds import stream
 from circuits.anatomy import load_circuit
 from circuits.dynamics.fixed_point import resting_hz
@@ -125,7 +125,7 @@ def test_abstract_rates_have_a_sign_and_no_hz():
 
 
 def blocked(circuit, nucleus, receptors):
-    runs = Simulation(Model("own", lambda _: circuit), TASKS, 1)
+    runs = Simulation(DecisionModel("own", lambda _: circuit), TASKS, 1)
     return of_circuit.blocked(Results(runs, TASKS, 1), nucleus, receptors)
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from hypothesis import strategies as st
 
-from bgmodel.explorer.state import State, opened
+from bgmodel.explorer.state import ExplorerState, opened
 from bgmodel.task import Gaussian
 
 FEW = Gaussian(trials=120, t_max=20, d_prime=1.0)
@@ -15,7 +15,7 @@ def small(name="macaque", engine="algebra", *edits):
     """Return a state of few trials on an engine without noise."""
     state = opened(name)
     experiment = replace(state.experiment, task=FEW, engine=engine)
-    return State(experiment).edited(*edits)
+    return ExplorerState(experiment).edited(*edits)
 
 
 LINES = [

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from bgmodel.cli import main
 from bgmodel.explorer import drawing
 from bgmodel.explorer.panels import TITLES, Memory, panels
-from bgmodel.explorer.state import MOST_TRIALS, History, State
+from bgmodel.explorer.state import MOST_TRIALS, ExplorerState, History
 from circuits.anatomy import load_circuit
 from circuits.declaration.table_writer import digest
 from tests.explorer.helpers import STEPS, small
@@ -96,7 +96,7 @@ def follow(steps, tmp_path, capsys, monkeypatch, *, drawn):
         assert panel.digest == expected
         assert panel.text
         assert panel.refused != bool(panel.svg or panel.tables)
-    assert State.from_link(state.link()) == state
+    assert ExplorerState.from_link(state.link()) == state
 
 
 @given(steps=st.lists(STEPS, max_size=6))

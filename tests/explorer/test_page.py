@@ -10,7 +10,7 @@ from bgmodel.explorer.controls import NUMBERS
 from bgmodel.explorer.page import Explorer
 from bgmodel.explorer.panels import TITLES
 from bgmodel.explorer.runs import RANKING
-from bgmodel.explorer.state import State
+from bgmodel.explorer.state import ExplorerState
 from tests.explorer.helpers import FEW, small
 
 pytestmark = pytest.mark.filterwarnings("ignore")
@@ -66,7 +66,7 @@ def test_every_widget_changes_the_state_and_follows_it(explorer, widgets, monkey
         assert explorer.state != before, name
         explorer.controls.show(explorer.state)
         assert widgets[name].value == value, name
-        assert State.from_link(explorer.texts["Link"].value) == explorer.state
+        assert ExplorerState.from_link(explorer.texts["Link"].value) == explorer.state
         explorer.buttons["Undo"].clicks += 1
         assert (explorer.state, widgets[name].value) == (before, old), name
     explorer.buttons["Redo"].clicks += 1

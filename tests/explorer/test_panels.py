@@ -8,7 +8,7 @@ from bgmodel.deciding.measures import MEASURES as MEASURED
 from bgmodel.deciding.measures import OF_ALL, OF_DIFFUSION
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.explorer.panels import CIRCUIT, MEASURES, Memory, panels
-from bgmodel.explorer.state import State, opened
+from bgmodel.explorer.state import ExplorerState, opened
 from bgmodel.plots import labelled
 from circuits.laws.stability import growth
 from tests.explorer.helpers import small
@@ -72,7 +72,7 @@ def test_a_run_that_is_refused_says_so_in_the_sentence_of_the_command(tmp_path, 
     text = small("macaque", "algebra", "dopamine 0.9").experiment.to_toml()
     few = text.replace("trials = 120", "trials = 60")
     assert few != text
-    state = State(Experiment.from_text(few))
+    state = ExplorerState(Experiment.from_text(few))
     by = {panel.name: panel for panel in panels(state, Memory(), workers=1)}
     assert by[MEASURES].refused
     assert not by[CIRCUIT].refused

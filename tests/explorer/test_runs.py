@@ -7,7 +7,7 @@ import pytest
 
 from bgmodel.explorer import runs as module
 from bgmodel.explorer.panels import TITLES
-from bgmodel.explorer.runs import RANKING, Runs, ranked
+from bgmodel.explorer.runs import RANKING, PanelRuns, ranked
 from bgmodel.support import processes
 from tests.explorer.helpers import small
 
@@ -20,7 +20,7 @@ def started():
     opened = []
 
     def start(deliver, ended):
-        opened.append(Runs(deliver, ended, workers=1))
+        opened.append(PanelRuns(deliver, ended, workers=1))
         return opened[-1]
 
     yield start

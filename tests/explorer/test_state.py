@@ -3,7 +3,7 @@
 import pytest
 
 from bgmodel.experiments.experiment import shipped
-from bgmodel.explorer.state import MOST_TRIALS, History, State, opened
+from bgmodel.explorer.state import MOST_TRIALS, ExplorerState, History, opened
 from circuits.errors import InputError
 from tests.explorer.helpers import small
 from tests.helpers import refused
@@ -22,14 +22,14 @@ def test_an_edit_replaces_the_one_of_the_same_target_and_removes_predictions():
 @pytest.mark.parametrize("name", ["macaque", "stn_conflict", "stop_stn_lesion"])
 def test_a_link_has_the_whole_state(name):
     state = opened(name).with_setting("trial", 3)
-    assert State.from_link(state.link("http://127.0.0.1:1/")) == state
+    assert ExplorerState.from_link(state.link("http://127.0.0.1:1/")) == state
     assert opened(state.link("http://127.0.0.1:1/")) == state
 
 
 @pytest.mark.parametrize("link", ["?state=", "?state=abc", "?state=eNpNUcFqwzAM", "?other=1", ""])
 def test_a_link_that_is_cut_off_is_refused(link):
     with refused("link"):
-        State.from_link(link)
+        ExplorerState.from_link(link)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of, fence_s
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.responses import BIN_S, Grid, Observed
+from bgmodel.fitting.responses import BIN_S, BinnedResponses, Grid
 from circuits.errors import DataWarning
 from tests.drawn import drawn
 from tests.helpers import refused
@@ -88,7 +88,7 @@ def test_all_that_can_happen_in_a_window_has_probability_1(early_s, late_s, miss
     times = np.arange(early_s + fine / 2, late_s, fine)
     rt = np.concatenate([times, times, [np.nan] * missed])
     response = np.concatenate([np.zeros(len(times)), np.ones(len(times)), [-1] * missed])
-    seen = Observed(
+    seen = BinnedResponses(
         np.zeros(len(rt), int), response.astype(int), rt, grid, deadline_s, (early_s, late_s)
     )
     likelihoods = np.exp(seen.each(density))

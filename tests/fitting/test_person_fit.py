@@ -14,7 +14,7 @@ from bgmodel.fitting.posterior import Posterior
 from bgmodel.fitting.quantiles import phrase, too_few
 from bgmodel.fitting.responses import QUANTILES
 from bgmodel.fitting.responses import moments as of_density
-from bgmodel.fitting.simulated.error import Simulation
+from bgmodel.fitting.simulated.error import SimulationErrors
 from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn
 
@@ -141,7 +141,7 @@ def test_the_error_of_the_simulation_is_part_of_standard_errors_and_intervals(fi
     se = 2 * fit.directions.standard_errors
     draws = fit.optimum.vector + np.random.default_rng(1).normal(0, se, (1000, len(se)))
     drawn_ = Posterior(FREE, draws, np.zeros(len(draws)), 1.0, 100.0)
-    simulated = replace(fit, simulation=Simulation(0.5, se), posterior=drawn_)
+    simulated = replace(fit, simulation=SimulationErrors(0.5, se), posterior=drawn_)
     table = simulated.parameters()
     expected = np.sqrt(5) * fit.directions.standard_errors
     assert table["standard_error"].to_numpy() == pytest.approx(expected)
@@ -152,7 +152,7 @@ def test_the_error_of_the_simulation_is_part_of_standard_errors_and_intervals(fi
 
 def test_where_the_error_of_the_simulation_is_unknown_that_of_the_data_remains(fit):
     se = np.array([np.nan, 0.1, 0.1])
-    table = replace(fit, simulation=Simulation(0.5, se)).parameters()
+    table = replace(fit, simulation=SimulationErrors(0.5, se)).parameters()
     assert np.isnan(table["simulation_error"]).tolist() == [True, False, False]
     assert table["standard_error"][0] == fit.directions.standard_errors[0]
     draws = np.random.default_rng(0).normal(1.0, 0.3, (1000, 1))

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2, gamma, norm
 
-from bgmodel.fitting.responses import BIN_S, Grid, Observed, moments, responded
+from bgmodel.fitting.responses import BIN_S, BinnedResponses, Grid, moments, responded
 
 GRID = Grid(300)
 T0 = st.floats(0.2, 0.6)
@@ -51,7 +51,7 @@ def test_the_likelihood_of_gamma_decisions_is_that_of_the_exact_sum(sd_s):
     exact = norm.pdf(rt_s[:, None] - 0.3 - times, 0, sd_s) @ mass
     edges = np.arange(GRID.bins + 1) * BIN_S
     decided = np.stack([np.zeros(GRID.bins), np.diff(gamma.cdf(edges, 4, scale=0.06))])[None]
-    seen = Observed(np.zeros(len(rt_s), int), np.ones(len(rt_s), int), rt_s, GRID)
+    seen = BinnedResponses(np.zeros(len(rt_s), int), np.ones(len(rt_s), int), rt_s, GRID)
 
     def nats(given_s):
         """Return what 10 000 trials lose by the error of the density."""
@@ -76,7 +76,9 @@ def test_each_cell_has_its_own_t0_and_each_response_its_own_mass(seed, t0_s, t0_
 
 def observed(response, rt_s, deadline_s=None):
     response = np.asarray(response)
-    return Observed(np.zeros(len(response), int), response, np.asarray(rt_s), GRID, deadline_s)
+    return BinnedResponses(
+        np.zeros(len(response), int), response, np.asarray(rt_s), GRID, deadline_s
+    )
 
 
 @given(SEEDS, st.floats(0.5, 2.9), st.floats(0, 0.3))
@@ -126,7 +128,7 @@ def test_new_trials_have_the_probabilities_of_outcomes(window_s):
     decided = 0.8 * some_decided(8)
     density = heard(decided, 0.3, 0.04, 0.1)
     cell = np.repeat([0, 1], trials)
-    seen = Observed(cell, np.zeros_like(cell), np.ones(len(cell)), GRID, 3.0, window_s)
+    seen = BinnedResponses(cell, np.zeros_like(cell), np.ones(len(cell)), GRID, 3.0, window_s)
     rt_s, response = seen.drawn(density, np.random.default_rng(81))
     mass, missing = seen.outcomes(density)
     never = response == -1

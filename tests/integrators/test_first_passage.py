@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.special import ndtr, ndtri
 
 from bgmodel.integrators.first_passage import _gradient_adjoint, _share, empirical_chain
-from bgmodel.integrators.sprt_theory import Empirical, Gaussian, gaussian_pair, sprt, walk
+from bgmodel.integrators.sprt_theory import Empirical, GaussianIncrements, gaussian_pair, sprt, walk
 from tests.helpers import refused
 
 
@@ -82,7 +82,10 @@ def test_refining_the_cells_converges(bounds):
 def test_the_mirrored_walk_swaps_the_responses(t_max):
     x = gaussian_pair(0.7)[1]
     y = capped_sample(4000)
-    pairs = [(x, Gaussian(-x.mean, x.sd)), (Empirical.of_sample(y), Empirical.of_sample(-y))]
+    pairs = [
+        (x, GaussianIncrements(-x.mean, x.sd)),
+        (Empirical.of_sample(y), Empirical.of_sample(-y)),
+    ]
     for there, back in pairs:
         one = walk(there, -1.2, 2.1, start=0.4, t_max=t_max)
         other = walk(back, -2.1, 1.2, start=-0.4, t_max=t_max)
@@ -96,8 +99,8 @@ def test_the_mirrored_walk_swaps_the_responses(t_max):
 def test_a_walk_knows_no_unit(lower, upper, factor):
     """All in units of the sd: readings, bounds and start may be multiplied by one factor."""
     for mean in (0.3, -1.2):
-        passage = walk(Gaussian(mean, 0.9), lower, upper, start=0.4, t_max=12)
-        scaled = Gaussian(factor * mean, factor * 0.9)
+        passage = walk(GaussianIncrements(mean, 0.9), lower, upper, start=0.4, t_max=12)
+        scaled = GaussianIncrements(factor * mean, factor * 0.9)
         bounds = factor * lower, factor * upper
         other = walk(scaled, *bounds, start=factor * 0.4, t_max=12)
         assert other.p_upper == pytest.approx(passage.p_upper, abs=1e-11)
@@ -109,7 +112,7 @@ def test_a_walk_knows_no_unit(lower, upper, factor):
 def test_far_from_all_bounds_the_deadline_asks_for_the_sign_of_a_gaussian_sum(mean, sd):
     """Z_t is N(start + t mean, t sd^2), closed form; no reading brings it to a bound."""
     for t_max in (1, 2, 5, 40):
-        end = walk(Gaussian(mean, sd), -180.0, 180.0, start=-0.6 * mean, t_max=t_max)
+        end = walk(GaussianIncrements(mean, sd), -180.0, 180.0, start=-0.6 * mean, t_max=t_max)
         wanted = ndtr(mean * (t_max - 0.6) / (sd * np.sqrt(t_max)))
         assert end.p_upper == pytest.approx(wanted, abs=1e-11)
         assert end.p_forced == pytest.approx(1, abs=1e-11)
@@ -138,7 +141,7 @@ def test_a_walk_that_never_moves_needs_bounds_that_are_one_or_a_deadline():
 
 
 values = st.lists(st.floats(-3, 3), min_size=1, max_size=40)
-gaussians = st.builds(Gaussian, st.floats(-2, 2), st.floats(0.05, 3))
+gaussians = st.builds(GaussianIncrements, st.floats(-2, 2), st.floats(0.05, 3))
 empiricals = values.map(Empirical.of_sample)
 
 

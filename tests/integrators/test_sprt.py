@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Sprt, first_crossing, stream
 from bgmodel.deciding.reward import tally
-from bgmodel.integrators.sprt import Stream, tally_sprt, threshold_from_posterior
+from bgmodel.integrators.sprt import DecisionStream, tally_sprt, threshold_from_posterior
 from bgmodel.simulated_evidence import separated_evidence
 from tests.helpers import refused, refusing, some_evidence
 
@@ -43,7 +43,7 @@ def test_streaming_gives_the_batch_decision(hypotheses, precision):
     for test, threshold in tests:
         batch = first_crossing(test.run(evidence), threshold[None])
         for n in range(evidence.trials):
-            trial = Stream(test, threshold, hypotheses, t_max=evidence.steps)
+            trial = DecisionStream(test, threshold, hypotheses, t_max=evidence.steps)
             readings = iter(evidence.log_likelihood[n])
             while trial.choice is None:
                 trial.update(next(readings))
@@ -105,10 +105,16 @@ test_tests_and_criteria_without_sense_are_refused = refusing(
         "thresholds finite nats, got .nan.",
     ),
     (lambda: Sprt.threshold(np.inf), "boundary_separation must be finite"),
-    (lambda: Stream(Msprt(), 0.1).update([0.0, np.nan]), "log_likelihood finite log-likelihoods"),
-    (lambda: Stream(Msprt(), 0.1).update([0.0, 0.0, 0.0]), "log_likelihood must hold 2 finite"),
-    (lambda: Stream(Sprt(), 0.1, hypotheses=3), "hypotheses exactly 2 hypotheses"),
-    (lambda: Stream(Msprt(), 0.1, t_max=0), "t_max must be"),
+    (
+        lambda: DecisionStream(Msprt(), 0.1).update([0.0, np.nan]),
+        "log_likelihood finite log-likelihoods",
+    ),
+    (
+        lambda: DecisionStream(Msprt(), 0.1).update([0.0, 0.0, 0.0]),
+        "log_likelihood must hold 2 finite",
+    ),
+    (lambda: DecisionStream(Sprt(), 0.1, hypotheses=3), "hypotheses exactly 2 hypotheses"),
+    (lambda: DecisionStream(Msprt(), 0.1, t_max=0), "t_max must be"),
 )
 
 
@@ -142,7 +148,7 @@ def test_a_tally_without_the_trace_counts_the_same(seed, rounded, prior, gaps):
 def test_a_deadline_may_be_one_reading():
     """The least that there is: the choice is forced by it, whatever the threshold."""
     for test in (Sprt(), Msprt()):
-        trial = Stream(test, -50.0 if test == Sprt() else 0.0, t_max=1)
+        trial = DecisionStream(test, -50.0 if test == Sprt() else 0.0, t_max=1)
         assert trial.choice is None
         assert trial.update([0.0, 0.2]) == 1
         assert trial.readings == 1

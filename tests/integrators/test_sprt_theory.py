@@ -6,7 +6,7 @@ from scipy.special import ndtr, ndtri
 
 from bgmodel.integrators.sprt_theory import (
     Empirical,
-    Gaussian,
+    GaussianIncrements,
     gaussian_pair,
     optimal_separation,
     optimal_threshold,
@@ -124,7 +124,12 @@ def test_optima_of_lepora_2016_are_met(c, theta, error, steps, reward):
 def test_swapping_the_states_leaves_the_symmetric_test():
     s1, s2 = gaussian_pair(0.8)
     even = sprt(s1, s2, [0.5, 3.0], t_max=9)
-    swapped = sprt(Gaussian(-s2.mean, s2.sd), Gaussian(-s1.mean, s1.sd), [0.5, 3.0], t_max=9)
+    swapped = sprt(
+        GaussianIncrements(-s2.mean, s2.sd),
+        GaussianIncrements(-s1.mean, s1.sd),
+        [0.5, 3.0],
+        t_max=9,
+    )
     assert even.error_rate == pytest.approx(swapped.error_rate, abs=1e-12)
     tilted = sprt(s1, s2, [0.5, 3.0], prior_s2=0.7, t_max=9)
     other = sprt(s1, s2, [0.5, 3.0], prior_s2=0.3, t_max=9)
@@ -180,12 +185,12 @@ def test_delta_zero_takes_the_sign_of_one_reading():
     assert walk(tied, -5, 5, t_max=1).p_lower == pytest.approx(0.2 + 0.5 / 2)
 
 
-G = Gaussian(0.1, 1.0)
+G = GaussianIncrements(0.1, 1.0)
 
 
 test_errors_name_the_argument = refusing(
-    (lambda: Gaussian(0.0, 0.0), "sd"),
-    (lambda: Gaussian(np.nan, 1.0), "mean"),
+    (lambda: GaussianIncrements(0.0, 0.0), "sd"),
+    (lambda: GaussianIncrements(np.nan, 1.0), "mean"),
     (lambda: gaussian_pair(-1.0), "d"),
     (lambda: Empirical.of_sample([]), "values"),
     (lambda: Empirical.of_sample([1.0, np.inf]), "values"),

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import bgmodel as bg
-from bgmodel.integrators.sprt_theory import Gaussian as GaussianSteps
-from bgmodel.integrators.sprt_theory import optimal_separation
+from bgmodel.integrators.sprt_theory import GaussianIncrements, optimal_separation
 from bgmodel.learning import from_reward
 from bgmodel.learning.deciders import WeightLearner
 from bgmodel.learning.from_reward import (
@@ -47,7 +46,9 @@ def test_the_gap_of_the_test_is_that_of_its_own_function():
 def test_the_best_gap_for_gaussian_evidence_is_that_of_the_exact_theory():
     """The log-likelihood ratio of a reading is normal, with mean d'^2 / 2 and variance d'^2."""
     learned = learn(Gaussian(d_prime=1.0), learner=SHORT, **FEW)
-    exact = optimal_separation(GaussianSteps(-0.5, 1.0), GaussianSteps(0.5, 1.0), 50.0, t_max=40)
+    exact = optimal_separation(
+        GaussianIncrements(-0.5, 1.0), GaussianIncrements(0.5, 1.0), 50.0, t_max=40
+    )
     assert learned.best == pytest.approx(exact.boundary_separation, rel=0.05)
     assert learned.regret < learned.regrets.loc["start", "value"]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pandas.testing import assert_frame_equal
 
-from bgmodel.integrators.sprt_theory import Optimum, optimal_separation, reward_curve
+from bgmodel.integrators.sprt_theory import OptimalThreshold, optimal_separation, reward_curve
 from bgmodel.learning import gap
 from bgmodel.learning.gap import (
     fold_sources,
@@ -50,9 +50,11 @@ def test_regret_is_the_share_that_a_gap_costs_more():
 def test_by_default_the_best_gap_is_inside_the_range_that_is_learned():
     """0 to 8 nats where that suffices, as in the paper."""
     for best in (0.0, 4.0, 7.9):
-        assert policy_for(None, [Optimum(best, 1.0)]) == GaussianPolicy()
+        assert policy_for(None, [OptimalThreshold(best, 1.0)]) == GaussianPolicy()
     for best in (8.0, 10.6, 20.0):
-        low, high = policy_for(None, [Optimum(2.0, 1.0), Optimum(best, 1.0)]).bounds
+        low, high = policy_for(
+            None, [OptimalThreshold(2.0, 1.0), OptimalThreshold(best, 1.0)]
+        ).bounds
         assert low == 0 < best < high
 
 
@@ -88,6 +90,6 @@ def test_every_run_of_every_fold_has_its_own_course_from_the_start_to_what_is_le
 def test_a_policy_that_cannot_learn_the_best_gap_is_said_to():
     policy = GaussianPolicy()
     with pytest.warns(RangeWarning, match="the best gap, 9.00 nats"):
-        assert policy_for(policy, [Optimum(9.0, 1.0)]) is policy
+        assert policy_for(policy, [OptimalThreshold(9.0, 1.0)]) is policy
     with unwarned():
-        policy_for(policy, [Optimum(7.0, 1.0)])
+        policy_for(policy, [OptimalThreshold(7.0, 1.0)])

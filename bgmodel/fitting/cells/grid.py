@@ -23,7 +23,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from bgmodel.fitting.cells.encoding import Encoding
-from bgmodel.fitting.cells.sessions import BIN_S, Session
+from bgmodel.fitting.cells.sessions import BIN_S, RecordedSession
 from bgmodel.support.arrays import Array
 
 FEWEST, MOST, WIDTH_SD = 40, 160, 4.5
@@ -64,7 +64,7 @@ def variance(values: Values, time_s: Array | float, sum_of: str = "") -> Array:
 
 
 def p_right(
-    session: Session, values: Values, n: Array | None = None, rest_s: Array | None = None
+    session: RecordedSession, values: Values, n: Array | None = None, rest_s: Array | None = None
 ) -> Array:
     """Return the probability of response 1 without regard to spikes, in closed form, (trials,).
 
@@ -84,13 +84,13 @@ def p_right(
     return np.asarray((1 - values["lapse"]) * right + values["lapse"] / 2)
 
 
-def chosen(p: Array, session: Session) -> Array:
+def chosen(p: Array, session: RecordedSession) -> Array:
     """Return the probability of each choice, from that of response 1; 1 without a choice."""
     choice = session.choice.reshape(-1, *[1] * (p.ndim - 1))
     return np.where(choice < 0, 1.0, np.where(choice == 1, p, 1 - p))
 
 
-def noise_grid(session: Session, values: Values) -> Array:
+def noise_grid(session: RecordedSession, values: Values) -> Array:
     """Return values of the noise that cover its range with enough resolution."""
     left, added = moved(values["leak_per_s"], values["noise"], session.end_s.max())
     start = values["start_noise"] ** 2
@@ -100,7 +100,7 @@ def noise_grid(session: Session, values: Values) -> Array:
     return np.asarray(np.linspace(-WIDTH_SD * sd, WIDTH_SD * sd, int(count)))
 
 
-def _pieces(session: Session, values: Values, n: Array) -> tuple[Array, Array, Array]:
+def _pieces(session: RecordedSession, values: Values, n: Array) -> tuple[Array, Array, Array]:
     """Return the distribution of the first noise, transitions, and p(choice) by trial and noise."""
     leak, noise = values["leak_per_s"], values["noise"]
     first = np.exp(-(n**2) / 2 / variance(values, BIN_S / 2))
@@ -137,13 +137,13 @@ class _Forward:
 
 
 def passed(
-    session: Session, values: Values, cells: Sequence[Array], encoding: Encoding,
+    session: RecordedSession, values: Values, cells: Sequence[Array], encoding: Encoding,
     free: Sequence[str] | None = None,
 ) -> Passed:  # fmt: skip
     """Return the log density of each trial and, with names of shared parameters, its derivatives.
 
-    Each cell is (course, ..., past, gain), see ``Session``. Without ``free`` there is no backward
-    pass.
+    Each cell is (course, ..., past, gain), see ``RecordedSession``. Without ``free`` there is no
+    backward pass.
     """
     n, on = noise_grid(session, values), session.on
     bins, scale = session.counts.shape[2], values.get("nats_per_click", 1.0)
@@ -205,7 +205,7 @@ def passed(
     return Passed(log_density, shared, of_cells)
 
 
-def _backward(session: Session, forward: _Forward) -> tuple[Array, Array]:
+def _backward(session: RecordedSession, forward: _Forward) -> tuple[Array, Array]:
     """Return the backward pass: later data given the noise of each bin, and scaled spikes."""
     weighted = forward.spikes / forward.size[:, :, None]
     behind = np.empty(weighted.shape)
@@ -217,7 +217,7 @@ def _backward(session: Session, forward: _Forward) -> tuple[Array, Array]:
 
 
 def _by_shared(
-    session: Session, values: Values, name: str, forward: _Forward, behind: Array,
+    session: RecordedSession, values: Values, name: str, forward: _Forward, behind: Array,
     weighted: Array, by_sum: Array,
 ) -> Array:  # fmt: skip
     """Return the derivative of each trial's log density by a parameter of the sum or the choice."""

@@ -26,7 +26,7 @@ from bgmodel.fitting.cells.sessions import (
     KNOTS,
     LAG_S,
     PAST_S,
-    Session,
+    RecordedSession,
     recent,
     seen_share,
     sessions_of,
@@ -79,7 +79,7 @@ class CellsLikelihood(Likelihood):
     """
 
     model: RecordedCells
-    sessions: tuple[Session, ...] = ()
+    sessions: tuple[RecordedSession, ...] = ()
     scored: ClassVar[bool] = True
 
     @cached_property
@@ -92,7 +92,7 @@ class CellsLikelihood(Likelihood):
 
     def _passed(
         self, vector: Array, free: Sequence[str] | None
-    ) -> Iterator[tuple[Session, Passed]]:
+    ) -> Iterator[tuple[RecordedSession, Passed]]:
         """Return the sessions with the passes of their trials."""
         values, encoding = self.values(vector), self.model.encoding
         for session in self.sessions:
@@ -185,7 +185,7 @@ class CellsLikelihood(Likelihood):
                         start[k] = np.clip(number, self.freedom.low[k], self.freedom.high[k])
         return start
 
-    def _regressed(self, session: Session, values: Values) -> list[Array]:
+    def _regressed(self, session: RecordedSession, values: Values) -> list[Array]:
         """Return each cell's numbers without noise of the sum: Poisson regression, by scoring."""
         on, encoding = session.on, self.model.encoding
         sums = session.sums(*(values[name] for name in SUMS))[:, :-1]
@@ -234,7 +234,7 @@ class CellsLikelihood(Likelihood):
 
 
 def drawn(
-    session: Session, values: Values, cells: Sequence[Array], encoding: Encoding,
+    session: RecordedSession, values: Values, cells: Sequence[Array], encoding: Encoding,
     rng: np.random.Generator,
 ) -> tuple[Integers, list[Integers]]:  # fmt: skip
     """Return new choices (trials,) and counts (trials, bins) of each cell."""

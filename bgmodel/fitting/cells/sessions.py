@@ -28,7 +28,7 @@ LONGEST_S = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Session:
+class RecordedSession:
     """The trials in which the same cells were recorded.
 
     Spikes are counted in bins from ``LAG_S`` after the onset; the last bin of a trial ends at most
@@ -83,8 +83,10 @@ class Session:
 
 
 @lru_cache(maxsize=256)
-def _sums(session: Session, leak_per_s: float, adaptation: float, recovery_s: float) -> Array:
-    """Return ``Session.sums``, which derivatives by other parameters need again and again."""
+def _sums(
+    session: RecordedSession, leak_per_s: float, adaptation: float, recovery_s: float
+) -> Array:
+    """Return ``RecordedSession.sums``, which derivatives by other parameters need repeatedly."""
     when, seen = session.seen
     effect = session.click * _effects(session.click_s, adaptation, recovery_s)
     grown = np.exp(leak_per_s * np.where(np.isfinite(session.click_s), session.click_s, 0.0))
@@ -123,7 +125,7 @@ def seen_share(edges_s: Array) -> Array:
 
 
 @lru_cache(maxsize=16)
-def sessions_of(trials: Trials, fewest: int = FEWEST_SPIKES) -> tuple[Session, ...]:
+def sessions_of(trials: Trials, fewest: int = FEWEST_SPIKES) -> tuple[RecordedSession, ...]:
     """Return the sessions of one person's trials; ValueError without spikes or clicks.
 
     Cells with fewer spikes than ``fewest`` are left out.
@@ -157,7 +159,7 @@ def sessions_of(trials: Trials, fewest: int = FEWEST_SPIKES) -> tuple[Session, .
             before = time_s < edge
             weight = np.exp(-(edge - time_s[before]) / PAST_S) / PAST_S
             np.add.at(past[:, :, k], (cell[before], trial[before]), weight)
-        made = Session(
+        made = RecordedSession(
             rows, tuple(spikes.names[k] for k in cells), end_s[rows], readings.choice[rows],
             readings.time_s[rows], click[rows], counts, recent(past / seen_share(edges_s)),
             courses(bins),

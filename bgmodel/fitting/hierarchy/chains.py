@@ -13,7 +13,7 @@ import numpy as np
 from bgmodel.fitting.hierarchy.approximation import Expansion, Person
 from bgmodel.fitting.hierarchy.group import Group
 from bgmodel.fitting.hierarchy.guide import Guide
-from bgmodel.fitting.hierarchy.sampler import Draws, Sampler, State, guided, joined
+from bgmodel.fitting.hierarchy.sampler import ChainState, Draws, Sampler, guided, joined
 from bgmodel.fitting.hierarchy.surrogate import Surrogate
 from bgmodel.support import __version__
 from bgmodel.support.arrays import Array
@@ -112,7 +112,7 @@ class _Kept:
     """Chains between two blocks: guide, states and draws, and how often the guide was made."""
 
     guide: Guide | None
-    states: list[State]
+    states: list[ChainState]
     draws: list[Draws]
     made: int
 
@@ -165,8 +165,8 @@ class _Chains:
 
 
 def _run(
-    people: list[Person], expansion: Expansion, guide: Guide | None, state: State, sweeps: int
-) -> tuple[State, Draws]:
+    people: list[Person], expansion: Expansion, guide: Guide | None, state: ChainState, sweeps: int
+) -> tuple[ChainState, Draws]:
     return Sampler(people, expansion, guide).run(state, sweeps)
 
 
@@ -195,17 +195,17 @@ def _kept(entry: Entry[Arrays] | None, sampler: Sampler, group: Group) -> _Kept 
     return _Kept(guide, states, draws, made)
 
 
-def _restored(draws: Draws, numbers: dict[str, Any], group: Group) -> State:
+def _restored(draws: Draws, numbers: dict[str, Any], group: Group) -> ChainState:
     rng = np.random.default_rng()
     rng.bit_generator.state = numbers
     last = replace(
         group, mean=draws.mean[-1], variance=draws.sd[-1] ** 2, slopes=draws.slopes[-1],
         correlation=draws.correlation[-1] if draws.correlation.size else None,
     )  # fmt: skip
-    return State(last, draws.scaled[-1], draws.log_likelihood[-1], rng)
+    return ChainState(last, draws.scaled[-1], draws.log_likelihood[-1], rng)
 
 
-def _is_of(state: State, sampler: Sampler) -> bool:
+def _is_of(state: ChainState, sampler: Sampler) -> bool:
     """Whether a kept state is of as many people and parameters, with the same likelihood."""
     if state.scaled.shape != sampler.expansion.point.shape:
         return False

@@ -13,7 +13,7 @@ import pandas as pd
 
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.person_fit import cells_of
-from bgmodel.fitting.responses import Grid, Observed
+from bgmodel.fitting.responses import BinnedResponses, Grid
 from bgmodel.support import __version__, files
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
@@ -148,7 +148,7 @@ def pooled(people: Collection[Optimum]) -> pd.DataFrame | None:
         mass[place, :, : predicted.shape[2]] += design.trials[:, None, None] * predicted
         trials[place] += design.trials
     seen = [design.observed for design in designs]
-    together = Observed(
+    together = BinnedResponses(
         np.concatenate([place[one.cell] for place, one in zip(places, seen, strict=True)]),
         np.concatenate([one.response for one in seen]),
         np.concatenate([one.rt_s for one in seen]),

@@ -58,7 +58,7 @@ def joined(parts: Sequence[Draws]) -> Draws:
 
 
 @dataclass(frozen=True)
-class State:
+class ChainState:
     """State of a chain: distribution of the group, people's parameters, and random numbers."""
 
     group: Group
@@ -89,12 +89,12 @@ class Sampler:
         share = 1 / (1 + apart * self.expansion.point.var(axis=0))
         return np.asarray(share / share.sum())
 
-    def first(self, group: Group, rng: np.random.Generator) -> State:
+    def first(self, group: Group, rng: np.random.Generator) -> ChainState:
         """Return a first state, drawn from the approximation."""
         scaled = self.expansion.times(group).draw(rng)
-        return State(group, scaled, self.logs(scaled), rng)
+        return ChainState(group, scaled, self.logs(scaled), rng)
 
-    def run(self, state: State, sweeps: int) -> tuple[State, Draws]:
+    def run(self, state: ChainState, sweeps: int) -> tuple[ChainState, Draws]:
         """Return the state after some sweeps, and those after each of them."""
         kept = []
         for _ in range(sweeps):
@@ -116,7 +116,7 @@ class Sampler:
         """Return everyone's log likelihood at parameters (people, parameters), (people,), nats."""
         return np.array([p(x) for p, x in zip(self.people, scaled, strict=True)])
 
-    def _individual(self, state: State) -> State:
+    def _individual(self, state: ChainState) -> ChainState:
         group, now, rng = state.group, state.scaled, state.rng
         proposal = self.expansion.times(group)
         asked = proposal.draw(rng)
@@ -129,7 +129,7 @@ class Sampler:
         gain += np.where(single, 0.0, group.log_prior(asked) - group.log_prior(now) - apart)
         return _taken(state, asked, log, gain)
 
-    def _single(self, state: State) -> Array:
+    def _single(self, state: ChainState) -> Array:
         """Return everyone's parameters with one of them drawn from the group, (people, ...)."""
         group, rng, places = state.group, state.rng, np.arange(len(state.scaled))
         which = rng.choice(len(self.vague), size=len(places), p=self.vague)
@@ -141,7 +141,7 @@ class Sampler:
         asked[places, which] = means[places, which] + sd[which] * moved
         return asked
 
-    def _together(self, state: State) -> State:
+    def _together(self, state: ChainState) -> ChainState:
         mean, sd, rng = state.group.mean, np.sqrt(state.group.variance), state.rng
         scores, now, size = (state.scaled - state.group.means) / sd, np.append(mean, sd), len(mean)
         drawn = np.logical_not(state.group.shared) & np.ones(size, bool)
@@ -163,18 +163,18 @@ class Sampler:
         gain = log.sum() + group.log_own_prior() - proposal.log_density(asked[which])
         gain -= state.log.sum() + state.group.log_own_prior() - proposal.log_density(now[which])
         taken = np.log(rng.uniform()) < gain
-        return State(group, scaled, log, rng) if taken else state
+        return ChainState(group, scaled, log, rng) if taken else state
 
-    def _guided(self, guide: Guide, state: State) -> State:
+    def _guided(self, guide: Guide, state: ChainState) -> ChainState:
         asked, rise = guide.people_moved(state.group, state.scaled, self.vague, state.rng)
         log = self.logs(asked)
         return _taken(state, asked, log, log - state.log - rise)
 
-    def _guided_together(self, guide: Guide, state: State) -> State:
+    def _guided_together(self, guide: Guide, state: ChainState) -> ChainState:
         group, asked, rise = guide.all_moved(state.group, state.scaled, self.vague, state.rng)
         log = self.logs(asked)
         taken = np.log(state.rng.uniform()) < (log - state.log - rise).sum()
-        return State(group, asked, log, state.rng) if taken else state
+        return ChainState(group, asked, log, state.rng) if taken else state
 
 
 def guided(over_people: SharedMap, draws: Draws, rng: np.random.Generator) -> Guide:
@@ -183,8 +183,8 @@ def guided(over_people: SharedMap, draws: Draws, rng: np.random.Generator) -> Gu
     return guide_of(surrogate, draws.mean, draws.sd)
 
 
-def _taken(state: State, asked: Array, log: Array, gain: Array) -> State:
+def _taken(state: ChainState, asked: Array, log: Array, gain: Array) -> ChainState:
     """Return the state with accepted proposals; ``gain`` is the log of acceptance ratios."""
     taken = np.log(state.rng.uniform(size=len(gain))) < gain
     scaled = np.where(taken[:, None], asked, state.scaled)
-    return State(state.group, scaled, np.where(taken, log, state.log), state.rng)
+    return ChainState(state.group, scaled, np.where(taken, log, state.log), state.rng)

@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from bgmodel.fitting.design import ALONE, Design, cells_of
-from bgmodel.fitting.responses import BIN_S, Grid, Observed
+from bgmodel.fitting.responses import BIN_S, BinnedResponses, Grid
 from bgmodel.fitting.sides import name_of
 from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.trials.columns import EVERYONE
@@ -121,7 +121,7 @@ class KnownTrials:
         )
         grid = Grid(int(np.ceil(self.span_s / BIN_S)) + 1)
         silent = bool((self.choice < 0).any())
-        observed = Observed(
+        observed = BinnedResponses(
             np.zeros(self.trials, dtype=np.int64), np.where(self.choice < 0, -1, right), self.rt_s,
             grid, grid.bins * BIN_S if silent else None, alternatives=self.alternatives,
             untimed=None if self.timed else np.ones((1, 2), dtype=bool),

@@ -137,10 +137,10 @@ def ideal(read: Array, first: int) -> Trace:
 @lru_cache(maxsize=256)
 def _walk(bound: float, bins: int) -> tuple[Array, Array]:
     """Return nodes between the bounds, and the mass at each after k readings without drift."""
-    from bgmodel.integrators.first_passage import Gaussian, gaussian_chain
+    from bgmodel.integrators.first_passage import GaussianIncrements, gaussian_chain
 
     sd = np.sqrt(BIN_S)
-    chain = gaussian_chain(Gaussian(0.0, sd), -bound, bound, 0.0, bins)
+    chain = gaussian_chain(GaussianIncrements(0.0, sd), -bound, bound, 0.0, bins)
     unit = np.polynomial.legendre.leggauss(len(chain.onward) - 1)[0]
     masses = np.zeros((bins, len(chain.onward)))
     masses[0, 0] = 1.0
@@ -173,7 +173,7 @@ HALVED = 8
 
 
 @dataclass(frozen=True)
-class Simulation:
+class SimulationErrors:
     """Standard errors due to the simulated trials alone, 0 without simulation."""
 
     log_likelihood: float  # error of the largest log likelihood, nats
@@ -195,7 +195,7 @@ def simulation_error(
     likelihood: Likelihood,
     there: Directions,
     left: Sequence[tuple[Likelihood, Array]] | None = None,
-) -> Simulation:
+) -> SimulationErrors:
     """Return the standard errors due to simulated trials; ``left`` is as from ``without_parts``."""
     left = without_parts(likelihood, there) if left is None else left
     vectors = np.array([vector for _, vector in left]).reshape(len(left), len(there.vector))
@@ -203,7 +203,7 @@ def simulation_error(
     errors = jackknifed(vectors)
     if left:
         errors[likelihood.freedom.at_bound(there.vector)] = np.nan
-    return Simulation(float(jackknifed(values)), errors)
+    return SimulationErrors(float(jackknifed(values)), errors)
 
 
 def without_parts(likelihood: Likelihood, there: Directions) -> list[tuple[Likelihood, Array]]:

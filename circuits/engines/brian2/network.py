@@ -30,7 +30,7 @@ Group = dict[str, Any]
 """Arguments and values of a group, as ``assembled`` takes them."""
 
 
-class Network:
+class BrianNetwork:
     """All trials of a circuit as groups and connections of a network.
 
     ``drive`` is (trials, steps, columns), nats; ``start`` the initial values of ``Layout.start``;
@@ -217,7 +217,7 @@ def object_name(name: str) -> str:
 
 
 def assembled(brian: Any, parts: dict[str, Any]) -> Any:
-    """Return the Brian2 network of ``Network.parts``; scripts hold the source of this function.
+    """Return the Brian2 network of ``BrianNetwork.parts``; scripts hold this function's source.
 
     It has groups, synapses, spike monitors, and samples of the blocks' rates.
     """

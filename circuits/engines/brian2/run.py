@@ -27,7 +27,7 @@ from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Scheme, timed
 from circuits.engines.brian2.layout import Layout
-from circuits.engines.brian2.network import Network, assembled
+from circuits.engines.brian2.network import BrianNetwork, assembled
 from circuits.engines.brian2.noise import load_brian
 from circuits.engines.shipped import Brian2
 
@@ -51,7 +51,7 @@ def network_of(
     seed: int,
     first_trial: int,
     engine: Brian2 | None,
-) -> Network:
+) -> BrianNetwork:
     """Return the network of a run; without an engine, the spikes of all cells are recorded."""
     if engine is None:
         cells = tuple(row.name for row in circuit.populations if row.spiking)
@@ -65,7 +65,7 @@ def network_of(
     scheme = Scheme(wiring, clock.dt_ms)
     courses = timed(scheme.wiring, clock)
     layout = Layout(scheme, trials, engine.explicit, None if courses.still else courses)
-    return Network(layout, clock, drive, layout.start(seed, first_trial), engine.spikes)
+    return BrianNetwork(layout, clock, drive, layout.start(seed, first_trial), engine.spikes)
 
 
 @contextmanager

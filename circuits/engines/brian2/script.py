@@ -17,7 +17,7 @@ import numpy.typing as npt
 from circuits.cells.single import choose, exponential, fused, single
 from circuits.dynamics.noise import byte_counts, lowbias32, mix_all
 from circuits.engines.brian2 import noise
-from circuits.engines.brian2.network import Network, assembled, object_name
+from circuits.engines.brian2.network import BrianNetwork, assembled, object_name
 from circuits.errors import require
 from circuits.show import text
 
@@ -107,7 +107,7 @@ if sys.argv[1:]:
 '''
 
 
-def script(network: Network, seed: int, trial: int) -> str:
+def script(network: BrianNetwork, seed: int, trial: int) -> str:
     """Return the script of a network of one trial."""
     layout, w = network.layout, network.layout.wiring
     require(layout.trials == 1, "drive", "must be of one trial in a script", layout.trials)

@@ -134,7 +134,7 @@ def _fit(mixture: Mixture) -> Arrays:
     x = np.interp(paces, pace, steps)
     hz = np.maximum(rate(x), LEAST_HZ)
     response = mixture.response(x, filters.FREQUENCIES_HZ)
-    following = colour = filters.Fitted(np.zeros((0, 0)), np.zeros(0))
+    following = colour = filters.FittedFilter(np.zeros((0, 0)), np.zeros(0))
     if np.iscomplexobj(response.gain):
         following = filters.following(response.gain)
     if response.spectrum.max() > 0:

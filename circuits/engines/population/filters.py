@@ -32,14 +32,14 @@ PER_RAD_S = 2j * np.pi * FREQUENCIES_HZ / 100
 """i omega in units of 100 /s, in which coefficients are near 1."""
 
 
-class Fitted(NamedTuple):
+class FittedFilter(NamedTuple):
     """Coefficients of a filter, one row per state, and its largest misfits up to 100 Hz."""
 
     coefficients: Array
     misfit: Array
 
 
-def following(gain: Complex) -> Fitted:
+def following(gain: Complex) -> FittedFilter:
     """Fit the rate's filter, n1, n2, d1, d2 in powers of 10 ms, to gains (S, F).
 
     Misfits are relative to the gain at frequency 0.
@@ -66,10 +66,10 @@ def following(gain: Complex) -> Fitted:
     coefficients = _along(len(gain), missing, slopes, start)
     off = np.abs(np.array([np.divide(*parts(p)[:2]) for p in coefficients]) - wanted)
     coefficients[:, 2:] = np.exp(coefficients[:, 2:])
-    return Fitted(coefficients, off[:, FREQUENCIES_HZ <= 100].max(axis=1))
+    return FittedFilter(coefficients, off[:, FREQUENCIES_HZ <= 100].max(axis=1))
 
 
-def colour(power: Array, rate_hz: Array) -> Fitted:
+def colour(power: Array, rate_hz: Array) -> FittedFilter:
     """Fit the noise's filter: b1, b0, a1, a0 of ``(s^2 + b1 s + b0) / (s^2 + a1 s + a0)``.
 
     The frequencies scale with the rate (S,) in pacemakers, and with the membrane in noise-driven
@@ -80,7 +80,7 @@ def colour(power: Array, rate_hz: Array) -> Fitted:
     return min(tried, key=lambda fit: float(fit.misfit.sum()))
 
 
-def _colour(power: Array, unit: Array) -> Fitted:
+def _colour(power: Array, unit: Array) -> FittedFilter:
     """Fit the spectrum of noise with frequencies in a separate unit for each state."""
     wanted = np.log(power)
 
@@ -103,7 +103,9 @@ def _colour(power: Array, unit: Array) -> Fitted:
     logs_of_states = _along(len(power), missing, slopes, start)
     off = np.array([missing(p, state) for state, p in enumerate(logs_of_states)])
     misfit = np.abs(np.expm1(off))[:, FREQUENCIES_HZ <= 100].max(axis=1)
-    return Fitted(np.exp(logs_of_states) * unit[:, None] ** np.tile([1, 2, 1, 2], SECTIONS), misfit)
+    return FittedFilter(
+        np.exp(logs_of_states) * unit[:, None] ** np.tile([1, 2, 1, 2], SECTIONS), misfit
+    )
 
 
 Of = Callable[[Array, int], Array]

@@ -74,7 +74,7 @@ Columns = dict[str, float]
 """Fields of a block's record."""
 
 
-class Entry(NamedTuple):
+class CompiledCell(NamedTuple):
     """A cell type with dedicated loops in the compiled engine."""
 
     kind: int  # code of the loops
@@ -109,11 +109,11 @@ def _phase_varied(cell: Phase, factors: Any, dt_ms: float) -> Any:
     return [none, none, none, constants["noise_step"], constants["factor"]]
 
 
-ENTRIES: dict[type[Cell], Entry] = {
-    Lif: Entry(kernel.LIF, _lif_columns, _lif_varied),
-    Phase: Entry(kernel.PHASE, _phase_columns, _phase_varied),
+ENTRIES: dict[type[Cell], CompiledCell] = {
+    Lif: CompiledCell(kernel.LIF, _lif_columns, _lif_varied),
+    Phase: CompiledCell(kernel.PHASE, _phase_columns, _phase_varied),
 }
-_UNIT = Entry(kernel.RATE, lambda cell, dt_ms: {}, lambda cell, factors, dt_ms: 0.0)
+_UNIT = CompiledCell(kernel.RATE, lambda cell, dt_ms: {}, lambda cell, factors, dt_ms: 0.0)
 
 
 def _general_varied(cell: Cell, factors: Any, dt_ms: float) -> Any:
@@ -126,11 +126,11 @@ def _general_columns(cell: Cell, dt_ms: float) -> Columns:
     return {"advance": made.advance.address, "place": made.place.address}
 
 
-GENERAL = Entry(kernel.GENERAL, _general_columns, _general_varied)
+GENERAL = CompiledCell(kernel.GENERAL, _general_columns, _general_varied)
 """Entry of every type without dedicated loops."""
 
 
-def entry(cell: Cell) -> Entry:
+def entry(cell: Cell) -> CompiledCell:
     """Return the entry of a cell; by exact type, as a subclass may have another tick."""
     return ENTRIES.get(type(cell), GENERAL if cell.spikes else _UNIT)
 

@@ -16,7 +16,7 @@ from circuits.dynamics.wiring import Wiring, fan_in
 from circuits.engines.compiling import edges
 from circuits.engines.compiling import records as filled
 from circuits.engines.spikes import kernel, lanes, records
-from circuits.engines.spikes.cells import GENERAL, Entry, entry
+from circuits.engines.spikes.cells import GENERAL, CompiledCell, entry
 from circuits.errors import InputError
 
 
@@ -66,7 +66,7 @@ class _Places:
         return self.wiring.circuit
 
     @cached_property
-    def entries(self) -> list[Entry]:
+    def entries(self) -> list[CompiledCell]:
         return [entry(row.cell) for row in self.wiring.rows]
 
     @cached_property

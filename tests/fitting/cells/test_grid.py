@@ -10,7 +10,7 @@ from scipy.stats import norm, poisson
 from bgmodel.fitting.cells.encoding import ENCODINGS, encoding_of
 from bgmodel.fitting.cells.grid import chosen, moved, noise_grid, p_right, passed
 from bgmodel.fitting.cells.model import SHARED
-from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, Session, courses
+from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, RecordedSession, courses
 
 TWO = {each.name: each.start for each in SHARED}
 
@@ -30,7 +30,7 @@ def session(trials=6, bins=8, cells=2, seed=3):
     end_s = rng.uniform(0.5, 1.0, trials) * bins * BIN_S
     click_s = np.sort(rng.uniform(0, bins * BIN_S, (trials, 10)), axis=1)
     click_s[click_s > end_s[:, None]] = np.inf
-    made = Session(
+    made = RecordedSession(
         np.arange(trials), tuple(map(str, range(cells))), end_s, rng.integers(0, 2, trials),
         click_s, rng.choice([-1.0, 1.0], (trials, 10)),
         rng.poisson(0.6, (cells, trials, bins)).astype(float),

@@ -18,7 +18,7 @@ from bgmodel.fitting.simulated.crossings import (
     simulated,
 )
 from bgmodel.fitting.simulated.error import decided
-from bgmodel.integrators.first_passage import Gaussian, walk
+from bgmodel.integrators.first_passage import GaussianIncrements, walk
 from tests.drawn import GAIN, ideal
 
 GRID = Grid(300)
@@ -51,7 +51,7 @@ def test_a_drift_that_was_not_simulated_ends_as_the_exact_walk(stored, row, drif
     mass = decided([(stored, 1.0)], THRESHOLDS[row], [drift], GRID)
     computed = {name: float(value[0]) for name, value in moments(mass / BIN_S, GRID).items()}
     bound = odds(THRESHOLDS[row])
-    step = Gaussian(GAIN * drift * BIN_S, GAIN * np.sqrt(BIN_S))
+    step = GaussianIncrements(GAIN * drift * BIN_S, GAIN * np.sqrt(BIN_S))
     exact = walk(step, -bound, bound, t_max=300)
     steps = np.arange(301)
     ended = np.append(exact.steps_pmf[:-1], exact.steps_pmf[-1] - exact.p_forced)

@@ -6,7 +6,7 @@ import pytest
 from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.simulated.crossings import simulated
 from bgmodel.fitting.simulated.error import Control, decided, exact, ideal, matched
-from bgmodel.integrators.first_passage import Gaussian, walk
+from bgmodel.integrators.first_passage import GaussianIncrements, walk
 from tests import drawn
 
 BOUNDS = np.linspace(1.2, 0.1, 23)
@@ -24,11 +24,11 @@ def walks():
 @pytest.mark.parametrize("bound", [0.3, 0.9])
 def test_the_law_of_a_walk_with_drift_is_that_of_the_exact_chain(bound, v):
     law = exact(bound, 200, (v,))[:, :, 0]
-    chain = walk(Gaussian(v * BIN_S, np.sqrt(BIN_S)), -bound, bound, t_max=200)
+    chain = walk(GaussianIncrements(v * BIN_S, np.sqrt(BIN_S)), -bound, bound, t_max=200)
     ended = chain.steps_pmf[1:].copy()
     ended[-1] -= chain.p_forced
     assert law.sum(axis=1) == pytest.approx(ended, abs=1e-9)
-    endless = walk(Gaussian(v * BIN_S, np.sqrt(BIN_S)), -bound, bound)
+    endless = walk(GaussianIncrements(v * BIN_S, np.sqrt(BIN_S)), -bound, bound)
     forced = chain.p_forced
     assert law[:, 1].sum() == pytest.approx(endless.p_upper, abs=forced + 1e-9)
 
