@@ -29,7 +29,7 @@ CIRCUITS = {"2": {"name": "spiking_msprt", "sha256": "0" * 64}}
 def test_a_page_is_what_its_template_makes_of_the_tables(template):
     page = pages.page_of(template)
     same = page.read_text() == pages.rendered(template)
-    assert same, f"{page.name} is not what its tables make: run python -m figures.pages"
+    assert same, f"{page.name} is not what its tables make: run python -m figures page"
 
 
 @pytest.mark.parametrize("template", QUESTIONS)
