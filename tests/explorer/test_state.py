@@ -41,7 +41,7 @@ def test_a_link_that_is_cut_off_is_refused(link):
         ("circuit", "gpr", "unit"),
         ("circuit", "nobody", "circuit"),
         ("posterior", 0.3, None),
-        ("engine", "spikes", "engine"),
+        ("engine", "spiking", "engine"),
         ("colour", 1, "name"),
         ("stop.share", 2.0, "share"),
     ],
