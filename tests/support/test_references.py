@@ -53,6 +53,7 @@ def test_every_source_of_a_circuit_has_a_reference(name):
         "bgmodel/experiments/shipped/*.toml",
         "bgmodel/**/*.py",
         "circuits/**/*.py",
+        "figures/**/*.py",
     ],
 )
 def test_every_source_of_pages_experiments_and_code_has_a_reference(pattern):
