@@ -201,7 +201,7 @@ def compared_models(fast: bool, workers: int) -> pd.DataFrame:
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Go through the models of the test, then those of the circuit."""
-    for by, seconds, of_circuit in (("test", 900, False), ("circuit", 3000, True)):
+    for by, seconds, of_circuit in (("test", 100, False), ("circuit", 400, True)):
         for terms in TERMS:
             make = partial(effects, by, terms, fast, workers)
             yield Piece("effects", f"{by} {terms}", TRIALS_OF_ALL, seconds, make, of_circuit)
@@ -210,7 +210,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     make = partial(compared_models, fast, workers)
     yield Piece("models", "interaction", TRIALS_OF_ALL, 200, make)
     make = partial(theta, fast, workers)
-    yield Piece("theta", "high conflict", TRIALS_OF_ALL, 2000, make, of_circuit=False)
+    yield Piece("theta", "high conflict", TRIALS_OF_ALL, 300, make, of_circuit=False)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
