@@ -102,8 +102,8 @@ def check_times(rt_s: Array) -> None:
     integral = bool((timed == np.round(timed)).all())
     if median > LONG_MEDIAN_S and integral:
         raise InputError(
-            f"rt must be in seconds, got {len(timed)} whole numbers with a median of {median:g}: "
-            "divide by 100 if these are hundredths of a second",
+            f"rt must be in seconds, got {len(timed)} whole numbers with a median of {median:g} "
+            "s: divide by 100 if these are hundredths of a second",
             "rt",
         )
     if not SHORT_MEDIAN_S <= median <= LONG_MEDIAN_S:
@@ -140,7 +140,7 @@ def check_one_unit(rt_s: Array) -> None:
     if ratio.max() >= APART and min(above, below) >= max(FEWEST, APART_SHARE * len(times)):
         raise InputError(
             f"rt must be in seconds in every trial, got {below} times up to {times[below - 1]:.3g} "
-            f"and {above} of {times[below]:.3g} and more, and none between: if one group is in "
+            f"s and {above} of {times[below]:.3g} s and more, and none between: if one group is in "
             "another unit, convert it; if it is a code, such as one of missing responses, leave rt "
             "and response empty",
             "rt",

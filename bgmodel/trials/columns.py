@@ -310,8 +310,8 @@ def delays(column: pd.Series, unit: str = "s") -> Array:
     cells = [_number(value) for value in column]
     values = numbers(column.mask(np.isinf(cells)))
     values = values * UNITS[unit]
-    refuse(values > SLOWEST_DELAY_S, column, f"in seconds, at most {SLOWEST_DELAY_S:g}")
-    refuse(values < 0, column, "0 s or more")
+    refuse(values > SLOWEST_DELAY_S, column, f"in seconds, at most {SLOWEST_DELAY_S:g} s")
+    refuse(values < 0, column, f"0 {unit} or more")
     return values
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -56,13 +58,20 @@ from bgmodel.trials.files import CELLS_SET, SETS, STOP_SET, read_rows, renamed, 
 from bgmodel.trials.record import Trials, is_covariate
 from bgmodel.trials.spikes import clicks_of, in_sessions, is_nwb, read_nwb, spikes_of
 from bgmodel.trials.timed_readings import Source, answered, read_readings, seen_sums
-from circuits.errors import DataWarning, InputError, require, within
+from circuits.errors import DataWarning, InputError, collected, require, within
 
 MOST_AT_ZERO, FEWEST_AT_ZERO = 0.9, 5
 """If there are at least 5 stop trials with a delay of 0, and more than 0.9 of them have a response,
 these delays are probably missing."""
 READ = (*SETS, STOP_SET, CELLS_SET)
 """Shipped sets of trials, by name."""
+OUR_NAMES = re.compile(
+    r"(?<![\w=.'])(?:(?P<rt>rt)|(?P<ssd>ssd)|(?P<participant>participant_id)|(?P<response>"
+    r"response(?= must| holds| and | empty)|(?<=rt, )response|(?<=rt and )response))(?![\w=.'])"
+)
+"""Our columns in messages, where they are no argument such as ``rt=`` and "response" no noun."""
+SECONDS = re.compile(r"(?<![\w.])([1-9]\d*|\d+\.\d+)(e-?\d+)? s\b|\bin seconds\b")
+"""A time in messages, which is not 0."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,6 +143,30 @@ class Columns:
             for name in ("stimulus", "alternatives"):
                 without = "has no meaning if a response is withheld: code stimuli by strengths"
                 require(getattr(self, name) is None, name, without, getattr(self, name))
+
+    @contextmanager
+    def told(self) -> Iterator[None]:
+        """Say errors and warnings about our columns in the names and the unit of the table."""
+        doubts: list[str] = []
+        try:
+            with collected(DataWarning) as doubts:
+                yield
+        except ValueError as error:
+            known = within("", error, "source")
+            raise InputError(self._said(str(known)), known.field, known.given) from None
+        finally:
+            for doubt in doubts:
+                DataWarning.warn(self._said(doubt))
+
+    def _said(self, message: str) -> str:
+        def called(found: re.Match[str]) -> str:
+            return str(getattr(self, str(found.lastgroup)) or found[0])
+
+        def timed(found: re.Match[str]) -> str:
+            return f"{1000 * float(found[0][:-2]):g} ms" if found[1] else "in ms"
+
+        message = OUR_NAMES.sub(called, message)
+        return SECONDS.sub(timed, message) if self.rt_unit == "ms" else message
 
 
 OURS = Columns()
@@ -222,22 +255,23 @@ def read_trials(
         if evidence is None:
             named["ssd"] = columns.ssd
         table = renamed(table, **named, participant=columns.participant)
-        if spikes is not None:
-            table = in_sessions(table)
-            evidence = clicks_of(table) if evidence is None else evidence
-        if evidence is not None:
-            _check_effect("known evidence", columns, strength)
-            asked = (evidence, step_ms, forced)
-            trials = _known(table, wanted, participant, columns, asked, spikes)
-        elif "ssd" in table:
-            _check_effect("stop-signal trials", columns, strength)
-            trials = _stop_signals(table, wanted, participant, columns)
-        elif {"pair", "reward"} <= set(table):
-            _check_effect("rewarded choices", columns, strength)
-            trials = _rewarded(table, wanted, participant, columns)
-        else:
-            _check_effect("choices", columns, strength)
-            trials = _choices(table, strength, wanted, participant, columns)
+        with columns.told():
+            if spikes is not None:
+                table = in_sessions(table)
+                evidence = clicks_of(table) if evidence is None else evidence
+            if evidence is not None:
+                _check_effect("known evidence", columns, strength)
+                asked = (evidence, step_ms, forced)
+                trials = _known(table, wanted, participant, columns, asked, spikes)
+            elif "ssd" in table:
+                _check_effect("stop-signal trials", columns, strength)
+                trials = _stop_signals(table, wanted, participant, columns)
+            elif {"pair", "reward"} <= set(table):
+                _check_effect("rewarded choices", columns, strength)
+                trials = _rewarded(table, wanted, participant, columns)
+            else:
+                _check_effect("choices", columns, strength)
+                trials = _choices(table, strength, wanted, participant, columns)
     except ValueError as error:
         raise within(name, error, "source") from None
     return replace(trials, source=name)
@@ -394,7 +428,8 @@ def _known(
     evidence, step_ms, forced = asked
     unmatched = read_readings(evidence, step_ms, participant if "participant_id" in table else None)
     missing = silent(table)
-    refuse(timed & np.isnan(rt_s) & ~missing, table["rt"], "given where there is a response")
+    if timed:
+        check_both(table, rt_s, missing)
     missing |= timed & np.isnan(rt_s)
     matched = answered(unmatched, table, who.tolist(), rt_s, missing, columns.upper)
     readings = replace(matched, forced=forced)

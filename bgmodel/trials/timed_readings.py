@@ -28,7 +28,11 @@ PLAIN_FLOAT = re.compile(r"-?(0|[1-9]\d*)\.0")
 SIGNED = ("0", "1")
 """Alternatives of cues that have a sign and no side: a positive value favours response 1."""
 MOST_ERRORS = 4.0
-"""Standard errors above chance from which responses are taken to be exchanged."""
+"""Standard errors above chance from which responses are taken to be exchanged, or to belong to the
+readings of another trial."""
+CHANCE, RELIED = 2.0, 50
+"""Standard errors above chance up to which responses do not show that they follow the readings, and
+the number of responses required for a warning."""
 Source = str | Path | pd.DataFrame
 
 
@@ -119,6 +123,43 @@ def _check_sides(readings: Readings, rt_s: Array) -> None:
             "alternatives exchanged (upper), or the signs of values?",
             "response",
         )
+    _check_pairs(readings, rt_s)
+
+
+def _check_pairs(readings: Readings, rt_s: Array) -> None:
+    """Refuse responses that follow the readings of the trial before or after; warn of chance."""
+    own = _above_chance(readings, readings, rt_s)
+    if own > CHANCE or len(rt_s) < ENOUGH:
+        return
+    ids = pd.to_numeric(pd.Series([trial for _, trial in readings.ids]), errors="coerce")
+    order = np.argsort(ids.to_numpy(), kind="stable") if ids.notna().all() else np.arange(len(ids))
+    chosen, rt_s = readings.where(order), rt_s[order]
+    for by, which in ((-1, "after"), (1, "before")):
+        z = _above_chance(chosen.where(np.roll(np.arange(len(order)), by)), chosen, rt_s)
+        if z > MOST_ERRORS:
+            raise InputError(
+                f"trial must be the same in both tables: responses follow the readings of the "
+                f"trial {which} their own ({z:.1f} standard errors above chance, but {own:.1f} "
+                "with their own). Do ids count from 0 in one table and from 1 in the other?",
+                "trial",
+            )
+    if len(rt_s) >= RELIED:
+        DataWarning.warn(
+            f"responses follow the readings before them no more often than by chance ({own:.1f} "
+            f"standard errors, {len(rt_s)} trials): check that trial is the same in both tables"
+        )
+
+
+def _above_chance(readings: Readings, chosen: Readings, rt_s: Array) -> float:
+    """Return the correlation of choices with the final posterior, in standard errors."""
+    assert chosen.choice is not None
+    some = chosen.choice >= 0
+    seen = seen_sums(readings, rt_s)[some]
+    posterior = np.exp(seen - np.logaddexp.reduce(seen, axis=1, keepdims=True))
+    made = np.eye(seen.shape[1])[chosen.choice[some]]
+    off, made = (each - each.mean(axis=0) for each in (posterior, made))
+    variance = float((off.T @ off * (made.T @ made)).sum()) / max(len(off), 1)
+    return float((off * made).sum() / np.sqrt(variance)) if variance > 0 else np.inf
 
 
 def readings_of(table: pd.DataFrame, step_ms: float | None = None) -> Readings:
@@ -214,8 +255,9 @@ def _matched(table: pd.DataFrame, readings: Readings) -> npt.NDArray[np.intp]:
     lacking = [trial for *_, trial in (key for key in keys if key not in place)]
     if lacking:
         count = f" ({len(lacking)} such trials)" if len(lacking) > 1 else ""
+        first = ", ".join(lacking[:3])
         raise InputError(
-            f"every trial needs readings in the evidence, got none for trial {lacking[0]}{count}",
+            f"every trial needs readings in the evidence, got none for trial {first}{count}",
             "evidence",
         )
     spare = len(place) - len(keys)

@@ -1,5 +1,6 @@
 """A user's choices and times: read unchanged, or rejected with an explanation."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from bgmodel.support.checks import Problems
 from bgmodel.trials.reader import Columns, read_trials
 from bgmodel.trials.record import Trials, statistics
 from circuits.errors import DataWarning, InputError
-from tests.helpers import refused, unwarned
+from tests.helpers import refused, told, unwarned
 from tests.read import at, changed, read, renamed, without
 
 TRIALS = 60
@@ -421,3 +422,62 @@ def test_codes_that_are_exchanged_are_doubted():
     with unwarned():
         read_trials(stops(correct=right.astype(int)))
         read_trials(rewards())
+
+
+def known():
+    """Return trials of two people with known readings, and their table."""
+    rng = np.random.default_rng(8)
+    told = rng.normal(0.3, 1, (60, 2))
+    table = people().drop(columns=["coherence", "cue"])
+    table["response"] = told.argmax(axis=1).astype(str)
+    rows = table[["participant_id", "trial"]].assign(time=0.1)
+    return table, rows.assign(ll_0=told[:, 0], ll_1=told[:, 1])
+
+
+OWN_NAMES = {"participant_id": "vp", "rt": "RT_ms", "response": "key", "ssd": "SSD"}
+WRONG = {"participant_id": ["", None], "rt": [-5, "x"], "response": [7, None], "ssd": [-3, "x"]}
+OF_KIND = {
+    "choices": people,
+    "stop-signal trials": stops,
+    "rewarded choices": lambda: rewards(participant_id="a"),
+    "known evidence": lambda: known()[0],
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "column", "value"),
+    [(k, c, v) for k, made in OF_KIND.items() for c in OWN_NAMES if c in made() for v in WRONG[c]
+     if not (k == "stop-signal trials" and c == "response" and v == 7)],
+)  # fmt: skip
+def test_messages_have_the_names_and_the_unit_of_the_users_columns(kind, column, value):
+    own = OF_KIND[kind]().assign(rt=lambda table: 1000 * table["rt"])
+    own = own.assign(**{name: 1000 * own[name] for name in ["ssd"] if name in own})
+    own = own.rename(columns=OWN_NAMES)
+    columns = Columns(
+        rt_unit="ms",
+        **{name.removesuffix("_id"): mine for name, mine in OWN_NAMES.items() if mine in own},
+    )
+    options = {"evidence": known()[1]} if kind == "known evidence" else {}
+    options |= {"strength": "coherence"} if kind == "choices" else {}
+    with unwarned():
+        assert read_trials(own, columns=columns, **options).kind == kind
+    name = OWN_NAMES[column]
+    wrong = at(name, 3, value)(own)
+    with pytest.raises(InputError, match=rf"\b{name}\b") as caught:
+        read_trials(wrong, columns=columns, **options)
+    assert not re.search(r"(?<!')\b(rt|participant_id|ssd)\b(?!=)| s\b", str(caught.value))
+    assert caught.value.field in OWN_NAMES
+
+
+def test_warnings_have_the_names_and_the_unit_of_the_users_columns():
+    table = people().rename(columns=OWN_NAMES)
+    table["RT_ms"] = np.where(np.arange(60) % 10, 1000 * table["RT_ms"].round(3), 50.4)
+    columns = Columns(rt="RT_ms", response="key", participant="vp", rt_unit="ms")
+    (text,) = told(read_trials, table, strength="coherence", columns=columns)
+    assert text.startswith("6 of 60 times are below 100 ms, the shortest 50.4 ms")
+    table["RT_ms"] = 12 * table["RT_ms"].round(-1)
+    texts = told(read_trials, table, strength="coherence", columns=columns)
+    assert re.match(r"the median of RT_ms is \d+ ms: check that RT_ms is in ms from", texts[0])
+    assert "all 60 times are multiples of 40 ms" in texts[1]
+    ours = people().assign(rt=lambda table: 12 * table["rt"])
+    assert told(read_trials, ours, strength="coherence")[0].startswith("the median of rt is 9.")
