@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -10,7 +11,7 @@ import numpy as np
 from bgmodel.fitting.likelihood import STEP, BinnedLikelihood, Likelihood
 from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.posterior import ENOUGH, Directions, Posterior, directions
-from bgmodel.fitting.responses import Grid
+from bgmodel.fitting.responses import Grid, responded
 from bgmodel.fitting.simulated.error import SimulationErrors
 from bgmodel.support.arrays import Array
 from circuits.errors import FitWarning
@@ -100,7 +101,9 @@ def cautions(
 ) -> list[str]:
     """Return the warnings of a fit, apart from those of misfit and identifiability."""
     numerical = [*_rough(there, simulated), *of_bins(fitted.likelihood, there)]
-    return [*numerical, *_ended(fitted), *_vague(fitted, there), *_late(fitted), *_short(drawn)]
+    values = [*_ended(fitted), *_vague(fitted, there), *_late(fitted), *_short(drawn)]
+    own = fitted.likelihood.cautions(fitted.vector)
+    return [*numerical, *values, *own, *of_cuts([fitted])]
 
 
 def _ended(fitted: Optimum) -> list[str]:
@@ -210,6 +213,62 @@ def warn_of_slow(fitted: Optimum) -> None:
         f"Such trials bias sensitivity and criterion: {free}compare with a fit to an earlier "
         "rt_window (at the terminal --columns rt_window=)"
     )
+
+
+EARLIER_S, WIDER_S = (0.0, 0.02, 0.04, 0.06, 0.09, 0.12), (0.0, 0.03, 0.06)
+"""Shifts and additional spreads of the non-decision time that a cut may have hidden, s."""
+EDGE_NATS, ABRUPT, FASTEST = 7.0, 0.33, 10
+"""Gain in log likelihood above which fast trials are taken to be left out; share of the fastest
+tenth of times, at least ten, in the lower half of their range, which is half if they begin abruptly
+and a fifth if not."""
+
+
+def cut_nats(fitted: Optimum) -> float:
+    """Return the gain in log likelihood if trials before the first were left out; 0 if times rise.
+
+    The non-decision time may then have begun earlier and spread more, if that is no gain without a
+    cut. The gain does not count lapses, which may all be slow. By chance it is exponential.
+    """
+    seen, density = fitted.likelihood.design.observed, fitted.density
+    fast = np.sort(seen.rt_s[np.isfinite(seen.rt_s)])
+    fast = fast[: max(len(fast) // 10, FASTEST)]
+    if (fast[1:-1] <= (fast[0] + fast[-1]) / 2).mean() < ABRUPT:
+        return 0.0
+    cut = replace(seen, window_s=(float(fast[0]), seen.window_s[1]))
+    mass, same = density * seen.grid.width_s, np.ones(len(density))
+    usual, best = seen.each(density).sum(), 0.0
+    for earlier_s in EARLIER_S:
+        for wider_s in WIDER_S:
+            moved = responded(
+                mass, seen.grid, t0_s=-earlier_s * same, t0_sd_s=wider_s * same, lapse=0 * same
+            )
+            gain = cut.each(moved).sum() - max(usual, seen.each(moved).sum())
+            best = max(best, float(gain))
+    lapses = density[seen.cell, :, 0].sum() * (fast[0] - seen.window_s[0])
+    return float(best - lapses)
+
+
+def of_cuts(people: Iterable[Optimum]) -> list[str]:
+    """Return a warning if times of some people begin where faster trials were left out."""
+    told = []
+    for fitted in people:
+        design = fitted.likelihood.design
+        seen = design.observed
+        binned = isinstance(fitted.likelihood, BinnedLikelihood) and seen.untimed is None
+        if (
+            binned
+            and np.isfinite(seen.rt_s).sum() > FASTEST
+            and (nats := cut_nats(fitted)) > EDGE_NATS
+        ):
+            told.append(f"{design.who} at {np.nanmin(seen.rt_s):.4g} s ({nats:.1f} nats)")
+    if not told:
+        return []
+    return [
+        f"response times begin abruptly, of {', '.join(told)}: the log likelihood is that much "
+        "higher if faster trials were left out. The fit takes all times to be there, which moves "
+        "t0_s, t0_sd_s and the bound: begin its window where they were left out (rt_window, at "
+        "the terminal --columns rt_window=T,inf)"
+    ]
 
 
 def _delayed(density: Array, tail: float) -> Array:

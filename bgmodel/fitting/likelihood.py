@@ -107,6 +107,10 @@ class Likelihood:
         """Return ``each`` without the bias of simulated runs, where there is one."""
         return self.each(vector)
 
+    def cautions(self, vector: Array) -> list[str]:
+        """Return what makes an optimum doubtful for this kind of trials, as sentences."""
+        return []
+
     def density(self, vector: Array) -> Array:
         """Return the predicted density of responses (cells, 2, bins), 1/s."""
         raise NotImplementedError

@@ -31,6 +31,7 @@ from bgmodel.fitting.likelihood import (
     TrialLikelihood,
     likelihood_of,
 )
+from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.responses import EVERY_TIME
 from bgmodel.fitting.stop_process import (
@@ -44,7 +45,7 @@ from bgmodel.fitting.stop_process import (
     stop_model,
 )
 from bgmodel.stopping.inputs import MOST_NATS
-from bgmodel.stopping.trials import StopTrials
+from bgmodel.stopping.trials import StopTrials, of_trend
 from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
@@ -195,6 +196,21 @@ class StopLikelihood(TrialLikelihood):
     """The likelihood of one person's stop trials; see ``likelihood``."""
 
     model: StopRace
+
+    def cautions(self, vector: Array) -> list[str]:
+        """Return a warning of a trend of go times, with the fit without it."""
+        own = StopTrials.of(self.trials)
+
+        def ssrt_ms(trials: StopTrials) -> float:
+            if trials is own:
+                return float(self.values(vector)["ssrt_ms"].mean())
+            rt_s, ssd_s = trials.rt_ms / 1000, trials.ssd_ms / 1000
+            end_s = None if trials.deadline_ms is None else trials.deadline_ms / 1000
+            choices = replace(self.trials, rt_s=rt_s, ssd_s=ssd_s, deadline_s=end_s)
+            flat = replace(self, design=replace(self.design, choices=choices))
+            return float(flat.values(optimum(flat).vector)["ssrt_ms"].mean())
+
+        return of_trend(own, ssrt_ms)
 
     def draw(
         self, cells: Mapping[str, pd.DataFrame], peaks: Mapping[str, Peak], title: str

@@ -15,7 +15,7 @@ import pandas as pd
 
 from bgmodel.deciding.measures import P_RANGE
 from bgmodel.plots import wilson
-from bgmodel.stopping.trials import StopTrials
+from bgmodel.stopping.trials import StopTrials, of_trend
 from bgmodel.support.arrays import Array
 from bgmodel.support.saved import Facts
 from bgmodel.support.tables import Readable
@@ -60,7 +60,7 @@ class StopEstimate(Facts):
 
 
 def estimate_ssrt(trials: StopTrials, *, checked: bool = True) -> StopEstimate:
-    """Return the stop-signal reaction time of one participant; warn of few stop trials.
+    """Return the stop-signal reaction time of one participant; warn of few stop trials, a trend.
 
     If ``checked``, raises where the guide accepts no estimate: responses outside 0.25 to 0.75, or
     failed stops slower than go responses.
@@ -73,10 +73,8 @@ def estimate_ssrt(trials: StopTrials, *, checked: bool = True) -> StopEstimate:
         raise InputError.of("rt_ms", "must have responses on go trials", "none")
     failed = trials.rt_ms[trials.stop & trials.responded]
     ssd_ms, p = float(trials.ssd_ms[trials.stop].mean()), trials.p_respond
-    replaced = np.where(np.isnan(go), responses.max(), go)
-    nth = nth_time(replaced, p)
     estimates = {
-        "ssrt_ms": nth - ssd_ms,
+        "ssrt_ms": _integrated(trials),
         "ssrt_mean_ms": float(responses.mean()) - ssd_ms,
         "p_respond": p,
         "go_ms": float(responses.mean()),
@@ -93,7 +91,16 @@ def estimate_ssrt(trials: StopTrials, *, checked: bool = True) -> StopEstimate:
     if stops < FEWEST_STOPS:
         warning = f"{stops} stop trials, fewer than {FEWEST_STOPS}: the estimate is unreliable"
         DataWarning.warn(warning)
+    for text in of_trend(trials, _integrated):
+        DataWarning.warn(text)
     return StopEstimate(**estimates, refusal=refusal)
+
+
+def _integrated(trials: StopTrials) -> float:
+    """Return the estimate by integration, ms; missed go trials count as the slowest."""
+    go = trials.rt_ms[~trials.stop]
+    replaced = np.where(np.isnan(go), np.nanmax(go), go)
+    return nth_time(replaced, trials.p_respond) - float(trials.ssd_ms[trials.stop].mean())
 
 
 def _refusal(values: dict[str, float]) -> str:

@@ -41,9 +41,10 @@ def read_people(
 def estimates_of(people: dict[str, StopTrials]) -> pd.DataFrame:
     """Return the fields of ``StopEstimate`` of every participant, one row each.
 
-    ``refusal`` says why there is no accepted estimate. Warns of too few stop trials once.
+    ``refusal`` says why there is no accepted estimate. Warns once of too few stop trials, and of
+    go responses with a trend.
     """
-    rows, few = [], 0
+    rows, few, trends = [], 0, []
     for who, trials in people.items():
         with collected(DataWarning) as caught:
             try:
@@ -51,11 +52,14 @@ def estimates_of(people: dict[str, StopTrials]) -> pd.DataFrame:
             except InputError as error:
                 kind = "no responses on go trials" if error.field == "rt_ms" else "no stop trials"
                 row = {"refusal": kind}
-        few += bool(caught)
+        few += any("stop trials, fewer" in text for text in caught)
+        trends += [f"{who}, {text}" for text in caught if "trial to trial" in text]
         rows.append({"participant_id": who, **row})
     if few:
         share = f"{few} of {len(people)} participants have too few stop trials"
         DataWarning.warn(f"{share}: their estimates are unreliable, their mean is less so")
+    if trends:
+        DataWarning.warn(f"{len(trends)} of {len(people)} participants, such as {trends[0]}")
     return pd.DataFrame(rows)
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,11 @@ from circuits.errors import DataWarning, InputError, require
 
 OUTCOMES = ("response", "omission", "failed stop", "successful stop")
 """Go trials with and without a response, then stop trials with and without one."""
+FEWEST_TREND, TREND_ERRORS, TREND_MS = 20, 3.29, 10.0
+"""Go responses from which a trend is looked for, standard errors (p = .001) and shift of the
+stop-signal reaction time from which it is told: in 1 of 1800 simulated people without a trend."""
+TINY = 1e-12
+"""Least variance."""
 IN_SECONDS = 5.0
 """Delays below this, and above 0, look as if they were given in seconds, not in ms."""
 
@@ -93,6 +99,28 @@ class StopTrials(Facts):
         end_ms = None if trials.deadline_s is None else 1000 * trials.deadline_s
         return cls(1000 * trials.rt_s, 1000 * trials.ssd_s, correct, end_ms)
 
+    def without_trend(self) -> tuple[float, StopTrials]:
+        """Return the slope of go times over trials, in standard errors, and trials without it.
+
+        Neighbours are alike: errors are those of an autoregressive process. A go time and a delay
+        move together, so that the race stays the same; all are later by one constant.
+        """
+        place = np.arange(len(self.rt_ms), dtype=np.float64)
+        go = ~self.stop & self.responded
+        if go.sum() < FEWEST_TREND:
+            return 0.0, self
+        x, y = place[go] - place[go].mean(), self.rt_ms[go]
+        slope = float(x @ y / (x @ x))
+        rest = y - y.mean() - slope * x
+        alike = np.clip(rest[1:] @ rest[:-1] / max(rest @ rest, TINY), 0.0, 0.99)
+        variance = (rest @ rest) / (len(y) - 2) / (x @ x) * (1 + alike) / (1 - alike)
+        by_ms = slope * (place[-1] if slope > 0 else 0.0) - slope * place
+        end_ms = None if self.deadline_ms is None else self.deadline_ms + by_ms.max()
+        flat = replace(
+            self, rt_ms=self.rt_ms + by_ms, ssd_ms=self.ssd_ms + by_ms, deadline_ms=end_ms
+        )
+        return slope / np.sqrt(max(variance, TINY)), flat
+
     def to_trials(self, who: str = EVERYONE) -> Trials:
         """Return them as the record of one person, in which response 1 is correct."""
         count = len(self.rt_ms)
@@ -111,6 +139,22 @@ class StopTrials(Facts):
             {"trial": np.arange(len(self.rt_ms)), **times, "outcome": self.outcome}
         )
         return table if self.correct is None else table.assign(correct=self.correct.astype(int))
+
+
+def of_trend(trials: StopTrials, ssrt_ms: Callable[[StopTrials], float]) -> list[str]:
+    """Return a warning if a trend of go times moves an estimate, which is a function of trials."""
+    z, flat = trials.without_trend()
+    if abs(z) < TREND_ERRORS:
+        return []
+    known_ms, flat_ms = ssrt_ms(trials), ssrt_ms(flat)
+    if not abs(known_ms - flat_ms) > TREND_MS:
+        return []
+    return [
+        f"go responses become {'slower' if z > 0 else 'faster'} from trial to trial ({abs(z):.1f} "
+        "standard errors), by strategy or fatigue, while a race takes them to be alike: without "
+        f"this trend the stop-signal reaction time would be {flat_ms:.0f} ms, not {known_ms:.0f}. "
+        "Give each block of trials as a participant of its own (Verbruggen et al. 2013, 2019)"
+    ]
 
 
 def stop_trials(decision: Decision, ssd_ms: npt.ArrayLike, responses: int) -> StopTrials:

@@ -1,5 +1,6 @@
 """Fits of stop trials: closed forms, known stop processes, and what cannot be told apart."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -209,3 +210,17 @@ def test_shuffled_delays_are_far_less_likely():
         optimum(likelihood(ALIKE, each)) for each in (trials, replace(trials, ssd_s=ssd_s))
     )
     assert shuffled.log_likelihood < true.log_likelihood - 50
+
+
+def test_a_fit_tells_of_go_times_with_a_trend_and_what_it_would_find_without():
+    """The same race on a clock that runs away: SSRT 200 ms, whatever the trend."""
+    clean = raced(6, 400)
+    later_s = np.linspace(0, 0.5, 400)
+    slower = replace(clean, rt_s=clean.rt_s + later_s, ssd_s=clean.ssd_s + later_s)
+    for trials, words in ((clean, ()), (slower, ("slower",))):
+        fitted = optimum(likelihood(ALIKE, trials))
+        texts = fitted.likelihood.cautions(fitted.vector)
+        assert [re.search("become (slower|faster)", text)[1] for text in texts] == list(words)
+    flat, known = map(float, re.search(r"would be (\S+) ms, not (\S+)\.", texts[0]).groups())
+    assert known == round(fitted.values["ssrt_ms"])
+    assert abs(known - 200) > 50 > 25 > abs(flat - 200)

@@ -1,5 +1,7 @@
 """Estimates of the stop-signal reaction time: a known one is found, and what the guide refuses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -7,8 +9,8 @@ from scipy import stats
 from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function
 from bgmodel.stopping.task import walk
 from bgmodel.stopping.trials import StopTrials, drawn_delays
-from circuits.errors import DataWarning
-from tests.helpers import refused
+from circuits.errors import DataWarning, quiet
+from tests.helpers import refused, told
 
 TRUE_MS = 220.0
 
@@ -103,3 +105,26 @@ def test_impossible_trials_are_refused(rt, ssd, more, says):
 def test_delays_in_seconds_are_warned_of():
     with pytest.warns(DataWarning, match="not in seconds"):
         StopTrials([400.0, 300.0], [np.nan, 0.25])
+
+
+def drifting(trials, by_ms):
+    """Return the same race whose go times and signals become later, or earlier, by a time."""
+    later = np.linspace(max(0.0, -by_ms), max(0.0, by_ms), len(trials.rt_ms))
+    return replace(trials, rt_ms=trials.rt_ms + later, ssd_ms=trials.ssd_ms + later)
+
+
+@pytest.mark.parametrize(("by_ms", "which"), [(500.0, "slower"), (-500.0, "faster")])
+def test_a_trend_of_go_times_is_told_with_the_estimate_without_it(by_ms, which):
+    """Without a trend, 1 of 1800 simulated people is told, also if neighbours correlate."""
+    seed = 0
+    assert not told(estimate_ssrt, raced(seed))
+    before_ms = estimate_ssrt(raced(seed)).ssrt_ms
+    trials = drifting(raced(seed), by_ms)
+    (text,) = told(lambda: estimate_ssrt(trials, checked=False))
+    assert text.startswith(f"go responses become {which} from trial to trial")
+    with quiet():
+        known_ms = estimate_ssrt(trials, checked=False).ssrt_ms
+        flat_ms = estimate_ssrt(trials.without_trend()[1], checked=False).ssrt_ms
+    assert f"would be {flat_ms:.0f} ms, not {known_ms:.0f}." in text
+    assert abs(known_ms - before_ms) > 15
+    assert flat_ms == pytest.approx(before_ms, abs=8)

@@ -111,3 +111,10 @@ def test_restoring_delays_hides_no_other_doubt_about_a_table():
         read_people(seconds, columns=restore)
     with unwarned():
         read_people(table_of(), columns=restore)
+
+
+def test_go_responses_that_become_slower_are_told_in_three_people_of_the_set(people):
+    with pytest.warns(DataWarning) as caught:
+        estimates_of(people)
+    (text,) = [str(each.message) for each in caught if "trial to trial" in str(each.message)]
+    assert text.startswith("3 of 126 participants, such as sub-")

@@ -1,6 +1,7 @@
 """A user's choices and times: read unchanged, or rejected with an explanation."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -435,8 +436,13 @@ def known():
 
 
 OWN_NAMES = {"participant_id": "vp", "rt": "RT_ms", "response": "key", "ssd": "SSD"}
-WRONG = {"participant_id": ["", None], "rt": [-5, "x"], "response": [7, None], "ssd": [-3, "x"]}
-OF_KIND = {
+WRONG: dict[str, list[object]] = {
+    "participant_id": ["", None],
+    "rt": [-5, "x"],
+    "response": [7, None],
+    "ssd": [-3, "x"],
+}
+OF_KIND: dict[str, Callable[[], pd.DataFrame]] = {
     "choices": people,
     "stop-signal trials": stops,
     "rewarded choices": lambda: rewards(participant_id="a"),

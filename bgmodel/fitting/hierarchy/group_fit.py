@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from bgmodel.fitting.cautions import of_cuts
 from bgmodel.fitting.hierarchy.approximation import Person, estimates, started
 from bgmodel.fitting.hierarchy.chains import (
     CHAINS,
@@ -220,7 +221,12 @@ class GroupFit(Facts):
         first = next(iter(self.typical.values()))
         timed = first.likelihood.design.timed
         alike = [] if timed else directions(first.likelihood, first.vector).cautions()
-        return [*self.misfit.cautions(), *alike, *self._short()]
+        cuts, own = of_cuts(self.typical.values()), []
+        for who, each in self.typical.items():
+            own += [f"{who}: {text}" for text in each.likelihood.cautions(each.vector)]
+        if len(own) > 1:
+            own = [f"{len(own)} people, such as {own[0]}"]
+        return [*self.misfit.cautions(), *alike, *cuts, *own, *self._short()]
 
     def _short(self) -> list[str]:
         if self.agreement.reached:
