@@ -102,8 +102,7 @@ def cautions(
     """Return the warnings of a fit, apart from those of misfit and identifiability."""
     numerical = [*_rough(there, simulated), *of_bins(fitted.likelihood, there)]
     values = [*_ended(fitted), *_vague(fitted, there), *_late(fitted), *_short(drawn)]
-    own = fitted.likelihood.cautions(fitted.vector)
-    return [*numerical, *values, *own, *of_cuts([fitted])]
+    return [*numerical, *values, *fitted.likelihood.cautions(), *of_cuts([fitted])]
 
 
 def _ended(fitted: Optimum) -> list[str]:
@@ -217,7 +216,7 @@ def warn_of_slow(fitted: Optimum) -> None:
 
 EARLIER_S, WIDER_S = (0.0, 0.02, 0.04, 0.06, 0.09, 0.12), (0.0, 0.03, 0.06)
 """Shifts and additional spreads of the non-decision time that a cut may have hidden, s."""
-EDGE_NATS, ABRUPT, FASTEST = 7.0, 0.33, 10
+EDGE_NATS, ABRUPT, FASTEST = 7.0, 0.35, 10
 """Gain in log likelihood above which fast trials are taken to be left out; share of the fastest
 tenth of times, at least ten, in the lower half of their range, which is half if they begin abruptly
 and a fifth if not."""
@@ -227,7 +226,7 @@ def cut_nats(fitted: Optimum) -> float:
     """Return the gain in log likelihood if trials before the first were left out; 0 if times rise.
 
     The non-decision time may then have begun earlier and spread more, if that is no gain without a
-    cut. The gain does not count lapses, which may all be slow. By chance it is exponential.
+    cut. The gain does not count lapses, which may all be slow.
     """
     seen, density = fitted.likelihood.design.observed, fitted.density
     fast = np.sort(seen.rt_s[np.isfinite(seen.rt_s)])
@@ -252,23 +251,17 @@ def of_cuts(people: Iterable[Optimum]) -> list[str]:
     """Return a warning if times of some people begin where faster trials were left out."""
     told = []
     for fitted in people:
-        design = fitted.likelihood.design
-        seen = design.observed
+        seen, who = fitted.likelihood.design.observed, fitted.likelihood.design.who
         binned = isinstance(fitted.likelihood, BinnedLikelihood) and seen.untimed is None
-        if (
-            binned
-            and np.isfinite(seen.rt_s).sum() > FASTEST
-            and (nats := cut_nats(fitted)) > EDGE_NATS
-        ):
-            told.append(f"{design.who} at {np.nanmin(seen.rt_s):.4g} s ({nats:.1f} nats)")
-    if not told:
-        return []
-    return [
+        if binned and np.isfinite(seen.rt_s).sum() > FASTEST and cut_nats(fitted) > EDGE_NATS:
+            told.append(f"{who} at {np.nanmin(seen.rt_s):.4g} s ({cut_nats(fitted):.1f} nats)")
+    every = [
         f"response times begin abruptly, of {', '.join(told)}: the log likelihood is that much "
         "higher if faster trials were left out. The fit takes all times to be there, which moves "
         "t0_s, t0_sd_s and the bound: begin its window where they were left out (rt_window, at "
         "the terminal --columns rt_window=T,inf)"
     ]
+    return every if told else []
 
 
 def _delayed(density: Array, tail: float) -> Array:

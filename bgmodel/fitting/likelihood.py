@@ -107,8 +107,8 @@ class Likelihood:
         """Return ``each`` without the bias of simulated runs, where there is one."""
         return self.each(vector)
 
-    def cautions(self, vector: Array) -> list[str]:
-        """Return what makes an optimum doubtful for this kind of trials, as sentences."""
+    def cautions(self) -> list[str]:
+        """Return what makes a fit to these trials doubtful, as sentences."""
         return []
 
     def density(self, vector: Array) -> Array:

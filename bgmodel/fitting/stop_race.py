@@ -197,20 +197,17 @@ class StopLikelihood(TrialLikelihood):
 
     model: StopRace
 
-    def cautions(self, vector: Array) -> list[str]:
-        """Return a warning of a trend of go times, with the fit without it."""
-        own = StopTrials.of(self.trials)
+    def cautions(self) -> list[str]:
+        """Return a warning of a trend of go times, with the optima with and without it."""
 
         def ssrt_ms(trials: StopTrials) -> float:
-            if trials is own:
-                return float(self.values(vector)["ssrt_ms"].mean())
             rt_s, ssd_s = trials.rt_ms / 1000, trials.ssd_ms / 1000
             end_s = None if trials.deadline_ms is None else trials.deadline_ms / 1000
             choices = replace(self.trials, rt_s=rt_s, ssd_s=ssd_s, deadline_s=end_s)
-            flat = replace(self, design=replace(self.design, choices=choices))
-            return float(flat.values(optimum(flat).vector)["ssrt_ms"].mean())
+            other = replace(self, design=replace(self.design, choices=choices))
+            return float(other.values(optimum(other).vector)["ssrt_ms"].mean())
 
-        return of_trend(own, ssrt_ms)
+        return of_trend(StopTrials.of(self.trials), ssrt_ms)
 
     def draw(
         self, cells: Mapping[str, pd.DataFrame], peaks: Mapping[str, Peak], title: str

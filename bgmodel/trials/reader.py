@@ -159,14 +159,13 @@ class Columns:
                 DataWarning.warn(self._said(doubt))
 
     def _said(self, message: str) -> str:
-        def called(found: re.Match[str]) -> str:
-            return str(getattr(self, str(found.lastgroup)) or found[0])
-
-        def timed(found: re.Match[str]) -> str:
-            return f"{1000 * float(found[0][:-2]):g} ms" if found[1] else "in ms"
-
-        message = OUR_NAMES.sub(called, message)
-        return SECONDS.sub(timed, message) if self.rt_unit == "ms" else message
+        """Return a message in the names and the unit of the table."""
+        message = OUR_NAMES.sub(lambda m: getattr(self, str(m.lastgroup)) or m[0], message)
+        if self.rt_unit == "s":
+            return message
+        return SECONDS.sub(
+            lambda m: f"{1000 * float(m[0][:-2]):g} ms" if m[1] else "in ms", message
+        )
 
 
 OURS = Columns()

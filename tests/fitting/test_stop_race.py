@@ -219,7 +219,7 @@ def test_a_fit_tells_of_go_times_with_a_trend_and_what_it_would_find_without():
     slower = replace(clean, rt_s=clean.rt_s + later_s, ssd_s=clean.ssd_s + later_s)
     for trials, words in ((clean, ()), (slower, ("slower",))):
         fitted = optimum(likelihood(ALIKE, trials))
-        texts = fitted.likelihood.cautions(fitted.vector)
+        texts = fitted.likelihood.cautions()
         assert [re.search("become (slower|faster)", text)[1] for text in texts] == list(words)
     flat, known = map(float, re.search(r"would be (\S+) ms, not (\S+)\.", texts[0]).groups())
     assert known == round(fitted.values["ssrt_ms"])

@@ -221,11 +221,10 @@ class GroupFit(Facts):
         first = next(iter(self.typical.values()))
         timed = first.likelihood.design.timed
         alike = [] if timed else directions(first.likelihood, first.vector).cautions()
-        cuts, own = of_cuts(self.typical.values()), []
-        for who, each in self.typical.items():
-            own += [f"{who}: {text}" for text in each.likelihood.cautions(each.vector)]
-        if len(own) > 1:
-            own = [f"{len(own)} people, such as {own[0]}"]
+        people = self.likelihoods.items()
+        own = [f"{who}: {text}" for who, each in people for text in each.cautions()]
+        own = own if len(own) < 2 else [f"{len(own)} people, such as {own[0]}"]
+        cuts = of_cuts(self.typical.values())
         return [*self.misfit.cautions(), *alike, *cuts, *own, *self._short()]
 
     def _short(self) -> list[str]:
