@@ -153,7 +153,7 @@ def of_trend(trials: StopTrials, ssrt_ms: Callable[[StopTrials], float]) -> list
         f"go responses become {'slower' if z > 0 else 'faster'} from trial to trial ({abs(z):.1f} "
         "standard errors), by strategy or fatigue, while a race takes them to be alike: without "
         f"this trend the stop-signal reaction time would be {flat_ms:.0f} ms, not {known_ms:.0f}. "
-        "Give each block of trials as a participant of its own (Verbruggen et al. 2013, 2019)"
+        "Name each block of trials as a separate participant (Verbruggen et al. 2013, 2019)"
     ]
 
 
