@@ -6,8 +6,8 @@ import pytest
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.cautions import EDGE_NATS, cut_nats
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.fit import fit_likelihood
 from bgmodel.fitting.likelihood import likelihood_of
+from bgmodel.fitting.person_fit import fit_likelihood
 from tests.drawn import TRUTH, drawn
 from tests.helpers import told
 
