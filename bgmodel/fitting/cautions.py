@@ -219,7 +219,7 @@ EARLIER_S, WIDER_S = (0.0, 0.02, 0.04, 0.06, 0.09, 0.12), (0.0, 0.03, 0.06)
 EDGE_NATS, ABRUPT, FASTEST = 7.0, 0.35, 10
 """Gain in log likelihood above which fast trials are taken to be left out; share of the fastest
 tenth of times, at least ten, in the lower half of their range, which is half if they begin abruptly
-and a fifth if not. Of 240 simulated sets that the model fits, none was warned of, and 3 of 360 that
+and a fifth if not. Of 240 simulated sets that the model fits, none was warned of, and 5 of 360 that
 it does not fit; without a tenth of the trials, 28 of 30 sets of 1000 and 15 of 30 sets of 300."""
 
 
