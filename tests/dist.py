@@ -16,8 +16,8 @@ import tempfile
 import time
 import zipfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("bgmodel", "circuits")
@@ -73,11 +73,6 @@ def build(folder: Path) -> tuple[Path, Path]:
     return wheel, sdist
 
 
-def absent(names: Sequence[str], tracked: Sequence[str]) -> list[str]:
-    """Return the tracked files that an archive does not hold."""
-    return sorted(set(tracked) - set(names))
-
-
 def tracked() -> list[str]:
     """Return the files of the packages that git knows."""
     listed = subprocess.run(
@@ -93,14 +88,11 @@ def check_contents(wheel: Path, sdist: Path) -> None:
     with tarfile.open(sdist) as archive:
         # The first folder is the name and the version.
         packed = [name.partition("/")[2] for name in archive.getnames()]
-    lost = {
-        wheel.name: absent(held, tracked()),
-        sdist.name: absent(packed, [*tracked(), "README.md", "LICENSE", "pyproject.toml"]),
-    }
-    for name, files in lost.items():
-        if files:
-            raise SystemExit(f"{name} lacks {', '.join(files)}")
-        print(f"{name}: every file of {' and '.join(PACKAGES)} is in", flush=True)
+    more = {"README.md", "LICENSE", "pyproject.toml"}
+    for path, names, wanted in ((wheel, held, set()), (sdist, packed, more)):
+        if files := sorted({*tracked(), *wanted}.difference(names)):
+            raise SystemExit(f"{path.name} lacks {', '.join(files)}")
+        print(f"{path.name}: every file of {' and '.join(PACKAGES)} is in", flush=True)
 
 
 def try_out(python: str, archive: Path, *constraints: str) -> float:
@@ -129,10 +121,8 @@ def try_out(python: str, archive: Path, *constraints: str) -> float:
         names = "import numpy, numba, brian2; print(*map(lambda m: m.__version__, (numpy, numba,"
         names += " brian2)))"
         shown = [str(environment / "bin" / "python"), "-c", names]
-        versions = subprocess.run(
-            shown, cwd=work, env=there, check=True, capture_output=True, text=True
-        )
-        numpy, numba, brian2 = versions.stdout.split()
+        text = subprocess.check_output(shown, cwd=work, env=there, text=True)
+        numpy, numba, brian2 = text.split()
         check_replaced(environment, pip, work, there)
     seconds = time.monotonic() - started
     print(
@@ -169,25 +159,14 @@ def _version(python: str) -> str:
     return ran.stdout.strip()
 
 
-@contextmanager
-def _explained(command: Sequence[str]) -> Iterator[None]:
-    try:
-        yield
-    except subprocess.CalledProcessError as error:
-        output = (error.stdout or "")[-4000:]
-        raise SystemExit(
-            f"{' '.join(command)[:400]} ended with {error.returncode}\n{output}"
-        ) from None
-
-
 def _run(
     command: Sequence[str], folder: Path | None = None, environment: dict[str, str] | None = None
 ) -> None:
-    with _explained(command):
-        subprocess.run(
-            command, cwd=folder, env=environment, check=True, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        )  # fmt: skip
+    streams: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    done = subprocess.run(command, cwd=folder, env=environment, text=True, **streams)
+    if done.returncode:
+        words = " ".join(command)[:400]
+        raise SystemExit(f"{words} ended with {done.returncode}\n{done.stdout[-4000:]}")
 
 
 def main() -> None:

@@ -36,14 +36,8 @@ def drawn(model, strengths, trials, seed, *, seconds=4.0, deadline_s=None, **val
         rt, response = np.where(none, np.nan, rt), np.where(sign < 0, 1 - response, response)
         rows.append(np.stack([rt, np.where(none, -1, response), sign * strength]))
     rt, response, signed = np.concatenate(rows, axis=1)
-    return Trials(
-        np.full(len(rt), "all"),
-        rt,
-        response.astype(np.int8),
-        signed,
-        pd.DataFrame(index=range(len(rt))),
-        deadline_s,
-    )
+    who, none = np.full(len(rt), "all"), pd.DataFrame(index=range(len(rt)))
+    return Trials(who, rt, response.astype(np.int8), signed, none, deadline_s)
 
 
 def with_drift(at_rest, bound, time_s, drift, start=0.0, drift_sd=0.0):
@@ -58,14 +52,9 @@ def choices(strength, response, rt_s=None, deadline_s=None, **conditions):
     """Return choices of one participant; response -1 is a miss."""
     response = np.asarray(response, np.int8)
     rt = np.where(response < 0, np.nan, 0.5 if rt_s is None else rt_s)
-    return Trials(
-        np.full(len(response), "a"),
-        rt,
-        response,
-        None if strength is None else np.asarray(strength, float),
-        pd.DataFrame(conditions, index=range(len(response))),
-        deadline_s,
-    )
+    strength = None if strength is None else np.asarray(strength, float)
+    more = pd.DataFrame(conditions, index=range(len(response)))
+    return Trials(np.full(len(response), "a"), rt, response, strength, more, deadline_s)
 
 
 def ideal(read, first):

@@ -3,6 +3,7 @@
 import importlib
 import json
 import shlex
+import subprocess
 import warnings
 from contextlib import contextmanager
 from pathlib import Path
@@ -54,6 +55,12 @@ def run(*arguments):
     return main([str(a) for a in arguments])
 
 
+def program_run(*arguments, **options):
+    """Run a program to its end; return its status and what it printed."""
+    settings = {"capture_output": True, "text": True, "check": False} | options
+    return subprocess.run([*map(str, arguments)], **settings)
+
+
 def words(line):
     """Return the words of a part of a command line, as a shell reads them."""
     return shlex.split(line)
@@ -87,9 +94,8 @@ def cues(trials, readings, nats, seed=1):
 
 def long_table(evidence, truth=True):
     n, t, h = evidence.log_likelihood.shape
-    frame = pd.DataFrame(
-        evidence.log_likelihood.reshape(n * t, h), columns=[f"ll_{i}" for i in "abc"[:h]]
-    )
+    names = [f"ll_{i}" for i in "abc"[:h]]
+    frame = pd.DataFrame(evidence.log_likelihood.reshape(n * t, h), columns=names)
     frame.insert(0, "trial", np.repeat(np.arange(n), t))
     frame.insert(1, "step", np.tile(np.arange(t), n))
     if truth:

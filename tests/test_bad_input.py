@@ -17,15 +17,8 @@ EVIDENCE_OF_STOP = bg.gaussian_evidence(40, d_prime=0.7, t_max=60, step_ms=10, s
 TRACE = bg.Msprt().run(EVIDENCE)
 CIRCUIT = bg.load_circuit("macaque")
 MODEL = bg.BasalGanglia(CIRCUIT, "algebra")
-TRIALS = pd.DataFrame(
-    {
-        "rt": np.tile(np.linspace(0.3, 0.9, 30), 4),
-        "response": np.tile([1, 1, 0], 40),
-        "coherence": np.tile([0.1, 0.2, -0.2], 40),
-    }
-)
-
-
+CHOICES = {"response": np.tile([1, 1, 0], 40), "coherence": np.tile([0.1, 0.2, -0.2], 40)}
+TRIALS = pd.DataFrame({"rt": np.tile(np.linspace(0.3, 0.9, 30), 4), **CHOICES})
 PATHWAY = {"pathway": "STN->GPe"}
 DECIDE = {"evidence": EVIDENCE, "posterior": 0.9}
 CALLS = {

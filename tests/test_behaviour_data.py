@@ -3,16 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from benchmarks.behaviour_data import (
-    LICENCES,
-    SETS,
-    learned_pairs,
-    motion,
-    selection,
-    simon,
-    stop_signal,
-    write_sets,
-)
+from benchmarks import behaviour_data
 from bgmodel.support.files import read_provenance
 
 
@@ -68,40 +59,40 @@ def selection_file():
 
 
 FILES = {
-    motion: motion_file,
-    learned_pairs: pairs_file,
-    selection: selection_file,
-    stop_signal: stop_file,
-    simon: simon_file,
+    behaviour_data.motion: motion_file,
+    behaviour_data.learned_pairs: pairs_file,
+    behaviour_data.selection: selection_file,
+    behaviour_data.stop_signal: stop_file,
+    behaviour_data.simon: simon_file,
 }
 
 
 def test_the_sets_are_made_from_a_folder_with_their_licences(tmp_path):
-    for file, table_of, _ in SETS.values():
+    for file, table_of, _ in behaviour_data.SETS.values():
         FILES[table_of]().to_csv(tmp_path / file, index=False)
-    for licence in LICENCES:
+    for licence in behaviour_data.LICENCES:
         (tmp_path / licence).write_text("unedited")
-    write_sets(tmp_path, tmp_path / "made")
-    for name in SETS:
+    behaviour_data.write_sets(tmp_path, tmp_path / "made")
+    for name in behaviour_data.SETS:
         table = pd.read_parquet(tmp_path / "made" / f"{name}.parquet")
         assert table.shape[0] == 200
         assert table["participant_id"][0] in ("01", "0")
         about = read_provenance(tmp_path / "made" / f"{name}.parquet")["parameters"]
         assert list(about["columns"]) == sorted(table.columns)
         assert str(tmp_path) not in str(about)
-    assert (tmp_path / "made" / LICENCES[0]).read_text() == "unedited"
+    assert (tmp_path / "made" / behaviour_data.LICENCES[0]).read_text() == "unedited"
 
 
 def test_codes_become_those_of_the_package():
-    assert motion(motion_file())["response"].sum() == motion_file()["choice"].sum()
-    made = learned_pairs(pairs_file())
+    assert behaviour_data.motion(motion_file())["response"].sum() == motion_file()["choice"].sum()
+    made = behaviour_data.learned_pairs(pairs_file())
     assert made["trial"].tolist() == [*range(100), *range(100)]
     assert (made["conflict"] == np.where(pairs_file()["conf"] == "HC", "high", "low")).all()
-    assert stop_signal(stop_file())["ssd"].notna().sum() == 50
-    made = simon(simon_file())
+    assert behaviour_data.stop_signal(stop_file())["ssd"].notna().sum() == 50
+    made = behaviour_data.simon(simon_file())
     test = made["phase"] == "test"
     # The left item of CB was chosen in every response, and B comes first in the alphabet.
     assert made.loc[test, "response"].dropna().tolist() == [0] * 45
     assert made["response"].isna().sum() == made["rt"].isna().sum() == 20
     assert set(made.loc[test, "congruency"]) == set(made.loc[test, "item"]) == {"none"}
-    assert selection(selection_file())["pair_trial"].tolist()[:4] == [0, 0, 1, 1]
+    assert behaviour_data.selection(selection_file())["pair_trial"].tolist()[:4] == [0, 0, 1, 1]

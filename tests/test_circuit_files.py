@@ -9,7 +9,7 @@ from bgmodel.support.files import provenance_path
 from circuits import anatomy
 from circuits.declaration import table_writer
 from circuits.declaration.table_writer import digest
-from tests.helpers import run
+from tests.helpers import GOOD, run
 
 SMALL = ["--task", "trials=100", "t_max=6", "--engine", "rate"]
 
@@ -49,11 +49,11 @@ def test_a_saved_table_is_written_over_only_when_forced_and_never_while_it_is_re
     assert [path.name for path in here.iterdir()] == ["mine.toml"]
 
 
-@pytest.mark.parametrize(("command", "edits"), [("circuit run", []), ("compare", [])])
-def test_a_file_runs_as_the_table_that_it_was_written_from(here, command, edits):
+@pytest.mark.parametrize("command", ["circuit run", "compare"])
+def test_a_file_runs_as_the_table_that_it_was_written_from(here, command):
     table_writer.write(anatomy.spiking_msprt(2), "mine.toml")
     for name, output in (("spiking_msprt", "a.csv"), ("mine.toml", "b.csv")):
-        assert run(*command.split(), "--save", output, *edits, "--circuit", name, *SMALL) == 0
+        assert run(*command.split(), "--save", output, "--circuit", name, *SMALL) == 0
     assert (here / "a.csv").read_bytes() == (here / "b.csv").read_bytes()
     behind = {"name": "spiking_msprt", "sha256": digest(anatomy.spiking_msprt(2))}
     assert about(here / "a.csv")["circuit"] == about(here / "b.csv")["circuit"] == behind
@@ -66,41 +66,20 @@ def test_the_hash_in_a_result_is_that_of_the_circuit_as_edited(here):
     assert about(here / "a.csv")["circuit"]["sha256"] == digest(anatomy.macaque().lesion("D2", 0.5))
 
 
-EXPERIMENT = """
-name = "mine"
-published = "nothing"
-source = "nobody"
-note = "none"
-circuit = "tables/mine.toml"
-engine = "rate"
-[task]
-trials = 100
-t_max = 20
-d_prime = 1.0
-[manipulation]
-edits = ["lesion D2 20%"]
-[[predictions]]
-measure = "mean_ms"
-direction = "down"
-at_least = 20
-"""
-
-
 def test_an_experiment_names_a_file_as_seen_from_its_own(here, refusal):
     (here / "in" / "tables").mkdir(parents=True)
     table_writer.write(anatomy.spiking_msprt(2), here / "in" / "tables" / "mine.toml")
-    (here / "in" / "experiment.toml").write_text(EXPERIMENT)
+    file, text = here / "in" / "experiment.toml", GOOD.replace("spiking_msprt", "tables/mine.toml")
+    file.write_text(text)
     assert run("experiment", "in/experiment.toml", "--save", "a.csv") == 0
     behind = about(here / "a.csv")
     assert behind["experiment"]["circuit"]["file"] == "mine.toml"
     assert behind["experiment"]["gain"] == 0.7
     assert behind["control"]["sha256"] == digest(anatomy.spiking_msprt())
-    assert behind["manipulation"]["sha256"] == digest(anatomy.spiking_msprt().lesion("D2", 0.2))
-    file = here / "in" / "experiment.toml"
-    file.write_text(EXPERIMENT.replace("tables/mine.toml", "spiking_msprt"))
+    assert behind["manipulation"]["sha256"] == digest(anatomy.spiking_msprt().lesion("STN", 0.2))
+    file.write_text(GOOD)
     assert run("experiment", file, "--save", "b.csv") == 0
     assert (here / "a.csv").read_bytes() == (here / "b.csv").read_bytes()
-    file.write_text(EXPERIMENT.replace("tables/mine.toml", "mine.toml"))
-    assert "mine.toml' can't be read: No such file" in refusal(
-        "experiment", file, "--save", "c.csv"
-    )
+    file.write_text(text.replace("tables/", ""))
+    asked = ("experiment", file, "--save", "c.csv")
+    assert "mine.toml' can't be read: No such file" in refusal(*asked)

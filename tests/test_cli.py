@@ -6,7 +6,6 @@ import io
 import re
 import shlex
 import shutil
-import subprocess
 import sys
 from functools import cache
 from inspect import signature
@@ -16,30 +15,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel import (
-    Evidence,
-    Exam,
-    Gaussian,
-    InputError,
-    Msprt,
-    Orientation,
-    SameDifferent,
-    StopTask,
-    cli,
-    compare,
-    first_crossing,
-    learn,
-    simulate_taps,
-    touch,
-    train_decoder,
-)
+import bgmodel as bg
 from bgmodel.cli import main
 from bgmodel.commands.options import record_of, task_of
 from bgmodel.support.files import read_provenance, read_table
 from bgmodel.task import Task
 from bgmodel.trials.given import EvidenceTable
 from bgmodel.trials.reader import OURS
-from tests.helpers import GOOD, ROOT, run
+from tests.helpers import GOOD, ROOT, program_run, run
 
 
 def own_table(path, flat=False, truth=True, trials=30):
@@ -93,10 +76,13 @@ def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(tmp_p
     share = decisions["response"].value_counts(normalize=True)
     assert set(share.index) == {"left", "up", "right"}
     assert share.max() < 0.45
-    expected = first_crossing(Msprt().run(Evidence(np.zeros((300, 1, 3)))), 0.1).choice
+    expected = bg.first_crossing(bg.Msprt().run(bg.Evidence(np.zeros((300, 1, 3)))), 0.1).choice
     assert (decisions["response"] == np.array(["left", "up", "right"])[expected]).all()
 
 
+RECORDED = "--recordings . --held-out . --mm-per-px 0.3"
+WATCHED = ". --decoder d --taps t --mm-per-px 0.3"
+FIT = "fit roitman_shadlen_2002 --strength coherence"
 BAD_USE = {
     "decide --save out.xlsx": "save",
     "decide --posterior 0.9 --boundary-separation 1 --save out.csv": "boundary_separation",
@@ -179,6 +165,42 @@ BAD_USE = {
     "circuit export --save t.py --posterior 0.9": "posterior",
     "circuit export --save t.py --threshold 0.1": "threshold",
     "circuit export --save t.py --engine rate": "engine",
+    "touch simulate --save out.npz --task channels=4": "task.channels",
+    "touch simulate --save out.npz --task orientation trials=7": "trials",
+    "touch train taps.npz --save d.onnx --mm-per-px 0.3": "mm_per_px",
+    "touch mine --mm-per-px 0.3": "mm_per_px",
+    "touch mine --task step_deg=7": "task.step_deg",
+    "touch mine --task trials=7": "trials",
+    "touch mine --task step_ms=7": "step_ms",
+    f"touch mine {RECORDED} --taps 7": "taps",
+    f"touch mine {RECORDED} --held-out-taps 7": "held_out_taps",
+    f"touch mine {RECORDED} --task same-different": "task",
+    f"touch watch {WATCHED} --by test --engine rate": "engine",
+    f"touch watch {WATCHED} --plot a.png": "plot",
+    f"touch watch {WATCHED}": "path",
+    f"touch watch nowhere{WATCHED[1:]}": "folder",
+    "decide --plot a.png": "plot",
+    "circuit run --plot a.png": "plot",
+    "circuit export --save a.py --plot a.png": "plot",
+    "exam --save a.csv": "save",
+    "experiment --plot a.png": "plot",
+    "sweep file found --part 1/2 --on slurm": "part",
+    "sweep file found --workers 0": "workers",
+    "fit no.csv": "path",
+    "fit cavanagh": "source",
+    "fit roitman_shadlen_2002 --strength contrast": "contrast",
+    f"{FIT} --participant z": "participant",
+    f"{FIT} --people hierarchical --draws": "draws",
+    f"{FIT} --columns deadline_s=0.3": "rt",
+    f"{FIT} --columns rt_window=5,9": "rt_window",
+    f"{FIT} --models abacus": "models",
+    f"{FIT} --mechanism mood": "mechanism",
+    f"{FIT} --free mood": "free",
+    f"{FIT} --models constant_gap --free dopamine": "free",
+    f"{FIT} --fix mood=1": "fix",
+    f"{FIT} --fix lapse=much": "fix",
+    f"{FIT} --vary mood=correct": "vary",
+    f"{FIT} --simulation trials=0": "trials",
     "demo --plot demo.txt": "plot",
     "demo --plot one.svg --alternatives 1": "arguments",
 }
@@ -190,7 +212,7 @@ def test_bad_use_is_one_sentence_and_writes_nothing(tmp_path, monkeypatch, refus
     monkeypatch.chdir(tmp_path)
     Path("file").write_text("")
     with pytest.raises(ValueError) as caught:  # noqa: PT011
-        cli.run(shlex.split(line))
+        bg.cli.run(shlex.split(line))
     assert getattr(caught.value, "field", type(caught.value).__name__) == BAD_USE[line]
     # The memory that is free changes from one moment to the next.
     *_, last = refusal(*shlex.split(line)).splitlines()
@@ -203,7 +225,7 @@ def test_bad_use_is_one_sentence_and_writes_nothing(tmp_path, monkeypatch, refus
 def every_option():
     """Return the options of each command: name, and what its help says, by its parser."""
     named = {}
-    for name, app in cli.commands():
+    for name, app in bg.cli.commands():
         arguments = app.assemble_argument_collection(parse_docstring=True)
         named[name] = {a.names[0]: a for a in arguments if a.names and a.names[0].startswith("--")}
     return named
@@ -214,12 +236,12 @@ def test_an_option_of_a_function_has_its_default_and_its_words():
     from bgmodel.commands.options import described
 
     for command, function, names in (
-        ("compare", compare, ("accuracies", "noise_ceiling")),
-        ("learn", learn, ("xi", "runs", "start", "posterior")),
-        ("touch", touch, ("trials", "folds")),
-        ("touch simulate", simulate_taps, ("taps", "periods_mm")),
-        ("touch train", train_decoder, ("edge", "mm_per_px")),
-        ("exam", Exam.take, ("gain", "share")),
+        ("compare", bg.compare, ("accuracies", "noise_ceiling")),
+        ("learn", bg.learn, ("xi", "runs", "start", "posterior")),
+        ("touch", bg.touch, ("trials", "folds")),
+        ("touch simulate", bg.simulate_taps, ("taps", "periods_mm")),
+        ("touch train", bg.train_decoder, ("edge", "mm_per_px")),
+        ("exam", bg.Exam.take, ("gain", "share")),
     ):
         for name in names:
             argument = every_option()[command][f"--{name.replace('_', '-')}"]
@@ -240,7 +262,6 @@ DEFAULTS = {
 
 @pytest.mark.parametrize("option", DEFAULTS)
 def test_no_default_of_an_option_changes_by_accident(option):
-    """With another default the same command line would give another result."""
     command, _, name = option.rpartition(" ")
     usual = every_option()[command][name].field_info.default
     if not isinstance(usual, Task):
@@ -254,14 +275,14 @@ def test_no_default_of_an_option_changes_by_accident(option):
 
 
 def test_a_task_is_its_name_and_settings_in_any_order(tmp_path):
-    assert task_of(Gaussian(), ["d_prime=2", "trials=7"]) == Gaussian(d_prime=2, trials=7)
-    usual = SameDifferent(trials=9, period_mm=3)
+    assert task_of(bg.Gaussian(), ["d_prime=2", "trials=7"]) == bg.Gaussian(d_prime=2, trials=7)
+    usual = bg.SameDifferent(trials=9, period_mm=3)
     task = task_of(usual, ["channels=3", "orientation"])
-    assert task == Orientation(channels=3, trials=9, period_mm=3)
+    assert task == bg.Orientation(channels=3, trials=9, period_mm=3)
     assert task_of(usual, ["mine.csv", "step_ms=20"]) == EvidenceTable(Path("mine.csv"), step_ms=20)
     for words in (["walk"], ["gaussian", "orientation"], ["period_mm=2"], ["trials"], ["=3"]):
-        with pytest.raises(InputError):
-            task_of(Gaussian(), words)
+        with pytest.raises(bg.InputError):
+            task_of(bg.Gaussian(), words)
 
 
 def test_a_whole_number_is_written_in_any_way_and_is_never_rounded():
@@ -270,23 +291,23 @@ def test_a_whole_number_is_written_in_any_way_and_is_never_rounded():
         (["experiment", "x", "--trials", "2e3"], "trials", 2000),
         (["learn", "--runs", "5"], "runs", 5),
     ):
-        assert cli.parsed(words).keywords[name] == number
-    assert cli.parsed(["experiment", "x", "--trials=2e3"]).keywords["trials"] == 2000
+        assert bg.cli.parsed(words).keywords[name] == number
+    assert bg.cli.parsed(["experiment", "x", "--trials=2e3"]).keywords["trials"] == 2000
     for words in (["circuit", "run", "--workers", "1.5"], ["circuit", "run", "--seed=2.5"],
                   ["experiment", "x", "--trials", "many"]):  # fmt: skip
-        with pytest.raises(InputError, match="must be a whole number"):
-            cli.parsed(words)
+        with pytest.raises(bg.InputError, match="must be a whole number"):
+            bg.cli.parsed(words)
 
 
 def test_text_of_a_setting_stays_as_it_is_written():
-    task = task_of(SameDifferent(), ["taps=a,b.parquet"])
+    task = task_of(bg.SameDifferent(), ["taps=a,b.parquet"])
     assert task.taps == Path("a,b.parquet")
     columns = record_of(OURS, ["upper=2", "rt=2024-01-01", "alternatives=4"])
     assert (columns.upper, columns.rt, columns.alternatives) == ("2", "2024-01-01", 4)
 
 
 def test_an_option_that_a_page_or_a_message_names_exists():
-    known = {name for _, app in cli.commands() for argument in app.assemble_argument_collection()
+    known = {name for _, app in bg.cli.commands() for argument in app.assemble_argument_collection()
              for name in argument.names} | {"--help", "--version", "--completion"}  # fmt: skip
     pages = [ROOT / "README.md", *(ROOT / "docs" / "guides").glob("*.md")]
     code = [*(ROOT / "bgmodel").rglob("*.py"), *(ROOT / "circuits").rglob("*.py")]
@@ -300,19 +321,16 @@ def test_an_option_that_a_page_or_a_message_names_exists():
 
 
 def test_a_record_has_the_types_of_its_fields():
-    task = record_of(StopTask(), ["delays_ms=100,200", "share=1e-1", "staircases=2"])
-    assert task == StopTask(delays_ms=(100.0, 200.0), share=0.1, staircases=2)
-    assert record_of(StopTask(), []) == StopTask()
+    task = record_of(bg.StopTask(), ["delays_ms=100,200", "share=1e-1", "staircases=2"])
+    assert task == bg.StopTask(delays_ms=(100.0, 200.0), share=0.1, staircases=2)
+    assert record_of(bg.StopTask(), []) == bg.StopTask()
     for words in (["pace=3"], ["share=x"], ["staircases=1.5"], ["share=.1", "share=.2"]):
-        with pytest.raises(InputError):
-            record_of(StopTask(), words)
+        with pytest.raises(bg.InputError):
+            record_of(bg.StopTask(), words)
 
 
 def test_the_package_runs_as_the_command_does():
-    done = subprocess.run(
-        [sys.executable, "-m", "bgmodel", "touch", "decode"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    done = program_run(sys.executable, "-m", "bgmodel", "touch", "decode")
     assert done.returncode == 2
     assert done.stderr.startswith("bgmodel: ")
     assert done.stderr.count("\n") == 1
@@ -322,15 +340,15 @@ def test_the_package_runs_as_the_command_does():
 def test_a_shell_gets_a_script_that_completes_every_command(shell, capsys):
     assert main(["--completion", shell]) == 0
     script = capsys.readouterr().out
-    assert all(word in script for name, _ in cli.commands() for word in name.split())
+    assert all(word in script for name, _ in bg.cli.commands() for word in name.split())
     assert "posterior" in script
     if shell == "bash" and shutil.which("bash"):
-        subprocess.run(["bash", "-n"], input=script, text=True, check=True)
+        assert program_run("bash", "-n", input=script).returncode == 0
 
 
 def test_help_of_every_command_has_an_example_that_its_parser_takes(capsys):
     """Examples are those of the docstring; what they name may be missing here."""
-    for name, app in [*cli.commands()]:
+    for name, app in [*bg.cli.commands()]:
         assert main([*name.split(), "--help"]) == 0
         shown = " ".join(capsys.readouterr().out.split())
         assert "Usage: bgmodel" in shown
@@ -339,7 +357,7 @@ def test_help_of_every_command_has_an_example_that_its_parser_takes(capsys):
         for line in " ".join(listed.split()).split("; "):
             words = shlex.split(line)
             assert words[0] == "bgmodel"
-            cli.parsed(words[1:])
+            bg.cli.parsed(words[1:])
 
 
 @pytest.mark.parametrize(("words", "code"), [(["--save", "x.csv"], 2), ([], 0)])
@@ -350,8 +368,7 @@ from bgmodel import cli
 def run(words): raise BrokenPipeError
 cli.run = run
 sys.exit(cli.main(sys.argv[1:]))"""
-    asked = [sys.executable, "-c", text, *words]
-    done = subprocess.run(asked, capture_output=True, text=True, check=False)
+    done = program_run(sys.executable, "-c", text, *words)
     assert (done.returncode, done.stderr.count("read no further")) == (code, code / 2)
 
 

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from circuits import anatomy
 from circuits.dynamics.fixed_point import resting_hz, solve, wired
 from circuits.engines import run
+from tests.circuits.helpers import run_algebra
 
 LESIONED = ("D1", "D2", "STN", "GPe")
 SPIKES = {"step_ms": 20.0, "seed": 3, "settle_ms": 20.0}
@@ -116,9 +117,7 @@ def test_activity_of_a_silenced_channel_is_0_and_of_all_others_that_without_its_
 def test_a_clamped_nucleus_is_shown_at_its_resting_rate():
     table = anatomy.spiking_msprt(2)
     drive = np.array([[[1.0, -1.0]]])
-    free, held = (
-        run(each, drive, engine="algebra", step_ms=20.0).rates_hz["STN"]
-        for each in (table, table.clamp("STN"))
-    )
+    both = (run_algebra(each, drive) for each in (table, table.clamp("STN")))
+    free, held = (activity.rates_hz["STN"] for activity in both)
     np.testing.assert_allclose(held, resting_hz(table)["STN"])
     assert np.ptp(free) > 1

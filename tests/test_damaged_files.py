@@ -4,11 +4,12 @@ import io
 import json
 import zipfile
 
+import numba
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as some
 
 from bgmodel.commands import touch
@@ -21,19 +22,15 @@ from bgmodel.tactile.decoder import Decoder
 from bgmodel.tactile.source import decoder_of
 from bgmodel.tactile.taps import Taps
 from bgmodel.trials.reader import read_trials
+from circuits.arrays import read_arrays
+from circuits.compiled_code import compile_cached
 from circuits.errors import InputError
 from circuits.table_reader import read as read_circuit
-from tests.damage import flipped
+from tests.damage import DAMAGES, doubled, flipped
 
 RNG = np.random.default_rng(24_711)
-TABLE = pd.DataFrame(
-    {
-        "rt": RNG.normal(size=40),
-        "bin": RNG.integers(0, 300, 40).astype("int16"),
-        "who": [f"p{k % 7}" for k in range(40)],
-        "right": RNG.random(40) < 0.5,
-    }
-)
+TABLE = pd.DataFrame({"rt": RNG.normal(size=40), "who": [f"p{k % 7}" for k in range(40)]})
+TABLE["bin"], TABLE["right"] = RNG.integers(0, 300, 40).astype("int16"), RNG.random(40) < 0.5
 
 
 @given(share=some.floats(0, 1, exclude_max=True), cut=some.booleans())
@@ -219,3 +216,60 @@ def test_networks_that_say_absurd_things_are_refused(tmp_path):
         assert "mine.onnx" in str(error.value)
         with pytest.raises(InputError):
             Decoder.load(path)
+
+
+SOURCES = "0123456789abcdef"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    return tmp_path
+
+
+def compiled():
+    """Return a function as in a new process, its results, and how many came from the cache."""
+    function = compile_cached(doubled, SOURCES)
+    return function(21), function(0.25), sum(function.stats.cache_hits.values())
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+@pytest.mark.parametrize("ending", [".nbi", ".1.nbc", ".2.nbc"])
+def test_damaged_code_is_compiled_again_and_written_whole(folder, ending, damage):
+    assert compiled() == (42, 0.5, 0)
+    assert compiled() == (42, 0.5, 2)
+    (file,) = folder.rglob(f"*{ending}")
+    contents = file.read_bytes()
+    file.write_bytes(damage(contents))
+    value, other, hits = compiled()
+    assert (value, other) == (42, 0.5)
+    assert hits <= (2 if ending == ".nbi" else 1)  # not every byte of an index matters
+    assert compiled() == (42, 0.5, 2)
+
+
+def test_code_of_another_function_is_not_loaded(folder):
+    compiled()
+    first, second = sorted(folder.rglob("*.nbc"))
+    first.write_bytes(second.read_bytes())
+    assert compiled() == (42, 0.5, 1)
+
+
+ARRAYS = {"x": np.arange(5.0), "of": np.array([[1, 2]], np.int16), "name": np.array("one")}
+
+
+@given(share=some.floats(0, 1, exclude_max=True), cut=some.booleans())
+@example(share=0.88, cut=False)  # hides an entry of the directory
+def test_arrays_with_a_changed_byte_are_read_as_written_or_not_at_all(tmp_path_factory, share, cut):
+    path = tmp_path_factory.getbasetemp() / "some.npz"
+    np.savez(path, **ARRAYS)
+    contents = path.read_bytes()
+    path.write_bytes(contents[: int(share * len(contents))] if cut else flipped(contents, share))
+    try:
+        arrays = read_arrays(path)
+    except (OSError, ValueError):
+        return
+    assert arrays.keys() == ARRAYS.keys()
+    for name, values in ARRAYS.items():
+        assert arrays[name].tobytes() == values.tobytes()
+        assert (arrays[name].dtype, arrays[name].shape) == (values.dtype, values.shape)

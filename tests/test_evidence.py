@@ -9,16 +9,15 @@ from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.deciding.tradeoff import tradeoff
+from bgmodel.plausibility import are_sums, products
 from bgmodel.simulated_evidence import expecting, separated_evidence
 from tests.helpers import refused, refusing, some_evidence, told
 
 
 @pytest.mark.parametrize("trials", [10, 11])
 def test_gaussian_trials_do_not_depend_on_those_after_them(trials):
-    few, many = (
-        separated_evidence(n, 5, 0.5, hypotheses=3, rng=stream(12, "prefix"))
-        for n in (trials, 2 * trials)
-    )
+    drawn = lambda n: separated_evidence(n, 5, 0.5, hypotheses=3, rng=stream(12, "x"))  # noqa: E731
+    few, many = drawn(trials), drawn(2 * trials)
     assert np.array_equal(few.log_likelihood, many.log_likelihood[:trials])
 
 
@@ -28,6 +27,8 @@ def test_time_is_counted_in_readings_unless_a_clock_is_given():
     assert first_crossing(Msprt().run(drawn), 1e-9).time_ms.tolist() == [3.0, 3.0]
 
 
+READ = separated_evidence(3, 4, 0.5, rng=1).log_likelihood
+MASK = np.arange(12).reshape(2, 3, 2) == 5
 test_evidence_without_sense_is_refused = refusing(
     (lambda: some_evidence(prior=[0.5, 0.5, 0.1]), "prior must sum to 1"),
     (lambda: some_evidence(prior=[0.5, 0.5]), "prior hold 3"),
@@ -46,6 +47,13 @@ test_evidence_without_sense_is_refused = refusing(
     ),
     (lambda: some_evidence(lengths=[1.5]), "lengths hold one whole number per trial"),
     (lambda: some_evidence(numbers=[1]), "numbers"),
+    # Masked readings; nats that drown what tells hypotheses apart; milliseconds that are rounded.
+    (lambda: Evidence(np.ma.array(np.zeros((2, 3, 2)), mask=MASK)), "log_likelihood masked"),
+    *(
+        (lambda x=x: Evidence(READ + x), "log_likelihood must be within")
+        for x in (1e7, -1e7, 1e300)
+    ),
+    *((lambda x=x: replace(small(), **{x: 1.1e9}), x) for x in ("step_ms", "onset_ms")),
 )
 
 
@@ -78,11 +86,9 @@ def test_a_part_keeps_the_numbers_of_its_trials_and_what_belongs_to_all():
     assert (part.step_ms, part.onset_ms, part.prior.tolist()) == (50.0, 100.0, [0.25, 0.75])
 
 
-@pytest.mark.parametrize("name", ["step_ms", "onset_ms"])
-def test_times_beyond_which_milliseconds_would_be_rounded_are_refused(name):
-    assert getattr(replace(small(), **{name: 1e9}), name) == 1e9
-    with refused(name):
-        replace(small(), **{name: 1.1e9})
+def test_nothing_masked_and_the_longest_times_are_taken():
+    assert Evidence(np.ma.array(np.zeros((2, 3, 2)))).trials == 2
+    assert replace(small(), step_ms=1e9, onset_ms=1e9).step_ms == 1e9
 
 
 def test_expectancy_rises_over_the_foreperiod_and_tells_a_test_nothing():
@@ -136,21 +142,6 @@ def test_probabilities_in_place_of_logarithms_are_doubted(seed):
     assert not told(lambda: Evidence(0.3 * stream(seed, "c").integers(0, 4, (50, 5, 2))))
 
 
-def test_masked_readings_are_refused():
-    values = np.zeros((2, 3, 2))
-    masked = np.ma.array(values, mask=np.arange(12).reshape(values.shape) == 5)
-    with refused("log_likelihood masked"):
-        Evidence(masked)
-    assert Evidence(np.ma.array(values)).trials == 2
-
-
-@pytest.mark.parametrize("shared", [1e7, -1e7, 1e300])
-def test_nats_that_drown_what_tells_hypotheses_apart_are_refused(shared):
-    drawn = separated_evidence(3, 4, 0.5, rng=1).log_likelihood
-    with refused("log_likelihood must be within"):
-        Evidence(drawn + shared)
-
-
 @pytest.mark.parametrize(("shape", "doubted"), [((9, 2, 40), True), ((9, 40, 2), False)])
 def test_more_hypotheses_than_readings_are_doubted(shape, doubted):
     texts = told(Evidence, np.random.default_rng(1).normal(size=shape))
@@ -164,3 +155,17 @@ def test_a_trial_is_drawn_as_its_posteriors_up_to_its_last_reading():
     assert lines[int(evidence.truth[1])].get_label().endswith("(true)")
     with refused("trial"):
         evidence.plot(3)
+
+
+def test_independent_readings_have_no_serial_correlation_however_short_the_trials():
+    """Deviations from a trial's mean correlate by -1 / steps, which is subtracted."""
+    rng = stream(1, "readings")
+    for steps in (4, 10):
+        pooled = np.array([products(x) for x in rng.normal(size=(4000, steps, 2))])
+        lagged, squares = pooled[:, 0], pooled[:, 1]
+        error = lagged.std() / np.sqrt(len(lagged))
+        assert abs(lagged.mean()) < 4 * error
+        assert squares.mean() / steps > 8 * error  # without the correction it would be seen
+        assert not are_sums(pooled.sum(axis=0))
+    summed = np.cumsum(rng.normal(size=(50, 10, 2)), axis=1)
+    assert are_sums(np.sum([products(x) for x in summed], axis=0))

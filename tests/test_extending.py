@@ -4,7 +4,6 @@ import os
 import re
 import shlex
 import shutil
-import subprocess
 import sys
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from io import StringIO
@@ -14,7 +13,7 @@ from sybil.document import Document
 from sybil.parsers.markdown import CodeBlockParser
 
 from bgmodel.cli import main
-from tests.helpers import ROOT
+from tests.helpers import ROOT, program_run
 
 TEXT = (ROOT / "docs/extending.md").read_text()
 RECIPES = dict(
@@ -50,14 +49,8 @@ def ran(words, folder):
         return status, printed.getvalue(), told.getvalue()
     where = os.pathsep.join([str(folder), str(ROOT), os.environ.get("PYTHONPATH", "")])
     program = [sys.executable] if words[0] == "python" else words[:1]
-    done = subprocess.run(
-        [*program, *words[1:]],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": where, "MPLBACKEND": "Agg", "BGMODEL_RECORDINGS": ""},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    settings = {"PYTHONPATH": where, "MPLBACKEND": "Agg", "BGMODEL_RECORDINGS": ""}
+    done = program_run(*program, *words[1:], cwd=folder, env=os.environ | settings)
     return done.returncode, done.stdout, done.stderr
 
 

@@ -18,12 +18,22 @@ from bgmodel.fitting.stop_race import likelihood as stop_likelihood
 from bgmodel.learning.value_models import likelihood
 from bgmodel.trials.record import joined
 from circuits.errors import DataWarning, FitWarning
-from tests.helpers import refused
+from tests.helpers import refused, refusing
 from tests.known_trials import simulated
 from tests.stop_trials import table_of as stop_table
 from tests.trials.test_timed_readings import tables
 
 DATA, EVIDENCE = tables(simulated(60, 51))
+
+
+def of_people(count, trials):
+    """Return trials and their readings of people in one table each, and those of each person."""
+    parts = [tables(simulated(trials, 50 + k)) for k in range(count)]
+    data, evidence = (
+        pd.concat([part[k].assign(participant_id=f"p{who}") for who, part in enumerate(parts)])
+        for k in (0, 1)
+    )
+    return data, evidence, parts
 
 
 def test_a_fit_with_evidence_is_of_single_trials():
@@ -56,40 +66,35 @@ def test_draws_are_of_the_posterior():
     np.testing.assert_allclose(spread, error, rtol=0.4)
 
 
-@pytest.mark.parametrize(
-    ("options", "field"),
-    [
-        ({"strength": "coherence"}, "strength"),
-        ({"mechanism": "dopamine"}, "mechanism"),
-        ({"draws": 1}, "draws"),
-        ({"people": "all"}, "people"),
-        ({"most_draws": 9}, "most_draws"),
-        ({"formula": "threshold ~ x"}, "formula needs two values of 'x'"),
-        ({"vary": {"speed": "x"}}, "vary must name a parameter"),
-        ({"vary": {"noise": "block"}}, "block there is no column block"),
-        ({"vary": {"noise": "gap"}}, "gap must be given for every trial, got nothing in row 3"),
-        ({"model": "ddm"}, "models"),
-        ({"free": ["+speed"]}, "free"),
-        ({"free": ["+gain", "leak_hz"]}, "free"),
-        ({"fix": {"speed": 1.0}}, "fix"),
-        ({"fix": {"lapse": 0.9}}, "lapse"),
-        ({"model": "macaque", "runs": 2}, "runs"),
-        ({"model": "macaque", "vary": {"leak_hz": "half/b"}}, "free leak_hz of a circuit"),
-        ({"model": "macaque", "engine": "steam"}, "engine"),
-        ({"step_ms": 50.0}, "step_ms"),
-    ],
+TWO = DATA.assign(x="a", half=np.resize(["a", "b"], len(DATA)))
+TWO["gap"] = np.where(np.arange(len(DATA)) == 3, None, "a")
+test_options_that_make_no_sense_are_refused = refusing(
+    ({"strength": "coherence"}, "strength"),
+    ({"mechanism": "dopamine"}, "mechanism"),
+    ({"draws": 1}, "draws"),
+    ({"people": "all"}, "people"),
+    ({"most_draws": 9}, "most_draws"),
+    ({"formula": "threshold ~ x"}, "formula needs two values of 'x'"),
+    ({"vary": {"speed": "x"}}, "vary must name a parameter"),
+    ({"vary": {"noise": "block"}}, "block there is no column block"),
+    ({"vary": {"noise": "gap"}}, "gap must be given for every trial, got nothing in row 3"),
+    ({"model": "ddm"}, "models"),
+    ({"free": ["+speed"]}, "free"),
+    ({"free": ["+gain", "leak_hz"]}, "free"),
+    ({"fix": {"speed": 1.0}}, "fix"),
+    ({"fix": {"lapse": 0.9}}, "lapse"),
+    ({"model": "macaque", "runs": 2}, "runs"),
+    ({"model": "macaque", "vary": {"leak_hz": "half/b"}}, "free leak_hz of a circuit"),
+    ({"model": "macaque", "engine": "steam"}, "engine"),
+    ({"step_ms": 50.0}, "step_ms"),
+    of=lambda options: bg.fit(TWO, **{"model": "msprt", "evidence": EVIDENCE, **options}),
 )
-def test_options_that_make_no_sense_are_refused(options, field):
-    two = DATA.assign(x="a", half=np.resize(["a", "b"], len(DATA)))
-    two = two.assign(gap=np.where(np.arange(len(DATA)) == 3, None, "a"))
-    with refused(field):
-        bg.fit(two, **{"model": "msprt", "evidence": EVIDENCE, **options})
 
 
-@pytest.mark.parametrize("option", ["step_ms", "forced", "runs"])
-def test_options_of_evidence_need_evidence(option):
-    with refused(option):
-        bg.fit(DATA, **{option: 9})
+test_options_of_evidence_need_evidence = refusing(
+    *((name, name) for name in ("step_ms", "forced", "runs")),
+    of=lambda option: bg.fit(DATA, **{option: 9}),
+)
 
 
 def test_models_are_known_by_name():
@@ -102,16 +107,10 @@ def test_models_are_known_by_name():
 
 
 def test_a_group_with_known_evidence_is_fitted_with_what_differs_between_people():
-    parts = [tables(simulated(60, 50 + k)) for k in range(4)]
-    data, evidence = (
-        pd.concat([part[k].assign(participant_id=f"p{who}") for who, part in enumerate(parts)])
-        for k in (0, 1)
-    )
+    data, evidence, parts = of_people(4, 60)
     data = data.assign(group=data["participant_id"].map(lambda who: "ab"[int(who[1]) % 2]))
-    asked = settings_of(
-        evidence=evidence, forced=True, formula="threshold ~ group", people="hierarchical"
-    )
-    one = question(asked, data, ["msprt"])
+    asked = {"evidence": evidence, "forced": True, "people": "hierarchical"}
+    one = question(settings_of(formula="threshold ~ group", **asked), data, ["msprt"])
     likelihoods = one.likelihoods("msprt")
     assert list(likelihoods) == ["p0", "p1", "p2", "p3"]
     assert one.predictors(likelihoods).names == ("threshold by group[T.b]",)
@@ -126,10 +125,8 @@ def test_trials_that_were_read_are_fitted_as_their_tables_are():
     read = bg.read_trials(DATA, evidence=EVIDENCE, forced=True)
     assert read.kind == "known evidence"
     options = {"free": ["threshold", "noise"], "fix": {"t0_s": 0.3}}
-    first, second = (
-        bg.fit(DATA, "msprt", evidence=EVIDENCE, forced=True, **options),
-        bg.fit(read, "msprt", **options),
-    )
+    first = bg.fit(DATA, "msprt", evidence=EVIDENCE, forced=True, **options)
+    second = bg.fit(read, "msprt", **options)
     np.testing.assert_array_equal(first.optimum.vector, second.optimum.vector)
     with refused("evidence"):
         bg.fit(read, "msprt", evidence=EVIDENCE)
@@ -196,19 +193,14 @@ def test_people_with_too_few_stop_trials_are_left_out_of_a_group():
     assert one.estimates()["participant"].tolist() == ["p0", "p1", "p2", "p3"]
 
 
-@pytest.mark.parametrize(
-    ("data", "options", "field"),
-    [
-        ("roitman_shadlen_2002", {"participant": "b", "free": ["bound"]}, "free"),
-        ("pedersen_frank_2020", {"participant": "3", "free": ["drift"]}, "free"),
-        ("roitman_shadlen_2002", {}, "participant"),
-        ("pedersen_frank_2020", {"model": "q", "vary": {"bound": "day"}}, "day"),
-    ],
+MONKEYS, LEARNERS = "roitman_shadlen_2002", "pedersen_frank_2020"
+# Parameters of the models that the command compares by default are none of it.
+test_a_fit_without_a_model_asks_of_its_default_alone = refusing(
+    (lambda: bg.fit(MONKEYS, participant="b", free=["bound"]), "free"),
+    (lambda: bg.fit(LEARNERS, participant="3", free=["drift"]), "free"),
+    (lambda: bg.fit(MONKEYS), "participant"),
+    (lambda: bg.fit(LEARNERS, model="q", vary={"bound": "day"}), "day"),
 )
-def test_a_fit_without_a_model_asks_of_its_default_alone(data, options, field):
-    """Parameters of the models that the command compares by default are none of it."""
-    with refused(field):
-        bg.fit(data, **options)
 
 
 GAP = {"sensitivity": 12.0, "bound": 0.8, "t0_s": 0.3, "lapse": 0.01, "start": 0.0}
@@ -236,21 +228,15 @@ def test_simulated_choices_have_the_accuracy_and_the_mean_time_of_the_closed_for
 def test_a_simulation_has_the_values_that_options_fix_too():
     """The trials are read once: what is fixed is added to what the options fix."""
     table, options = bg.read_trials("roitman_shadlen_2002", **MONKEY), {"fix": {"t0_s": 0.9}}
-    made = bg.simulate(
-        "constant_gap", {"sensitivity": 12.0, "start": 0.2}, table, seed=1, **options
-    )
+    values = {"sensitivity": 12.0, "start": 0.2}
+    made = bg.simulate("constant_gap", values, table, seed=1, **options)
     assert np.nanquantile(made.rt_s, 0.05) > 0.85  # a few are lapses
     even = made.strength == 0
     assert made.response[even].mean() > 0.5
 
 
 def test_trials_of_people_one_after_the_other_are_those_that_were_read():
-    """Every column comes back, for every kind."""
-    parts = [tables(simulated(40, 50 + k)) for k in range(2)]
-    data, evidence = (
-        pd.concat([part[k].assign(participant_id=f"p{who}") for who, part in enumerate(parts)])
-        for k in (0, 1)
-    )
+    data, evidence, _ = of_people(2, 40)
     rewarded = bg.read_trials("pedersen_frank_2020")
     for trials in (
         bg.read_trials(data, evidence=evidence, forced=True),
@@ -262,26 +248,18 @@ def test_trials_of_people_one_after_the_other_are_those_that_were_read():
 
 
 def test_every_kind_of_trials_is_simulated_for_every_person():
-    parts = [tables(simulated(40, 50 + k)) for k in range(2)]
-    data, evidence = (
-        pd.concat([part[k].assign(participant_id=f"p{who}") for who, part in enumerate(parts)])
-        for k in (0, 1)
-    )
+    data, evidence, _ = of_people(2, 40)
     cautious = {"threshold": 0.02, "noise": 0.02}
     known = {"evidence": evidence, "forced": True}
-    slow, fast = (
-        bg.simulate("msprt", {**cautious, **more}, data, seed=3, **known)
-        for more in ({}, {"threshold": 0.3})
-    )
+    both = (cautious, {**cautious, "threshold": 0.3})
+    slow, fast = (bg.simulate("msprt", values, data, seed=3, **known) for values in both)
     assert slow.people() == fast.people() == ["p0", "p1"]
     assert np.nanmean(slow.rt_s) > np.nanmean(fast.rt_s)
     assert bg.fit(fast.where(fast.participant == "p0"), "msprt", free=["threshold"])
     learned = bg.simulate("q", {"rate": 0.3}, "pedersen_frank_2020", participant="3", seed=4)
     assert learned.kind == "rewarded choices"
-    slow, fast = (
-        bg.simulate("constant_gap", {"ssrt_ms": ssrt_ms, "failures": 0.01}, stop_table(2), seed=5)
-        for ssrt_ms in (400.0, 100.0)
-    )
+    both = ({"ssrt_ms": ms, "failures": 0.01} for ms in (400.0, 100.0))
+    slow, fast = (bg.simulate("constant_gap", each, stop_table(2), seed=5) for each in both)
     assert slow.kind == "stop-signal trials"
     failed = [np.isfinite(each.rt_s[~np.isnan(each.ssd_s)]).mean() for each in (slow, fast)]
     assert failed[0] > failed[1] + 0.3

@@ -78,9 +78,7 @@ def test_reward_sets_the_criteria_at_which_test_and_spikes_decide(touched):
     assert out[time_ms] <= rows[SPIKES, "criterion"] < out[out.index < time_ms].min()
     # What populations learned is drawn as the gap that it corresponds to.
     drawn = touched.learning[touched.learning["who"] == POPULATIONS]
-    ends = drawn.groupby("run")["mean_separation"].apply(
-        lambda each: each.tail(Learner.last).mean()
-    )
+    ends = drawn.groupby("run").tail(Learner.last).groupby("run")["mean_separation"].mean()
     threshold = np.log1p(np.exp(-touched.numbers["gain"] * ends.mean() / 2))
     assert threshold == pytest.approx(rows[SPIKES, "criterion"])
 

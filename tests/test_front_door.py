@@ -124,9 +124,8 @@ def test_a_condition_decides_as_the_command_and_refuses_what_it_refuses(tmp_path
     out = tmp_path / "a.csv"
     options = ("--task", "trials=40", "t_max=20", "--edits", "lesion STN 5%", "--seed", 3)
     assert run("circuit", "run", "--save", out, *options) == 0
-    asked = bg.Condition(
-        edits=Edits(["lesion STN 5%"]), seed=3, task=bg.Gaussian(trials=40, t_max=20)
-    )
+    task, edits = bg.Gaussian(trials=40, t_max=20), Edits(["lesion STN 5%"])
+    asked = bg.Condition(edits=edits, seed=3, task=task)
     told = pd.read_csv(out, comment="#")
     assert np.allclose(told.rt * 1000, asked.decide().time_ms)
     salience = replace(asked, circuit="gpr", gain=0.2, engine="rate", edits=Edits())
@@ -139,3 +138,31 @@ def test_a_condition_decides_as_the_command_and_refuses_what_it_refuses(tmp_path
 def test_no_name_of_the_front_door_is_that_of_a_module(name):
     """Importing the module would replace the function."""
     assert importlib.util.find_spec(f"bgmodel.{name}") is None
+
+
+KINDS = {"experiment": bg.Experiment, "sweep": bg.Sweep}
+
+
+@pytest.fixture(params=KINDS)
+def command(request):
+    return request.param
+
+
+def test_the_file_is_written_as_shown_and_runs(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "mine.toml"
+    assert run(command, path, "--template") == 0
+    assert path.read_text() == KINDS[command].template()
+    assert KINDS[command].from_toml(path)
+    path.write_text(re.sub(r"trials = \d+", "trials = 100", path.read_text()))
+    assert run(command, path, "--workers", "1") == 0
+
+
+@pytest.mark.parametrize("name", ["mine.toml", "mine.txt", "", "none/mine.toml"])
+def test_no_file_is_written_over(command, name, tmp_path, monkeypatch, refusal):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text("mine")
+    force = ["--force"] if command == "experiment" else []
+    sentence = refusal(command, name, "--template", *force)
+    assert "must be a new .toml file" in sentence or "none" in sentence
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]

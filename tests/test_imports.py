@@ -2,16 +2,16 @@
 
 import ast
 import re
-import subprocess
 import sys
 import tomllib
 from functools import cache
+from itertools import chain
 from pathlib import Path
 
 import pytest
 
 from bgmodel.cli import COMMANDS
-from tests.helpers import ROOT
+from tests.helpers import ROOT, program_run
 
 
 def modules(package):
@@ -74,10 +74,8 @@ def test_every_package_is_shipped():
     held = {path for package in ("bgmodel", "circuits") for path in (ROOT / package).rglob("*")}
     code = {".py", ".pyc", ".nbi", ".nbc"}
     assert shipped == {path for path in held if path.is_file() and path.suffix not in code}
-    packages = {
-        n for p in ("bgmodel", "circuits") for n, path in modules(p) if "__init__" in path.name
-    }
-    assert set(settings["packages"]) == packages
+    every = chain(modules("bgmodel"), modules("circuits"))
+    assert set(settings["packages"]) == {name for name, path in every if "__init__" in path.name}
 
 
 HEAVY = {"torch", "brian2", "matplotlib", "numba", "cv2", "scipy", "tqdm", "platformdirs"}
@@ -96,7 +94,7 @@ TABLES = {"pandas", "pyarrow", "circuits.circuit"}
 def test_heavy_packages_load_only_where_they_are_used(code, heavy):
     """A second at most: of that, the imports of scipy and Numba would be more than half."""
     code = f"import atexit, sys; atexit.register(lambda: print(*sys.modules)); {code}"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = program_run(sys.executable, "-c", code, check=True)
     *shown, loaded = done.stdout.splitlines()
     assert not heavy & set(loaded.split())
     assert "--help" not in code or all(name in "".join(shown) for name in COMMANDS)
@@ -107,8 +105,7 @@ SENTENCE = "found a package named 'circuits' that is not part of bgmodel"
 
 
 def test_a_foreign_package_called_circuits_is_named():
-    code = FOREIGN + "import bgmodel"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = program_run(sys.executable, "-c", FOREIGN + "import bgmodel")
     assert done.stderr.strip().splitlines()[-1].startswith(f"ImportError: {SENTENCE}")
 
 

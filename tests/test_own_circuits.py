@@ -4,12 +4,21 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import bgmodel as bg
+from bgmodel import stream
+from bgmodel.cli import main
+from bgmodel.integrators.at_thresholds import decoded_input
+from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import doubts, rest_out
+from bgmodel.integrators.steady import out_shift
+from bgmodel.learning import dopamine
+from bgmodel.simulated_evidence import separated_evidence
+from circuits.activity import total_nats
 from circuits.anatomy import CIRCUITS, load_circuit
 from circuits.cells import Phase, Rate
 from circuits.circuit import Circuit
@@ -17,6 +26,8 @@ from circuits.declaration.rows import Population, Projection
 from circuits.dynamics.fixed_point import resting_hz, resting_state, wired
 from circuits.dynamics.loops import amplifying
 from circuits.engines import run
+from circuits.laws.controls import correlated, linear_stn
+from circuits.laws.stability import growth, onset
 from tests.helpers import refused
 
 NOISY = ["population", "spikes"]
@@ -93,10 +104,9 @@ def test_a_threshold_that_needs_no_evidence_comes_with_the_cure():
     evidence = bg.gaussian_evidence(4, d_prime=0.5, t_max=4, seed=1)
     with refused("thresholds set SNr.bias_nats 1.693, and SNr.baseline_hz"):
         bg.BasalGanglia(reads(30.0, bias_nats=1.0), "rate").decide(evidence, posterior=0.7)
+    lesioned = bg.BasalGanglia(load_circuit("macaque").lesion("STN"), "rate")
     with pytest.raises(ValueError, match=r"without evidence$"):
-        bg.BasalGanglia(load_circuit("macaque").lesion("STN"), "rate").decide(
-            evidence, posterior=0.7
-        )
+        lesioned.decide(evidence, posterior=0.7)
 
 
 def ring(*weights, bias_nats=0.0, baseline_hz=20.0, **fields):
@@ -105,10 +115,8 @@ def ring(*weights, bias_nats=0.0, baseline_hz=20.0, **fields):
     Their rates have no ceiling.
     """
     names = [f"N{k}" for k in range(len(weights))]
-    cells = [
-        Population(name, Rate(), baseline_hz, 10.0, tau_ms=5.0, bias_nats=bias_nats)
-        for name in names
-    ]
+    own = {"tau_ms": 5.0, "bias_nats": bias_nats}
+    cells = [Population(name, Rate(), baseline_hz, 10.0, **own) for name in names]
     ctx, snr = (Population(name, Rate(signed=True)) for name in ("ctx", "SNr"))
     around = [Projection(*ends, w, delay_ms=1.0, **fields)
               for *ends, w in zip(names, names[1:] + names[:1], weights, strict=True)]  # fmt: skip
@@ -159,3 +167,79 @@ def test_rates_that_run_away_in_a_run_name_the_loop(engine):
 def test_the_included_circuits_give_no_doubts(name):
     for channels in (2, 4):
         assert doubts(load_circuit(name, channels)) == []
+
+
+LIMITED = [name for name in CIRCUITS if load_circuit(name).most_channels < 100]
+
+
+def test_every_circuit_of_cells_states_its_limit():
+    assert {"macaque", "spiking_msprt", "humphries"} <= set(LIMITED)
+
+
+@pytest.mark.parametrize("name", LIMITED)
+def test_at_its_most_alternatives_a_circuit_rests_where_it_reads(name):
+    table = load_circuit(name, load_circuit(name).most_channels)
+    low, high = table.readable_nats
+    # A row's line may end a hundredth of a nat before the rest of many channels.
+    assert low < rest_out(table) < high + 0.01
+    assert growth(table).real < 0
+
+
+@pytest.mark.parametrize("name", LIMITED)
+def test_one_more_is_refused_with_the_number(name, tmp_path, monkeypatch, capsys):
+    most = load_circuit(name).most_channels
+    sentence = f"{name} takes at most {most} alternatives, got {most + 1}"
+    with pytest.raises(ValueError, match=sentence):
+        load_circuit(name, most + 1)
+    monkeypatch.chdir(tmp_path)
+    for command in (["circuit", "run"], ["compare"]):
+        assert main([*command, "--circuit", name, "--task", f"channels={most + 1}"]) == 2
+        assert capsys.readouterr().err.strip() == f"bgmodel: {sentence}"
+
+
+def test_what_needs_nats_is_refused_without_them():
+    circuit = load_circuit("gpr")
+    for call in (
+        lambda: total_nats(circuit, np.zeros((1, 2))),
+        lambda: out_shift(circuit, circuit, [0.1]),
+        lambda: onset(circuit),
+        lambda: linear_stn(circuit),
+        lambda: correlated(circuit, 0.1),
+        lambda: dopamine.decided_out(circuit, 1.0, 1.0),
+        lambda: dopamine.working_range(circuit, 0.1),
+        lambda: dopamine.stopping_posterior(circuit, 1.0, 0.1, 1.0),
+        lambda: dopamine.usable_range(BasalGanglia(circuit, "algebra", 1.0), 0.1),
+    ):
+        with pytest.raises(ValueError, match=r"gpr works in salience, not nats: .* has no meaning"):
+            call()
+
+
+def test_a_circuit_without_nats_decides_at_a_threshold_in_its_unit(tmp_path, capsys):
+    path = tmp_path / "gpr.csv"
+    task = ["--circuit", "gpr", "--engine", "rate", "--task", "trials=40", "t_max=60"]
+    done = ["circuit", "run", "--save", str(path), *task, "--gain", "0.2", "--threshold", "0.05"]
+    assert main(done) == 0
+    table = pd.read_csv(path)
+    assert table["forced"].mean() < 0.5
+    assert table.loc[~table["forced"], "correct"].mean() > 0.8
+    capsys.readouterr()
+    assert main([*done, "--force", "--edits", "lesion D1"]) == 0
+    assert pd.read_csv(path)["forced"].all()
+
+
+def test_lesions_of_a_circuit_without_nats_are_compared_in_its_unit(tmp_path, capsys):
+    path = tmp_path / "lesions.csv"
+    asked = ["--circuit", "gpr", "--engine", "rate", "--gain", "0.1", "--edits", "lesion STN 50%"]
+    asked += ["--task", "trials=100", "t_max=20", "--accuracies", "0.9", "0.97"]
+    assert main(["compare", "--save", str(path), *asked]) == 0
+    printed = capsys.readouterr().err
+    assert "gpr works in salience, not nats: its thresholds are in salience" in printed
+    assert "circuit minus intact" in set(pd.read_csv(path)["model"])
+
+
+def test_spikes_of_saliences_are_not_decoded_into_posteriors():
+    model = BasalGanglia(load_circuit("gpr"), "rate", 0.1)
+    evidence = separated_evidence(2, 3, 0.5, rng=stream(1, "saliences"), step_ms=50.0)
+    activity = model.activity(evidence)
+    with pytest.raises(ValueError, match="-ln softmax of its input has no meaning there"):
+        decoded_input(activity, model.trace(activity, evidence))

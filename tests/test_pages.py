@@ -1,6 +1,7 @@
 """The blocks of the README and of the site run as a reader would run them, and links lead there."""
 
 import ast
+import json
 import re
 import shlex
 from inspect import signature
@@ -20,14 +21,8 @@ RESULTS = sorted((DOCS / "results").glob("*.md"))
 RUN = [ROOT / "README.md", DOCS / "index.md", DOCS / "concepts.md", *GUIDES]
 """Pages whose blocks are run; `docs/extending.md` has a separate test."""
 TUTORIALS = [*(DOCS / "tutorials").glob("*.md"), *sorted((DOCS / "tutorials").glob("*.ipynb"))]
-PAGES = [
-    ROOT / "README.md",
-    ROOT / "CONTRIBUTING.md",
-    *sorted(DOCS.glob("*.md")),
-    *GUIDES,
-    *RESULTS,
-    *TUTORIALS,
-]
+TOP = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md"))]
+PAGES = [*TOP, *GUIDES, *RESULTS, *TUTORIALS]
 MADE = {DOCS / "gallery.md", DOCS / "references.md"}
 """Pages that `make docs` writes."""
 
@@ -152,9 +147,7 @@ def test_a_python_block_runs(example, folder, in_full, fewer, capsys):
         text = re.sub(learner, lambda n: str(min(int(n[0]), 500)), text)
     names = {"__name__": "__main__"}
     if not in_full and any(part in text for part in LONG):
-        imports = [
-            one for one in ast.parse(text).body if isinstance(one, ast.Import | ast.ImportFrom)
-        ]
+        imports = [x for x in ast.parse(text).body if isinstance(x, ast.Import | ast.ImportFrom)]
         exec(compile(ast.Module(imports, []), example.path, "exec"), names)
         return
     exec(compile(text, example.path, "exec"), names)
@@ -174,10 +167,8 @@ def test_a_command_runs_or_at_least_parses(example, folder, in_full, fewer):
             if "workers" in options and "--workers" not in arguments:
                 arguments += ["--workers", "1"]  # a process more takes longer than its trials
             interval = arguments[:2] != ["circuit", "run"]
-            arguments = [
-                f"trials={fewer(word[7:], interval)}" if word.startswith("trials=") else word
-                for word in arguments
-            ]
+            lower = lambda found: f"trials={fewer(found[1], interval)}"  # noqa: B023, E731
+            arguments = [re.sub(r"^trials=(\S+)$", lower, word) for word in arguments]
             if "--trials" in arguments:
                 at = arguments.index("--trials") + 1
                 arguments[at] = fewer(arguments[at], interval)
@@ -226,9 +217,8 @@ def test_make_has_every_target_that_a_page_names(page):
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_every_file_that_a_page_names_is_there(page):
-    paths = re.findall(
-        r"`((?:bgmodel|circuits|figures|benchmarks|tests|docs)/[^`\s]*)`", prose(page)
-    )
+    folders = "bgmodel|circuits|figures|benchmarks|tests|docs"
+    paths = re.findall(rf"`((?:{folders})/[^`\s]*)`", prose(page))
     made = ("figures/out", "figures/fast", "benchmarks/out", "docs/_build")
     # What a recipe of `docs/extending.md` lets its reader write is there once it is followed.
     listed = re.findall(r"^# (\S+\.\w+)$", prose(page), re.MULTILINE)
@@ -283,3 +273,32 @@ def test_every_seed_that_scores_or_tunes_is_named():
                 file_of_seed[value] = path.name
     assert len(file_of_seed) > 5
     assert {number: name for number, name in file_of_seed.items() if number not in named} == {}
+
+
+NOTEBOOKS = sorted((ROOT / "docs" / "tutorials").glob("*.ipynb"))
+PLACES = re.compile(r"(?:/home|/root|/tmp|/work|/Users|/usr|/opt|[A-Z]:\\\\)[/\\]?\w|ipykernel_\d")
+"""Paths of a machine."""
+
+
+@pytest.fixture(params=NOTEBOOKS, ids=lambda path: path.stem)
+def notebook(request):
+    return json.loads(request.param.read_text(encoding="utf-8"))
+
+
+def code(notebook):
+    return [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+
+
+def test_every_code_cell_was_executed_in_order_with_an_output(notebook):
+    cells = code(notebook)
+    assert [cell["execution_count"] for cell in cells] == list(range(1, len(cells) + 1))
+    assert [cell["id"] for cell in cells if not cell["outputs"]] == []
+    kinds = {output["output_type"] for cell in cells for output in cell["outputs"]}
+    assert "error" not in kinds
+
+
+def test_no_output_names_a_place_on_a_machine(notebook):
+    for cell in code(notebook):
+        for output in cell["outputs"]:
+            shown = {k: v for k, v in output.get("data", {}).items() if not k.startswith("image")}
+            assert not PLACES.search(json.dumps([shown, output.get("text")])), cell["id"]

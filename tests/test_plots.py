@@ -80,11 +80,8 @@ def test_human_thresholds_stand_at_the_published_grooves_at_three_quarters_corre
     """Van Boven & Johnson 1994: finger 0.94, lip 0.51, tongue 0.58 mm, copied a second time."""
     assert plots.human_thresholds(ax) is ax
     placed = {line.get_label(): [*line.get_xdata(), *line.get_ydata()] for line in ax.lines}
-    assert placed == {
-        "human finger": [0.94, 0.75],
-        "human lip": [0.51, 0.75],
-        "human tongue": [0.58, 0.75],
-    }
+    grooves = {"finger": 0.94, "lip": 0.51, "tongue": 0.58}
+    assert placed == {f"human {name}": [mm, 0.75] for name, mm in grooves.items()}
 
 
 def test_raster_shows_the_first_neurons_of_each_channel(ax):

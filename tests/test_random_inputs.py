@@ -32,10 +32,8 @@ def counted(few):
 
 def tried(count, test, *strategies):
     """Run a test with a number of random inputs; shrinking failures would take too long."""
-    alike = settings(
-        max_examples=count, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
-    )
-    alike(given(*strategies)(test))()
+    once = {"phases": [Phase.generate], "suppress_health_check": list(HealthCheck)}
+    settings(max_examples=count, **once)(given(*strategies)(test))()
 
 
 @pytest.fixture
@@ -71,10 +69,8 @@ def test_an_experiments_file_is_run_as_it_is_written(count, typed):
         assert (read.name, read.seed, read.note) == (file["name"], file["seed"], file["note"])
         assert read.predictions[0].at_least == file["predictions"][0]["at_least"]
         assert list(read.manipulation.edits) == file["manipulation"]["edits"]
-        assert (
-            typed(["experiment", str(FILE), "--save", f"{FOLDER}/out.csv", "--trials", "220"])[0]
-            == 0
-        )
+        asked = ["experiment", str(FILE), "--save", f"{FOLDER}/out.csv", "--trials", "220"]
+        assert typed(asked)[0] == 0
         assert len(read_table(FOLDER / "out_trials.csv")) in (220, 440)
         assert read_table(FOLDER / "out.csv")["outcome"].notna().sum() == 1
 

@@ -35,10 +35,8 @@ KINDS = {"GPe": ("GABA-A", "GABA-B"), "D1": ("GABA-A", "GABA-B")}
 
 def split(circuit, source, target, share, **fields):
     """Return the circuit with a pathway through two receptors, the second with other fields."""
-    row, (first, second) = (
-        circuit.projection(f"{source}->{target}"),
-        KINDS.get(source, ("AMPA", "NMDA")),
-    )
+    row = circuit.projection(f"{source}->{target}")
+    first, second = KINDS.get(source, ("AMPA", "NMDA"))
     one = replace(row, synapse=first, weight=row.weight * share)
     other = replace(row, synapse=second, weight=row.weight * (1 - share), **fields)
     rows = (two for p in circuit.projections for two in ((one, other) if p == row else (p,)))
@@ -85,9 +83,7 @@ def test_every_law_of_a_circuit_is_that_of_the_sum(share, path):
     # Lines of delay are eigenvalues of a larger matrix, so rounding differs.
     assert growth(two).real == pytest.approx(growth(MACAQUE).real, rel=1e-6)
     assert ringing(two) == pytest.approx(ringing(MACAQUE), rel=1e-6)
-    npt.assert_allclose(
-        rate_spectrum(two, "SNr", [1.0, 20.0]), rate_spectrum(MACAQUE, "SNr", [1.0, 20.0])
-    )
+    npt.assert_allclose(*(rate_spectrum(table, "SNr", [1.0, 20.0]) for table in (two, MACAQUE)))
     for name, variance in out_variance(two).items():
         npt.assert_allclose(variance, out_variance(MACAQUE)[name], rtol=1e-6)
 
@@ -132,15 +128,11 @@ def test_a_blocked_receptor_is_a_missing_row_and_its_tone(path, share):
     tone = second.weight * MACAQUE.pattern(second)[0].sum()
     of = MACAQUE.population(source)
     bias = MACAQUE.population(target).bias_nats - tone * of.baseline_hz / of.gain_hz_per_nat
+    rest = lambda table: resting_state(table)[1]  # noqa: E731
     if second.transfer == "linear":
-        npt.assert_allclose(
-            resting_state(replace(blocked, chronic=True))[1],
-            resting_state(without.with_population(target, bias_nats=bias))[1],
-            rtol=1e-6,
-        )
-    npt.assert_allclose(
-        resting_state(two.scale(second.name, 0))[1], resting_state(without)[1], rtol=1e-7
-    )
+        biased = without.with_population(target, bias_nats=bias)
+        npt.assert_allclose(rest(replace(blocked, chronic=True)), rest(biased), rtol=1e-6)
+    npt.assert_allclose(rest(two.scale(second.name, 0)), rest(without), rtol=1e-7)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -178,10 +170,8 @@ def test_receptors_are_kept_by_files_and_shown():
     two = split(MACAQUE, "STN", "SNr", 0.7, tau_ms=100.0)
     assert table_reader.parse(table_writer.text(two), "two.toml") == two
     assert table_writer.digest(two) != table_writer.digest(MACAQUE)
-    (line,) = (
-        line for line in show.text(two).splitlines() if "STN -> SNr" in line and "NMDA" in line
-    )
-    assert " 100 " in line
+    lines = (line for line in show.text(two).splitlines() if "STN -> SNr" in line)
+    assert " 100 " in next(line for line in lines if "NMDA" in line)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,9 @@ from packaging.requirements import Requirement
 import bgmodel
 from bgmodel.support.files import provenance, read_table
 from figures.rooms import table_path
+from tests.cpu_times import LONG, SLOW, listed
 from tests.helpers import ROOT
+from tests.validation.faults import drawn, edited
 
 CONDA = {"matplotlib": "matplotlib-base"}
 """Packages with another name on conda-forge."""
@@ -120,3 +122,27 @@ def test_a_package_that_is_imported_is_declared_and_pinned(name, path):
     assert distribution in declared(), path
     pins = (ROOT / "constraints.txt").read_text(encoding="utf-8").lower().replace("_", "-")
     assert re.search(rf"^{re.escape(distribution)}==", pins, re.MULTILINE), path
+
+
+@pytest.mark.parametrize("path", [SLOW, LONG], ids=lambda path: path.stem)
+def test_every_listed_test_is_there(path):
+    for name in listed(path):
+        file, _, function = name.partition("::")
+        text = (ROOT / file).read_text(encoding="utf-8")
+        assert re.search(rf"^(def )?{re.escape(function.partition('[')[0])}\b", text, re.M), name
+
+
+def test_no_test_is_in_both_lists():
+    assert not listed(SLOW) & listed(LONG)
+
+
+def test_a_place_written_anew_leaves_the_module_as_it_was_and_a_fault_does_not():
+    """Of statements over many lines too: else no test would be seen to pass without the fault."""
+    over_lines = 0
+    for path, (_, place, new) in drawn(ROOT, 1, 100):
+        source = (ROOT / path).read_text()
+        was = ast.dump(ast.parse(source))
+        assert ast.dump(ast.parse(edited(source, place, place))) == was
+        assert ast.dump(ast.parse(edited(source, place, new))) != was
+        over_lines += isinstance(place, ast.stmt) and "\n" in ast.unparse(place)
+    assert over_lines

@@ -152,9 +152,8 @@ def test_a_piece_is_made_again_where_its_arguments_changed(score, arguments, aga
 def test_only_pieces_of_a_circuit_are_made_again_where_it_changes(score, of_circuit):
     one, _, _ = score
     piece = Piece("kind", "one", 10, 1, dict, of_circuit)
-    keys = [
-        replace(one, circuit=name).entry(piece, Path(), False).key for name in ("", pieces.TABLE)
-    ]
+    both = (replace(one, circuit=name) for name in ("", pieces.TABLE))
+    keys = [each.entry(piece, Path(), False).key for each in both]
     assert (keys[0] != keys[1]) == of_circuit
 
 

@@ -84,10 +84,8 @@ def sweeps(draw):
     keys = st.lists(st.sampled_from(sorted(VALUES)), unique=True, max_size=5)
     base = {key: draw(VALUES[key]) for key in draw(keys)}
     chosen = draw(keys.filter(len).map(lambda some: some[:2]))
-    grid = {
-        key: tuple(draw(st.lists(VALUES[key], unique=True, min_size=1, max_size=2)))
-        for key in chosen
-    }
+    some = {"unique": True, "min_size": 1, "max_size": 2}
+    grid = {key: tuple(draw(st.lists(VALUES[key], **some))) for key in chosen}
     return base, grid, draw(st.sampled_from(["{}", " {}", "{} "])), draw(st.booleans())
 
 

@@ -281,9 +281,8 @@ def test_strengths_with_the_sign_of_the_responses_are_doubted():
     assert "each of 200 responses agrees" in text
     once = signed.assign(response=[1 - signed["response"][0], *signed["response"][1:]])
     for right in (table, once):
-        assert not any(
-            "agrees" in each for each in told(check_sides, read_trials(right, strength="coh"))
-        )
+        texts = told(check_sides, read_trials(right, strength="coh"))
+        assert not any("agrees" in each for each in texts)
 
 
 def test_no_participant_is_pooled_with_the_other_side():

@@ -25,9 +25,8 @@ def drawn(seed, trials=400, model=None, **values):
     """Return a table of choices from a model's own density, at signed strengths."""
     model, grid = model or GapModel(), Grid(400)
     every = {k: np.full(len(STRENGTHS), v) for k, v in {**TRUE, **RESPONSES, **values}.items()}
-    density = responded(
-        model.decided(every, STRENGTHS, grid), grid, **{k: every[k] for k in RESPONSES}
-    )
+    masses = model.decided(every, STRENGTHS, grid)
+    density = responded(masses, grid, **{k: every[k] for k in RESPONSES})
     rng, rows = np.random.default_rng(seed), []
     for strength, one in zip(STRENGTHS, density, strict=True):
         below = one.ravel().cumsum() * BIN_S
@@ -88,13 +87,11 @@ def test_splitting_sides_alone_changes_no_likelihood():
 
 
 def test_a_bias_that_is_not_fitted_is_warned_of_with_the_way_to_fit_it():
-    table = drawn(91_005)
+    choices = read_trials(drawn(91_005), strength="coherence")
     with pytest.warns(DataWarning, match=r"\+start"):
-        FitSettings(strength="coherence").design(read_trials(table, strength="coherence"))
+        FitSettings(strength="coherence").design(choices)
     with unwarned():
-        FitSettings(strength="coherence", free=("+start",)).design(
-            read_trials(table, strength="coherence")
-        )
+        FitSettings(strength="coherence", free=("+start",)).design(choices)
 
 
 def test_python_fits_it_by_the_same_name_and_a_circuit_says_that_it_has_none():

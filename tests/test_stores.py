@@ -46,9 +46,8 @@ FIT = Fit(
 )  # fmt: skip
 MODEL = CircuitModel(load_circuit("macaque", 2), "rate")
 BINS, CHOICE = RNG.integers(0, 9, (2, 60, 30)).astype("int16")
-PASSAGES = FirstPassageTimes(
-    MODEL.thresholds_nats, np.arange(7.0), BINS, CHOICE, RNG.normal(size=(60, 30))
-)
+DECIDED = BINS, CHOICE, RNG.normal(size=(60, 30))
+PASSAGES = FirstPassageTimes(MODEL.thresholds_nats, np.arange(7.0), *DECIDED)
 CELLS = TINY.stored_cells
 FIELDS = {
     period: RNG.normal(size=(TINY.solved_phases(period), 2, CELLS, CELLS, 5)).astype(np.float32)

@@ -24,9 +24,8 @@ def test_a_competitor_rises_and_nothing_else():
     """Means of the readings: the true channel's, its fraction in the next one, 0 in the others."""
     options = {"rng": bg.stream(1, "r"), "hypotheses": 4}
     drawn = separated_evidence(4000, 5, 0.8, conflict=0.5, **options)
-    turned = [
-        np.roll(x.mean(axis=0), -k) for x, k in zip(drawn.log_likelihood, drawn.truth, strict=True)
-    ]
+    means = drawn.log_likelihood.mean(axis=1)
+    turned = [np.roll(x, -k) for x, k in zip(means, drawn.truth, strict=True)]
     np.testing.assert_allclose(np.mean(turned, axis=0) / 0.8, [0.8, 0.4, 0, 0], atol=0.03)
     plain = separated_evidence(10, 5, 0.8, rng=bg.stream(1, "r"))
     same = separated_evidence(10, 5, 0.8, rng=bg.stream(1, "r"), conflict=0.0)
@@ -47,7 +46,6 @@ def test_a_task_draws_the_trials_that_it_is_asked_for(task):
 
 
 def test_taps_may_be_a_table_or_its_file(tmp_path):
-    """Another table of taps gives other readings; the shipped one is the default."""
     task, taps = SameDifferent(2.0, trials=20), load_taps()
     taps = taps[taps["period_mm"] == 2]  # of other gratings, some are copies
     taps.to_parquet(tmp_path / "mine.parquet")

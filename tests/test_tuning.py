@@ -27,9 +27,8 @@ def at_the_fixed_point(monkeypatch):
 
 def test_resting_rates_are_met_within_the_family(at_the_fixed_point):
     """SNr rests at ``baseline + gain ln 2``, and STN at ``gain Sigma0 / 2``."""
-    tuned = tune(
-        "macaque_small", ["rest.snr", "rest.stn"], FREE, held_out=["rest.stn.task"], evaluations=60
-    )
+    numbers = ["rest.snr", "rest.stn"]
+    tuned = tune("macaque_small", numbers, FREE, held_out=["rest.stn.task"], evaluations=60)
     assert tuned.values["SNr.baseline_hz"] == pytest.approx(69.3 - 36 * np.log(2), abs=0.3)
     assert tuned.values["STN.gain_hz_per_nat"] == pytest.approx(2 * 19 / 2.2, abs=0.2)
     for channels in (2, 4):

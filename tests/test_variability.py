@@ -34,7 +34,6 @@ def chosen(drift, bound, start):
 @given(st.floats(-4, 4), st.floats(0.05, 4.0), st.floats(0.3, 1.5), st.floats(-0.8, 0.8))
 @settings(max_examples=8)
 def test_varying_drifts_give_the_mean_density_at_any_bound(mean, sd, bound, share):
-    """By quadrature over drifts, at a few times, for a constant and a falling bound."""
     times, start = np.arange(1, 60) * 0.03, share * bound
     for gap in (CONSTANT, EXPONENTIAL):
         at, slope = gap.at(bound, {"fall_per_s": 0.7}, times)
@@ -87,9 +86,8 @@ def test_without_variability_it_is_the_test_alone(gap):
         nearly = decided([0.0, 1.0, -2.0], gap, **same, **{name: small})
         assert nearly == pytest.approx(masses, abs=1e-6)
         # It grows with the variance, not with the standard deviation.
-        two, four = (
-            np.abs(decided([1.0], gap, **same, **{name: x}) - masses[1]).max() for x in (0.02, 0.04)
-        )
+        each = (decided([1.0], gap, **same, **{name: x}) for x in (0.02, 0.04))
+        two, four = (np.abs(density - masses[1]).max() for density in each)
         assert four / two == pytest.approx(4, rel=0.05)
 
 

@@ -41,31 +41,22 @@ def table(trials=400, seed=1, people=("a",), spread=0.0, **values):
         drift = truth["sensitivity"] * np.exp(spread * rng.standard_normal()) * strength
         p = (1 - truth["lapse"]) * expit(2 * drift * BOUND) + truth["lapse"] / 2
         responses = (rng.random(len(p)) < p).astype(int)
-        parts.append(
-            pd.DataFrame({"participant_id": who, "response": responses, "coherence": strength})
-        )
+        rows = {"participant_id": who, "response": responses, "coherence": strength}
+        parts.append(pd.DataFrame(rows))
     return pd.concat(parts, ignore_index=True)
 
 
 def timed(seed=3, trials=300):
     """Return choices with times by a deadline, at two strengths of both signs."""
-    return drawn(
-        GapModel(), [0.1, 0.3], trials, seed, deadline_s=1.2,
-        **GIVEN,
-    )  # fmt: skip
+    return drawn(GapModel(), [0.1, 0.3], trials, seed, deadline_s=1.2, **GIVEN)
 
 
 def go_table(trials=None):
     """Return trials as a table in which response 0, and none, is "no" without a time."""
     trials = timed() if trials is None else trials
     went = trials.response == 1
-    return pd.DataFrame(
-        {
-            "rt": np.where(went, trials.rt_s, np.nan),
-            "response": np.where(went, "go", "no"),
-            "coherence": trials.strength,
-        }
-    )
+    rows = {"response": np.where(went, "go", "no"), "coherence": trials.strength}
+    return pd.DataFrame({"rt": np.where(went, trials.rt_s, np.nan), **rows})
 
 
 def without_times(trials):
@@ -173,10 +164,8 @@ def test_what_is_simulated_without_times_has_none_and_fits():
     assert (made.response >= 0).all()
     estimates = bg.fit(made, "constant_gap").summary()
     assert abs(estimates.value.sensitivity - 6) < 3.5 * estimates.standard_error.sensitivity
-    kept = predicted(
-        question(settings_of(), made, ["constant_gap"]).likelihoods("constant_gap")["a"]
-    )
-    assert np.isfinite(kept.each).all()
+    one = question(settings_of(), made, ["constant_gap"]).likelihoods("constant_gap")["a"]
+    assert np.isfinite(predicted(one).each).all()
 
 
 def test_a_learner_needs_no_times():
@@ -220,9 +209,7 @@ def test_choices_at_the_end_of_known_evidence_are_a_logistic_regression_on_its_s
     data, evidence, total, _ = readings()
     trials = bg.read_trials(data, evidence=evidence, forced=True, columns=UPPER)
     model, held = EXACT["leaky_sum"], {"threshold": 100.0, "leak_hz": 0.0, "lapse": 0.001}
-    each = question(
-        settings_of(fix=held), trials, ["leaky_sum"]
-    ).likelihoods("leaky_sum")["all"]  # fmt: skip
+    each = question(settings_of(fix=held), trials, ["leaky_sum"]).likelihoods("leaky_sum")["all"]
     assert each.freedom.names == ["noise", "bias_1"]
     p = 0.999 * expit(total * (2 * trials.response - 1) / 0.5) + 0.0005
     assert np.allclose(each.each(np.array([0.5, 0.0])), np.log(p), atol=1e-6)

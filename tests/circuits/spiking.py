@@ -42,13 +42,9 @@ def with_cell(circuit, name, cell):
 
 def spikes_of(circuit, engine, names=NAMES):
     activity = run(circuit, DRIVE, engine=engine, spikes=names, **GIVEN)
-    return {
-        (name, *row)
-        for name, table in activity.spikes.items()
-        for row in np.rint(table[["trial", "channel", "neuron", "time_ms"]] * 10)
-        .astype(int)
-        .itertuples(index=False)
-    }
+    columns = ["trial", "channel", "neuron", "time_ms"]
+    spikes = {name: np.rint(t[columns] * 10).astype(int) for name, t in activity.spikes.items()}
+    return {(name, *row) for name, t in spikes.items() for row in t.itertuples(index=False)}
 
 
 WITH_ADEX = with_cell(BASE, "GPe", ADEX)

@@ -37,9 +37,8 @@ def test_rates_decode_to_the_activity_they_stand_for():
     means.add(activity)
     table = means.table()
     assert len(table) == 4 * 4 + 1
-    assert table[table.population == "GPe"].rate_hz.iloc[0] == pytest.approx(
-        activity.rates_hz["GPe"].mean()
-    )
+    mean_hz = table[table.population == "GPe"].rate_hz.iloc[0]
+    assert mean_hz == pytest.approx(activity.rates_hz["GPe"].mean())
 
 
 def test_independent_spikes_have_twice_their_rate_over_their_number():

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from circuits import anatomy
-from circuits.anatomy import CIRCUITS
+from circuits.anatomy import CIRCUITS, load_circuit
 from circuits.anatomy import load_circuit as named
+from circuits.declaration.edits import Edits
+from circuits.differences import check_edits, differences
 from circuits.dynamics.fixed_point import rest_rates, wired
 from circuits.dynamics.wiring import wire
 from circuits.errors import EditWarning
@@ -88,9 +90,8 @@ def test_a_lesion_in_one_channel_takes_the_tone_of_that_channel_alone():
     each = table
     for channel in range(3):
         each = each.lesion("GPe", 0.25, channel=channel)
-    np.testing.assert_allclose(
-        wire(each).deliver, wire(table.lesion("GPe", 0.25)).deliver, rtol=1e-12
-    )
+    whole = table.lesion("GPe", 0.25)
+    np.testing.assert_allclose(wire(each).deliver, wire(whole).deliver, rtol=1e-12)
 
 
 def test_a_replaced_lesion_in_one_channel_leaves_the_rest_and_takes_the_changes():
@@ -193,3 +194,33 @@ def test_no_shipped_table_is_outside_physiology():
     with unwarned():
         for name in CIRCUITS:
             named(name, 3)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        (), ("set STN.bias_nats -1.9", "set D1->SNr.weight -0.9"), ("set STN.cell Rate",),
+        ("set STN.cell.cv 0.25", "set SNr.heterogeneity 0.1"),
+        ("scale STN->GPe 0.5", "dopamine 0.9"),
+        ("add D1->GPe weight=-0.1 delay_ms=4 tau_ms=3", "set ctx->D1.delay_ms 8"),
+        ("add TRN like=STN bias_nats=-1", "add TRN->GPe weight=0.2"),
+        ("lesion STN 10%",), ("compensate", "lesion GPe 20%"),
+    ],
+)  # fmt: skip
+def test_the_edits_that_are_found_do_what_was_done(lines):
+    first = load_circuit("macaque", 3)
+    second = first.edited(*lines)
+    edited = first.edited(*differences(first, second))
+    for one, other in ((edited.populations, second.populations),
+                       (edited.projections, second.projections)):  # fmt: skip
+        assert [replace(row, cite="") for row in one] == [replace(row, cite="") for row in other]
+    assert bool(differences(first, second)) == bool(lines)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["set STN->GPe.delay_ms 4", "set GPe.cell.tau_ms 12", "set STN.tau_ms 7", "lesion STN 1%"],
+)
+def test_rates_feel_times_and_lesions_and_spikes_every_number(line):
+    check_edits(Edits([line]), "rate")
+    check_edits(Edits([line, "set STN.cell.cv 0.1", "neurons 7", "connections 0.5"]), "spikes")

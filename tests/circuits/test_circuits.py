@@ -12,7 +12,7 @@ from circuits import anatomy
 from circuits.anatomy import load_circuit as load
 from circuits.cells import Lif, Rate
 from circuits.cells.membrane import lif_mean_mv
-from circuits.checks import whole_ticks
+from circuits.checks import is_whole, whole_ticks
 from circuits.circuit import Circuit
 from circuits.declaration import table_writer
 from circuits.declaration.courses import Course
@@ -21,18 +21,20 @@ from circuits.declaration.rows import Population, Projection, rows
 from circuits.differences import check_edits, differences
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import off_nats
-from circuits.dynamics.ticks import Clock
+from circuits.dynamics.ticks import Clock, Scheme
+from circuits.dynamics.wiring import wire
 from circuits.engines import engine_of, run
 from circuits.laws.fluctuation import out_variance, rate_spectrum
 from circuits.laws.homeostasis import recovery
 from circuits.laws.members import SIGMA0, moved
-from circuits.laws.stability import growth, ringing
+from circuits.laws.stability import growth, onset, ringing
 from tests.circuits.spiking import ADEX
 from tests.helpers import refused
 
 NAMES = "bogacz_gurney", "spiking_msprt", "macaque", "gpr"
 EXACT, SPIKING, MACAQUE, GPR = map(load, NAMES)
 SILENCE = np.zeros((1, 1, 2))
+UNEVEN = EXACT.with_projection("STN->GPe", delay_ms=2.05)
 DOPAMINE = Course("dopamine", 0.8, 0, 100)
 BARE = replace(SPIKING, populations=tuple(replace(p, receptor="") for p in SPIKING.populations))
 RATES = run(EXACT, np.zeros((1, 1, 2)), engine="rate", step_ms=500)
@@ -200,6 +202,15 @@ FAILS = [
     *[(f"{x} must be one of the nuclei of spiking_msprt, ctx",
        lambda x=x: replace(SPIKING, **{x: "GPi"})) for x in ("input", "readout")],
     ("macaque has no lesion: compensate needs a reference", lambda: MACAQUE.compensate()),
+    ("delay of STN->GPe of 2.05 ms is not a multiple of dt_ms = 0.1",
+     lambda: Scheme(wire(UNEVEN), 0.1).unit_delay),
+    ("delay of STN->GPe", lambda: run(UNEVEN, SILENCE, engine="rate", step_ms=1)),
+    ("already unstable at S = 0.25 nats", lambda: onset(EXACT.with_projection(
+        "STN->GPe", transfer="linear", weight=400, delay_ms=50))),
+    ("^ctx cannot rest at 100 Hz: no input to its transfer 'saturating' is known",
+     lambda: MACAQUE.compensate(MACAQUE, rebound_nats={"ctx": 4.0})),
+    ("does not recover: after 100 time constants .* is not",
+     lambda: recovery(MACAQUE, MACAQUE, rebound_nats={"ctx": 4.0}, step=10.0)),
     ("has no lesion", lambda: MACAQUE.scale("STN->GPe", 0.9).compensate()),
     ("ctx->D1 connects 25%", lambda: out_variance(SPIKING.with_connections(0.25))),
     ("is unstable", lambda: out_variance(SPIKING.edited("set STN->GPe.delay_ms 20",
@@ -227,3 +238,9 @@ def test_what_makes_no_sense_is_refused_by_its_field_in_one_sentence(wanted, cal
 def test_what_cannot_be_answered_says_why(words, call):
     with pytest.raises(ValueError, match=words):
         call()
+
+
+def test_a_whole_number_is_one_of_whatever_type_and_not_a_truth():
+    assert whole_ticks("delay", 2.5, 0.1) == 25
+    assert all(map(is_whole, (3, 3.0, np.int32(3), np.float32(3), -2, 0)))
+    assert not any(map(is_whole, (2.5, np.inf, True, np.bool_(True), "3", None, [3])))

@@ -10,16 +10,6 @@ from hypothesis import given as drawn
 from hypothesis import strategies as st
 
 from circuits import errors
-from circuits.errors import (
-    BgmodelWarning,
-    DataWarning,
-    InputError,
-    RangeWarning,
-    collected,
-    quiet,
-    shown,
-    within,
-)
 
 
 @pytest.mark.parametrize(
@@ -37,13 +27,13 @@ from circuits.errors import (
     ],
 )
 def test_a_value_is_shown_in_one_short_line(value, start):
-    assert shown(value).startswith(start)
-    assert len(shown(value)) <= errors.LONGEST
-    assert len(shown(value).splitlines()) == 1
+    assert errors.shown(value).startswith(start)
+    assert len(errors.shown(value)) <= errors.LONGEST
+    assert len(errors.shown(value).splitlines()) == 1
 
 
 def test_an_error_is_a_sentence_with_a_field_and_what_was_given():
-    error = InputError.of("tau_ms", "must be >= 0", -1.0, owner="STN")
+    error = errors.InputError.of("tau_ms", "must be >= 0", -1.0, owner="STN")
     assert (str(error), error.field, error.given) == (
         "STN: tau_ms must be >= 0, got -1", "tau_ms", -1.0,
     )  # fmt: skip
@@ -52,16 +42,16 @@ def test_an_error_is_a_sentence_with_a_field_and_what_was_given():
 
 @pytest.mark.parametrize("value", [2, "x", None, lambda: 3])
 def test_an_error_comes_back_from_another_process(value):
-    error = InputError("a sentence", "channels", value)
+    error = errors.InputError("a sentence", "channels", value)
     again = pickle.loads(pickle.dumps(error))
-    assert (type(again), str(again), again.field) == (InputError, "a sentence", "channels")
-    assert again.given == (shown(value) if callable(value) else value)
+    assert (type(again), str(again), again.field) == (errors.InputError, "a sentence", "channels")
+    assert again.given == (errors.shown(value) if callable(value) else value)
 
 
 def test_what_an_error_is_about_is_named_first():
-    error = within("a.csv", InputError("rt must be > 0", "rt", -1), "path")
+    error = errors.within("a.csv", errors.InputError("rt must be > 0", "rt", -1), "path")
     assert (str(error), error.field, error.given) == ("a.csv: rt must be > 0", "rt", -1)
-    other = within("", TypeError("wrong"), "path")
+    other = errors.within("", TypeError("wrong"), "path")
     assert (str(other), other.field, other.given) == ("wrong", "path", None)
 
 
@@ -72,12 +62,12 @@ def test_every_family_of_warnings_is_silenced_as_one():
     assert issubclass(errors.BgmodelWarning, UserWarning)
 
 
-KINDS = DataWarning, RangeWarning
+KINDS = errors.DataWarning, errors.RangeWarning
 STEP = st.tuples(
     st.integers(0, 2),
     st.one_of(
         st.sampled_from(["leave", "raise"]),
-        st.sampled_from([(), (DataWarning,), (RangeWarning,), KINDS]),
+        st.sampled_from([(), (errors.DataWarning,), (errors.RangeWarning,), KINDS]),
         st.sampled_from(KINDS),
     ),
 )
@@ -93,7 +83,7 @@ def test_a_warning_goes_to_the_innermost_block_of_its_own_thread_in_any_order(st
         for number, (who, what) in enumerate(steps):
             context, blocks = contexts[who], entered[who]
             if isinstance(what, tuple):
-                block = collected(*what)
+                block = errors.collected(*what)
                 blocks.append((what or KINDS, block, context.run(block.__enter__), []))
             elif isinstance(what, str) and blocks:
                 error = ValueError("of the block") if what == "raise" else None
@@ -119,10 +109,10 @@ def leave(block, error):
 def test_silence_is_for_some_categories_or_all():
     with warnings.catch_warnings(record=True) as issued:
         warnings.simplefilter("always")
-        with quiet(RangeWarning):
-            RangeWarning.warn("silenced")
-            DataWarning.warn("issued")
-            with quiet():
-                BgmodelWarning.warn("silenced")
-        RangeWarning.warn("issued after the block")
+        with errors.quiet(errors.RangeWarning):
+            errors.RangeWarning.warn("silenced")
+            errors.DataWarning.warn("issued")
+            with errors.quiet():
+                errors.BgmodelWarning.warn("silenced")
+        errors.RangeWarning.warn("issued after the block")
     assert [str(one.message) for one in issued] == ["issued", "issued after the block"]

@@ -58,9 +58,8 @@ def test_chosen_trials_read_back_as_the_activity(parts, tmp_path):
                     times = unit.spike_times - 0.02 * n
                     here = times[(times > 1e-9) & (times < 0.02 + 1e-9)]
                     np.testing.assert_allclose(here, np.sort(spikes["time_ms"][cell]) / 1000)
-        expected = {
-            f"{name} rate": [p.rates_hz[name][k] for p, k in picked] for name in ("STN", "SNr")
-        }
+        of = ("STN", "SNr")
+        expected = {f"{name} rate": [p.rates_hz[name][k] for p, k in picked] for name in of}
         expected["OUT"] = [p.output_nats[k] for p, k in picked]
         for name, data in expected.items():
             series = read.acquisition[name]

@@ -40,13 +40,9 @@ def test_show_says_whose_noise_it_is(capsys):
         shares = [int(part.split("%")[0]) for part in line.split("variance: ")[1].split(" ")[1::2]]
         assert 97 <= sum(shares) <= 103
     assert noise_nats[1] == pytest.approx(noise_nats[0] / 2, abs=0.001)
-    bent = [
-        "set STN->GPe.transfer s_minus_log_s",
-        "set STN->GPe.weight 1",
-        "set GPe.bias_nats -1.4115",
-    ]
-    options = ["--noise", "0.85", "--edits", *bent]
-    assert run("circuit", "show", "spiking_msprt", *options) == 0
+    bent = ["--edits", "set STN->GPe.transfer s_minus_log_s", "set STN->GPe.weight 1"]
+    bent += ["set GPe.bias_nats -1.4115"]
+    assert run("circuit", "show", "spiking_msprt", "--noise", "0.85", *bent) == 0
     assert "noise of OUT is 0.028 nats" in capsys.readouterr().out
     assert run("circuit", "show", "appendix_b", "--noise", "0.85") == 0
     assert "has no noise" in capsys.readouterr().out
@@ -86,58 +82,40 @@ def test_rates_at_rest_are_shown_where_they_are_asked_for_and_cells_spike(capsys
 
 def test_only_nwb_needs_its_library(refusal, tmp_path, monkeypatch):
     find_spec = importlib.util.find_spec
-    monkeypatch.setattr(
-        importlib.util, "find_spec", lambda name, *_: find_spec(name) if name != "pynwb" else None
-    )
+    absent = lambda name, *_: find_spec(name) if name != "pynwb" else None  # noqa: E731
+    monkeypatch.setattr(importlib.util, "find_spec", absent)
     options = ["--save", tmp_path / "d.csv", *words("--engine algebra --task trials=2 t_max=2")]
     assert run("circuit", "run", *options, "--save-rates", tmp_path / "r.csv") == 0
-    options[1] = tmp_path / "e.csv"
-    assert "NWB needs pynwb" in refusal(
-        "circuit", "run", *options, "--save-nwb", tmp_path / "r.nwb"
-    )
+    options[1:2] = [tmp_path / "e.csv", "--save-nwb", tmp_path / "r.nwb"]
+    assert "NWB needs pynwb" in refusal("circuit", "run", *options)
 
 
 @pytest.mark.parametrize("engine", ["spikes", "algebra", "rate", "population"])
 def test_run_writes_trials_and_rates_alike_for_any_number_of_workers(capsys, tmp_path, engine):
     table, rates = tmp_path / "d.csv", tmp_path / "r.csv"
-    options = ["--task", "trials=6", "t_max=4", "--seed", 3, "--task", "channels=3"]
+    options = ["--engine", engine, "--task", "trials=6", "t_max=4", "channels=3", "--seed", 3]
     options += ["--edits", "neurons 30"] if engine == "spikes" else []
-    assert (
-        run("circuit", "run", "--save", table, "--engine", engine, "--save-rates", rates, *options)
-        == 0
-    )
+    assert run("circuit", "run", "--save", table, "--save-rates", rates, *options) == 0
     assert "6 trials, accuracy" in capsys.readouterr().out
     first = pd.read_csv(table, comment="#")
     assert len(first) == 6
     assert {"rt", "response", "stimulus", "correct"} <= set(first)
     assert {"population", "channel", "time_ms", "rate_hz"} <= set(pd.read_csv(rates, comment="#"))
     again = tmp_path / "again.csv"
-    assert run("circuit", "run", "--save", again, "--engine", engine, *options, "--workers", 1) == 0
+    assert run("circuit", "run", "--save", again, *options, "--workers", 1) == 0
     pd.testing.assert_frame_equal(first, pd.read_csv(again, comment="#"))
 
 
 def test_run_writes_the_spikes_of_the_first_trials_and_rates_count_them(tmp_path):
     table, spikes, rates = (tmp_path / f"{name}.csv" for name in "dsr")
     options = [*words("--task trials=3 t_max=2 --edits"), "neurons 30", "--engine", "spikes"]
-    options += ["--spike-trials", 2]
-    assert (
-        run(
-            *["circuit", "run", "--save"],
-            table,
-            *options,
-            "--save-spikes",
-            spikes,
-            "--save-rates",
-            rates,
-        )
-        == 0
-    )
+    options += ["--save-spikes", spikes, "--spike-trials", 2]
+    assert run("circuit", "run", "--save", table, *options, "--save-rates", rates) == 0
     fired = pd.read_csv(spikes, comment="#")
     assert list(fired) == ["population", "trial", "channel", "neuron", "time_ms"]
     assert set(fired["trial"]) == {0, 1}
     assert {"ctx", "D1", "D2", "STN", "GPe", "SNr", "FSI"} == set(fired["population"])
-    every = [*options[:-1], 3]
-    assert run("circuit", "run", "--save", table, *every, "--save-spikes", spikes, "--force") == 0
+    assert run("circuit", "run", "--save", table, *options[:-1], 3, "--force") == 0
     fired, mean = pd.read_csv(spikes, comment="#"), pd.read_csv(rates, comment="#")
     for name in ("STN", "GPe"):
         hz = mean[mean["population"] == name]["rate_hz"].mean()
@@ -210,6 +188,5 @@ def test_a_file_of_chosen_trials_has_their_decisions_and_their_spikes(tmp_path, 
         expected = fired[fired["trial"] == trial]["time_ms"].sort_values() / 1000
         np.testing.assert_allclose(here, expected)
         assert len(here) > 10
-    assert "nwb_trials" in refusal(
-        "circuit", "run", "--save", table, *options, "--nwb-trials", 4, "--force"
-    )
+    options += ["--nwb-trials", 4, "--force"]
+    assert "nwb_trials" in refusal("circuit", "run", "--save", table, *options)

@@ -6,21 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bgmodel import stream
 from bgmodel.support.files import read_provenance, read_table
 from tests.helpers import long_table, run, some_evidence, unwarned, words
 
 
 def test_decide_is_accurate_on_gratings_and_the_same_for_a_seed(tmp_path, capsys):
     out = tmp_path / "decisions.csv"
-    assert (
-        run(
-            "decide",
-            "--save",
-            out,
-            *words("--task period_mm=2 --boundary-separation 4 --task trials=400 --seed 3"),
-        )
-        == 0
-    )
+    asked = words("--task period_mm=2 --boundary-separation 4 --seed 3 --force --task")
+    assert run("decide", "--save", out, *asked, "trials=400") == 0
     table = read_table(out)
     assert len(table) == 400
     assert set(table["response"]) == {"S1", "S2"}
@@ -28,8 +22,7 @@ def test_decide_is_accurate_on_gratings_and_the_same_for_a_seed(tmp_path, capsys
     assert read_provenance(out)["seed"] == 3
     assert "400 trials, accuracy 0.9" in capsys.readouterr().out
     first = out.read_bytes()
-    again = words("--task period_mm=2 --boundary-separation 4 --task trials=4e2 --seed 3 --force")
-    assert run("decide", "--save", out, *again) == 0
+    assert run("decide", "--save", out, *asked, "trials=4e2") == 0
     assert out.read_bytes() == first
 
 
@@ -57,14 +50,14 @@ def test_times_and_prior_of_a_table_are_those_that_were_said(tmp_path):
 
 def test_where_no_criterion_is_given_it_is_a_gap_of_4_or_a_posterior_of_82_in_100(tmp_path):
     few = ("--task", "trials=40", "t_max=6", "--force")
+    out = tmp_path / "out.csv"
     for command, level in (
         (("decide",), ("--boundary-separation", 4)),
-        (("circuit", "run"), ("--posterior", 0.82)),
+        (("circuit", "run", *ALGEBRA), ("--posterior", 0.82)),
     ):
-        out, more = tmp_path / "out.csv", ALGEBRA if command != ("decide",) else ()
-        assert run(*command, "--save", out, *few, *more) == 0
+        assert run(*command, "--save", out, *few) == 0
         left_out = out.read_bytes(), read_provenance(out)
-        assert run(*command, "--save", out, *few, *more, *level) == 0
+        assert run(*command, "--save", out, *few, *level) == 0
         assert (out.read_bytes(), read_provenance(out)) == left_out
 
 
@@ -87,13 +80,7 @@ def test_likelihoods_that_are_too_sure_are_warned_of_where_the_truth_is_known(tm
 def test_what_had_no_say_in_a_decision_is_not_recorded(tmp_path):
     out = tmp_path / "out.csv"
     few = ("decide", "--save", out, "--task", "trials=4", "t_max=3", "--force")
-    may_be_idle = {
-        "boundary_separation",
-        "posterior",
-        "channels",
-        "evidence",
-        "d_prime",
-    }
+    may_be_idle = {"boundary_separation", "posterior", "channels", "evidence", "d_prime"}
     for task, asked, had in (
         ("same-different", (), {"boundary_separation"}),
         ("same-different", ("--posterior", 0.9), {"posterior"}),
@@ -119,15 +106,8 @@ def test_decide_says_what_it_forced(tmp_path, capsys):
 
 def test_json_of_decide_holds_every_trial(tmp_path, capsys):
     out = tmp_path / "out.csv"
-    assert (
-        run(
-            "decide",
-            "--save",
-            out,
-            *words("--task trials=40 t_max=2 --boundary-separation 16 --json"),
-        )
-        == 0
-    )
+    asked = words("--task trials=40 t_max=2 --boundary-separation 16 --json")
+    assert run("decide", "--save", out, *asked) == 0
     printed = json.loads(capsys.readouterr().out)
     table = read_table(out)
     assert printed["trials"] == len(printed["records"]) == 40
@@ -141,3 +121,75 @@ def test_json_of_decide_holds_every_trial(tmp_path, capsys):
     told = capsys.readouterr()
     assert json.loads(told.out)["accuracy"] is None
     assert "read 2 trials" in told.err
+
+
+SHORT = ("--runs", 2, "--learner", "episodes=600")
+FEW = ("--task", "trials=40", "t_max=10", "--levels", 4)
+COURSE = ["run", "episode", "mean", "played", "reward", "dopamine"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "circuit"),
+    [
+        (("--task", "period_mm=2"), None),
+        (("--what", "dopamine", *FEW), "macaque"),
+        (("--circuit", "macaque", "--task", "gaussian", "d_prime=1", *FEW[:3]), "macaque"),
+    ],
+    ids=["test", "dopamine", "circuit"],
+)
+def test_every_trial_of_a_run_is_written_with_what_it_was_made_with(
+    asked, circuit, tmp_path, capsys
+):
+    out, picture = tmp_path / "learned.csv", tmp_path / "learned.png"
+    assert run("learn", "--save", out, *asked, *SHORT, "--plot", picture) == 0
+    printed = capsys.readouterr().out
+    assert "regret" in printed
+    table = read_table(out)
+    assert list(table) == COURSE
+    assert len(table) == 1200
+    assert picture.stat().st_size > 5000
+    about = read_provenance(out)["parameters"]
+    assert len(about["summary"]["learned"]) == 2
+    assert about.get("circuit", {}).get("name") == circuit
+    assert "feedback" not in about["command"]
+    assert about["command"]["task"]["name"] in ("same-different", "gaussian")
+
+
+def test_weights_are_written_with_their_scores(tmp_path, capsys):
+    out, picture = tmp_path / "weights.parquet", tmp_path / "weights.png"
+    short = ("--runs", 2, "--learner", "trials=600", "--task", "t_max=20", "--seed", 3)
+    assert run("learn", "--save", out, "--what", "weights", *short, "--plot", picture) == 0
+    assert picture.stat().st_size > 5000
+    assert "slope" in capsys.readouterr().out
+    table = read_table(out)
+    assert list(table) == ["run", "hypothesis", "unit", "weight"]
+    assert len(table) == 2 * 2 * 16
+    about = read_provenance(out)["parameters"]
+    assert len(about["summary"]["learned"]) == 2
+    assert "levels" not in about["command"]
+
+
+def test_what_a_level_costs_is_measured_on_trials_that_were_not_learned_from(tmp_path, monkeypatch):
+    """Tables: every second trial is kept; otherwise trials are redrawn. The noise is always new."""
+    from bgmodel.learning import dopamine_learner as level
+
+    seen, real = [], level.level_outcomes
+
+    def watched(model, evidence, *arguments, **more):
+        seen.append((model.seed, evidence))
+        return real(model, evidence, *arguments, **more)
+
+    monkeypatch.setattr("bgmodel.learning.dopamine_learner.level_outcomes", watched)
+    rng = stream(1, "table")
+    read = [(n, n % 3 % 2, rng.normal(0.5 - (n % 3 % 2), 1, 8)) for n in range(20)]
+    rows = [f"{n},{t},{x:.4f},0,{'ab'[side]}" for n, side, xs in read for t, x in enumerate(xs)]
+    mine = tmp_path / "mine.csv"
+    mine.write_text("\n".join(["trial,step,ll_a,ll_b,truth", *rows]))
+    few = ("--what", "dopamine", "--levels", 4, "--runs", 1, "--learner", "episodes=600")
+    for task in (("--task", mine), ("--task", "trials=40", "t_max=10")):
+        seen.clear()
+        assert run("learn", "--save", tmp_path / "out.csv", *task, *few, "--force") == 0
+        (seed, learned), (other, scored) = seen
+        assert seed != other
+        assert learned.trials == scored.trials
+        assert not np.array_equal(learned.log_likelihood, scored.log_likelihood)

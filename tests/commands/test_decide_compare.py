@@ -63,17 +63,9 @@ def test_a_comparison_says_before_it_starts_what_runs(tmp_path, refusal, capsys,
         ("population", ("--noise-ceiling", "--edits", "lesion D2 10%"), "3 circuits, "),
         ("algebra", ("--noise-ceiling",), ""),
     ):
-        asked = (
-            "compare",
-            "--save",
-            tmp_path / "a.csv",
-            "--engine",
-            engine,
-            "--task",
-            "trials=9000",
-            *more,
-        )
-        assert f"macaque on {engine}, {length}9000 trials" in refusal(*asked)
+        asked = ("compare", "--save", tmp_path / "a.csv", "--task", "trials=9000", *more)
+        announced = refusal(*asked, "--engine", engine)
+        assert f"macaque on {engine}, {length}9000 trials" in announced
 
 
 def test_json_is_all_that_stdout_holds(tmp_path, capsys):
@@ -99,13 +91,8 @@ def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, refus
     halved = ("--edits", "scale ctx->STN 0.5", "neurons 40")
     compared = ("compare", "--save", tmp_path / "a.csv", *task, *halved)
     assert "decide without evidence" in refusal(*compared)
-    learned = (
-        "learn",
-        "--save",
-        tmp_path / "a.csv",
-        *words("--what dopamine --circuit spiking_msprt"),
-    )
-    assert "no level of dopamine" in refusal(*learned, "--edits", "scale ctx->STN 0.5")
+    learned = words("learn --what dopamine --circuit spiking_msprt --edits 'scale ctx->STN 0.5'")
+    assert "no level of dopamine" in refusal(*learned, "--save", tmp_path / "a.csv")
     assert not list(tmp_path.iterdir())
 
 
@@ -120,10 +107,8 @@ def test_what_the_deadline_decides_is_not_compared(tmp_path, refusal, capsys):
     assert "not reached" in told.out
     assert "are left out: the zero of this evidence is arbitrary" in told.err
     assert pd.read_csv(tmp_path / "a.csv").query("measure == 'agreement'")["value"].isna().all()
-    little = ("--task", "trials=20", "t_max=1", "--levels", 2, "--task", "period_mm=1")
-    assert "at every level" in refusal(
-        "learn", "--save", tmp_path / "c.csv", "--what", "dopamine", *little
-    )
+    little = words("learn --what dopamine --task trials=20 t_max=1 period_mm=1 --levels 2 --save")
+    assert "at every level" in refusal(*little, tmp_path / "c.csv")
 
 
 def test_an_edited_circuit_is_also_held_to_the_intact_one(tmp_path, capsys):
@@ -139,11 +124,8 @@ def test_an_edited_circuit_is_also_held_to_the_intact_one(tmp_path, capsys):
     intact = intact[intact["model"] == "circuit"].set_index(["accuracy", "measure"])["value"]
     change = (values["circuit"] - intact).reindex(values.index)
     np.testing.assert_allclose(values["circuit minus intact"], change, atol=1e-9)
-    assert (
-        table.query("model == 'circuit minus intact' and measure == 'extra_ms'")["low"]
-        .notna()
-        .all()
-    )
+    extra = table.query("model == 'circuit minus intact' and measure == 'extra_ms'")
+    assert extra["low"].notna().all()
 
 
 def test_commands_take_the_default_circuit_of_the_tables():

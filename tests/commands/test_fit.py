@@ -31,15 +31,9 @@ QUICK = ["--free", "sensitivity", "threshold", "t0_s"]
 def table_of(choices):
     """Return choices as a user's table, with two participants."""
     who = np.where(np.arange(choices.trials) % 4 < 2, "a", "b/c")
-    return pd.DataFrame(
-        {
-            "participant_id": who,
-            "rt": choices.rt_s,
-            "response": choices.response.astype(int),
-            "coherence": choices.strength,
-            "drug": np.where(np.arange(choices.trials) % 8 < 4, "on", "off"),
-        }
-    )
+    drug = np.where(np.arange(choices.trials) % 8 < 4, "on", "off")
+    rows = {"participant_id": who, "rt": choices.rt_s, "response": choices.response.astype(int)}
+    return pd.DataFrame({**rows, "coherence": choices.strength, "drug": drug})
 
 
 GOOD = table_of(drawn(GapModel(), [0.05, 0.4], 80, 71, seconds=2.0, sensitivity=12.0, bound=0.6))
@@ -64,9 +58,7 @@ def brief(request, monkeypatch):
     if "thorough" not in request.fixturenames:
         monkeypatch.setattr(optimum, "TOLERANCE_NATS", 0.5)
         monkeypatch.setattr(optimum, "POPULATION", 8)
-        monkeypatch.setattr(
-            "bgmodel.fitting.several.save_figure", lambda figure, path: path.touch()
-        )
+        monkeypatch.setattr("bgmodel.fitting.several.save_figure", lambda _, path: path.touch())
         monkeypatch.setattr("bgmodel.fitting.quantiles.draw_fits", lambda *_: None)
 
 
@@ -85,51 +77,20 @@ def changed(**columns):
     return GOOD.assign(**columns)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["--strength", "contrast"], "mine.csv: there is no column contrast; there are"),
-        (["--participant", "z"], "mine.csv: participant must be one of a, b/c, got 'z'"),
-        (["--columns", "deadline_s=0.3"], "mine.csv: rt must be no later than deadline_s, 0.3 s"),
-        (["--models", "abacus"], "models must be of constant_gap, falling_gap, "),
-        (["--mechanism", "mood"], "mechanism must be one of threshold, dopamine, stn_loss"),
-        (["--free", "mood"], "free must name a parameter, one of threshold, sensitivity, bound"),
-        (["--free", "dopamine"], "free must name a parameter, one of threshold, sensitivity"),
-        (["--fix", "mood=1"], "fix must name a parameter, one of "),
-        (["--vary", "mood=drug"], "vary must name a parameter, one of "),
-        (["--fix", "lapse"], "fix is a name, =, and a value"),
-        (["--fix", "lapse="], "fix is a name, =, and a value, such as lapse=0.02, got"),
-        (
-            ["--vary", "bound="],
-            "vary is a name, =, and a value, such as threshold=instruction, got",
-        ),
-        (["--fix", "lapse=much"], "fix must give a number, such as lapse=0.02, got 'much'"),
-        (["--simulation", "trials=0"], "trials must be a whole number >= 1, got 0"),
-        (
-            ["--columns", "rt_window=5,9"],
-            "rt_window must leave at least 10 responses, got 0 of 80 of a",
-        ),
-    ],
-)
-def test_an_option_that_is_wrong_is_one_sentence(capsys, arguments, says):
-    strength = [] if "--strength" in arguments else COHERENCE
-    models = [] if "--models" in arguments else GAP
-    assert fails(capsys, "mine.csv", *strength, *models, *arguments).startswith(says)
+@pytest.mark.parametrize("option", ["fix lapse", "fix lapse=", "vary bound="])
+def test_a_value_that_is_left_out_is_asked_for_with_an_example(capsys, option):
+    sentence = fails(capsys, "mine.csv", *COHERENCE, *GAP, *words(f"--{option}"))
+    assert f"{option.split()[0]} is a name, =, and a value, such as" in sentence
 
 
 def test_a_lean_to_one_response_is_said_of_the_participant_and_condition_that_has_it():
     """Two thirds of b's responses to negative strengths, without the drug, become response 1."""
     rng = np.random.default_rng(72)
     side = np.tile([1, -1], 400)
-    table = pd.DataFrame(
-        {
-            "participant_id": np.repeat(["a", "b"], 400),
-            "rt": 0.4 + rng.exponential(0.2, 800),
-            "response": ((rng.random(800) < 0.8) == (side > 0)).astype(int),
-            "coherence": 0.2 * side,
-            "drug": np.tile(np.repeat(["on", "off"], 200), 2),
-        }
-    )
+    rows = {"participant_id": np.repeat(["a", "b"], 400), "rt": 0.4 + rng.exponential(0.2, 800)}
+    rows["response"] = ((rng.random(800) < 0.8) == (side > 0)).astype(int)
+    drug = np.tile(np.repeat(["on", "off"], 200), 2)
+    table = pd.DataFrame({**rows, "coherence": 0.2 * side, "drug": drug})
     leans = (table["participant_id"] == "b") & (table["drug"] == "off") & (side < 0)
     table.loc[leans & (np.arange(800) % 3 > 0), "response"] = 1
     table.to_csv("leans.csv", index=False)
@@ -142,11 +103,6 @@ def test_a_lean_to_one_response_is_said_of_the_participant_and_condition_that_ha
     with warnings.catch_warnings():
         warnings.filterwarnings("error", ".*sides were alike")
         assert run("fit", "even.csv", *COHERENCE, *GAP, *QUICK) == 0
-
-
-def test_a_source_that_there_is_not_is_one_sentence(capsys):
-    assert fails(capsys, "no.csv", *GAP).startswith("there is no")
-    assert fails(capsys, "cavanagh", *GAP).startswith("source must be a .csv, .tsv or .parquet or")
 
 
 def test_what_can_not_be_told_apart_is_warned_of_and_kept(capsys):
@@ -172,9 +128,7 @@ def test_a_table_of_somebody_else_is_not_written_over(tmp_path, capsys):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "cells.csv").write_text("dear diary")
     sentence = fails(capsys, "mine.csv", "out", *COHERENCE, *GAP)
-    assert sentence.startswith(
-        "'out/cells.csv' exists and is not a result of a fit: give another folder"
-    )
+    assert "out/cells.csv' exists and is not a result of a fit: give another folder" in sentence
 
 
 def test_each_participant_gets_a_row_per_number_and_a_figure(thorough, tmp_path, capsys):
@@ -199,23 +153,10 @@ def test_each_participant_gets_a_row_per_number_and_a_figure(thorough, tmp_path,
     assert len(list(out.glob("*.png"))) == 2
 
 
-def test_one_participant_after_the_other_fills_one_table(tmp_path, capsys):
-    one = ["mine.csv", *COHERENCE, *GAP, *QUICK]
-    assert run("fit", *one) == 0
-    table = pd.read_csv("fits/mine/parameters.csv")
-    for who in ("a", "b/c"):
-        assert run("fit", "mine.csv", "again", *one[1:], "--participant", who) == 0
-    pd.testing.assert_frame_equal(pd.read_csv("again/parameters.csv"), table)
-    assert len(pd.read_csv("again/cells.csv")) == 4
-
-
 def test_names_of_participants_and_levels_stay_as_they_are_written():
     """01 is not 1, and fits to one of them leave those to the other in the table."""
-    named = changed(
-        participant_id=GOOD["participant_id"].map({"a": "01", "b/c": "1"}),
-        drug=GOOD["drug"].map({"on": "None", "off": "1.50"}),
-    )
-    named.to_csv("named.csv", index=False)
+    names = {"participant_id": {"a": "01", "b/c": "1"}, "drug": {"on": "None", "off": "1.50"}}
+    GOOD.replace(names).to_csv("named.csv", index=False)
     one = ["named.csv", *COHERENCE, *GAP, *QUICK, "--vary", "bound=drug"]
     assert run("fit", *one) == 0
     for who in ("01", "1"):
@@ -279,12 +220,6 @@ def test_strengths_without_a_sign_are_right_where_responses_say_right_and_wrong(
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK, "--people", "pooled") == 0
 
 
-def test_pooled_takes_all_for_one_and_json_is_one_object(capsys):
-    assert run("fit", "mine.csv", "--json", "--people", "pooled", *COHERENCE, *GAP, *QUICK) == 0
-    records = json.loads(capsys.readouterr().out)["records"]
-    assert [row["participant"] for row in records if not row["held"]] == ["all"] * 3
-
-
 def test_threshold_means_that_of_each_model_and_varies_with_a_column(capsys):
     small = words("--simulation engine=rate --simulation trials=16 --json --people pooled")
     models = ["--models", "constant_gap", "macaque"]
@@ -293,8 +228,9 @@ def test_threshold_means_that_of_each_model_and_varies_with_a_column(capsys):
     records = pd.DataFrame(json.loads(capsys.readouterr().out)["records"])
     for name, threshold in (("constant_gap", "bound"), ("macaque", "threshold_nats")):
         levels = [f"{threshold}[drug={level}]" for level in ("off", "on")]
-        mine = records[(records["model"] == name) & ~records["held"]]["parameter"].tolist()
-        assert mine == ["sensitivity", *levels, "t0_s"]
+        mine = records[(records["model"] == name) & ~records["held"]]
+        assert mine["parameter"].tolist() == ["sensitivity", *levels, "t0_s"]
+        assert set(mine["participant"]) == {"all"}
 
 
 def test_a_model_without_a_parameter_that_is_freed_is_named(capsys):
@@ -341,15 +277,9 @@ def test_a_window_leaves_out_what_lies_outside_and_the_tables_say_how_much(mine,
     sentence = fails(capsys, *one, "--columns", "rt_window=0.3,2")
     assert sentence.startswith("'fits/mine' holds fits with another rt_window: give another folder")
     outside = (late < 0.4) | (late > 2)
+    pooled = words("fit mine.csv out --people pooled --columns rt_window=0.4,2")
     with pytest.warns(UserWarning, match="are excluded from the fit"):
-        assert (
-            run(
-                *["fit", "mine.csv", "out"],
-                *one[1:],
-                *words("--people pooled --columns rt_window=0.4,2"),
-            )
-            == 0
-        )
+        assert run(*pooled, *one[1:]) == 0
     parameters = pd.read_csv("out/parameters.csv")
     assert (parameters.loc[~parameters["held"], "left_out"] == outside.sum()).all()
     assert read_provenance("out/parameters.csv")["parameters"]["rt_window"] == ["0.4", "2"]
@@ -424,17 +354,6 @@ def test_an_interrupted_fit_goes_on_where_it_was(capsys, monkeypatch):
     pd.testing.assert_frame_equal(pd.read_csv("fits/mine/parameters.csv"), parameters)
 
 
-def test_models_are_compared_by_cross_validation(mine, capsys):
-    asked = [*COHERENCE, *words("--people pooled --models constant_gap falling_gap --compare")]
-    quick = ["--fix", "t0_sd_s=0.05", "lapse=0.01", "fall_per_s=0.5"]
-    assert run("fit", "mine.csv", "out", *asked, *quick) == 0
-    assert "cross-validation" in capsys.readouterr().out
-    table = pd.read_csv("out/comparison.csv")
-    assert table["difference"].max() == 0
-    assert (table["standard_error"] >= 0).all()
-    assert run("fit", "mine.csv", "out", *COHERENCE, *GAP, "--compare") == 2
-
-
 def test_a_model_is_compared_with_itself_without_an_effect(mine, capsys):
     """Numbers of the full model and of that without are those of two separate fits."""
     trials = pd.read_csv("mine.csv")
@@ -443,12 +362,16 @@ def test_a_model_is_compared_with_itself_without_an_effect(mine, capsys):
     asked = [*COHERENCE, "--people", "pooled", *GAP, "--fix", "t0_sd_s=0.05", "lapse=0.01"]
     vary = ["--vary", "bound=block"]
     assert run("fit", "mine.csv", "out", *asked, *vary, "--compare") == 0
+    assert "cross-validation" in capsys.readouterr().out
     table = pd.read_csv("out/comparison.csv").set_index("model")
+    assert table["difference"].max() == 0
+    assert (table["standard_error"] >= 0).all()
     assert set(table.index) == {"constant_gap", "constant_gap, same bound"}
     assert table["log_likelihood"].idxmax() == "constant_gap"
     numbers = pd.read_csv("out/parameters.csv").set_index(["model", "parameter"])["value"]
     assert run("fit", "mine.csv", "full", *asked, *vary) == 0
     assert run("fit", "mine.csv", "null", *asked) == 0
+    assert run("fit", "mine.csv", "null", *asked, "--compare") == 2  # of one model
     for folder, label in (("full", "constant_gap"), ("null", "constant_gap, same bound")):
         alone = pd.read_csv(f"{folder}/parameters.csv").set_index("parameter")["value"]
         both = numbers[label]

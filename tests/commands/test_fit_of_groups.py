@@ -9,14 +9,13 @@ from bgmodel.fitting.hierarchy import chains
 from bgmodel.support.files import read_provenance
 from tests.fitting.conftest import PEOPLE as PERSONS
 from tests.fitting.conftest import table
-from tests.helpers import run
+from tests.helpers import run, words
 
 GROUP, PEOPLE, CELLS = "group.csv", "people.csv", "people_cells.csv"
 CORRELATIONS = "group_correlations.csv"
-ASKED = ["mine.csv", "out", "--strength", "strength", "--models", "constant_gap",
-         "--people", "hierarchical",
-         "--workers", "1",
-         "--fix", "t0_sd_s=0.05", "lapse=0.01", "t0_s=0.3"]  # fmt: skip
+SINGLE = words("mine.csv out --strength strength --models constant_gap --fix t0_sd_s=0.05 t0_s=0.3")
+SINGLE += ["--fix", "lapse=0.01"]
+ASKED = [*SINGLE, "--people", "hierarchical", "--workers", "1"]
 
 
 @pytest.fixture
@@ -58,13 +57,12 @@ def test_models_are_compared_by_the_draws(mine, capsys):
     assert (mine / "out" / "comparison.png").is_file()
 
 
-def test_fits_of_both_kinds_have_one_folder(mine, capsys):
+def test_fits_of_both_kinds_have_one_folder(mine):
     """Neither writes over the other's tables."""
-    single = [each for each in ASKED if each not in ("--people", "hierarchical", "--workers", "1")]
-    assert run("fit", *single) == 0
+    assert run("fit", *SINGLE) == 0
     assert run("fit", *ASKED) == 0
     before = {path.name: path.read_bytes() for path in (mine / "out").glob("*.csv")}
-    assert run("fit", *single) == 0
+    assert run("fit", *SINGLE) == 0
     assert {path.name: path.read_bytes() for path in (mine / "out").glob("*.csv")} == before
 
 
@@ -76,12 +74,6 @@ def test_people_with_other_strengths_have_no_figure_of_averages(mine, capsys):
     assert "people have different strengths" in capsys.readouterr().out
     assert not (mine / "out" / "constant_gap cells.png").exists()
     assert len(pd.read_csv(mine / "out" / CELLS)) == 3
-
-
-def test_options_without_effect_are_refused(mine, capsys):
-    assert run("fit", *ASKED, "--draws") == 2
-    assert "draws has no effect in a hierarchy" in capsys.readouterr().err
-    assert not (mine / "out").exists()
 
 
 def test_another_prior_or_correlations_have_chains_of_their_own(mine, capsys):
@@ -111,8 +103,7 @@ def test_another_prior_or_correlations_have_chains_of_their_own(mine, capsys):
 
 
 def test_another_prior_of_one_person_is_another_fit(mine, capsys):
-    single = [each for each in ASKED if each not in ("--people", "hierarchical", "--workers", "1")]
-    single += ["--participant", "anna"]
+    single = [*SINGLE, "--participant", "anna"]
     assert run("fit", *single, "--prior", "bound=0.5:0.51") == 0
     assert "priors (central 95 %): bound 0.5 to 0.51" in capsys.readouterr().out
     assert run("fit", *single, "--prior", "bound=0.7:0.71") == 2

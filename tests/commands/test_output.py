@@ -44,14 +44,9 @@ def test_places_that_cannot_take_a_result_are_known_before_the_run(tmp_path, ref
     ):
         assert says in refusal("decide", "--save", path)
     monkeypatch.setattr("bgmodel.commands.touch_steps.load_decoder", lambda *arguments: 1 / 0)
-    options = (
-        "d.safetensors",
-        tmp_path / "taps",
-        "--save",
-        tmp_path / "taps" / "targets.csv",
-        "--force",
-    )
-    assert "folder that is read" in refusal("touch", "decode", *options)
+    taps = tmp_path / "taps"
+    asked = ("touch", "decode", "d.safetensors", taps, "--save", taps / "targets.csv", "--force")
+    assert "folder that is read" in refusal(*asked)
 
 
 def test_what_nobody_named_is_written_over_only_where_it_is_a_result(tmp_path, refusal):
@@ -98,14 +93,6 @@ def test_a_folder_that_cannot_be_written_is_called_by_its_name(tmp_path, monkeyp
 
 def cannot(**options):
     raise OSError(30, "Read-only file system")
-
-
-def test_a_run_that_the_deadline_decides_is_warned_of(tmp_path):
-    out = tmp_path / "out.csv"
-    arguments = ["--engine", "algebra", "--circuit", "bogacz_gurney", "--gain", 0.7]
-    arguments += ["--task", "trials=20", "t_max=2"]
-    with pytest.warns(UserWarning, match="20 of 20 trials never meet the threshold"):
-        assert run("circuit", "run", "--save", out, *arguments, "--posterior", 0.99) == 0
 
 
 def test_a_warning_is_shown_as_one_sentence_without_its_place():
@@ -200,13 +187,7 @@ def test_a_terminal_shows_the_stage_in_one_line(monkeypatch, capsys):
     assert "optimum" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("model", "name"),
-    [
-        ("folder/my.v2.toml", "my.v2"),
-        ("my.v2, constant threshold", "my.v2, constant threshold"),
-        ("constant_gap", "constant_gap"),
-    ],
-)
-def test_files_of_a_model_and_of_its_versions_have_names_of_their_own(model, name):
-    assert stem(model) == name
+def test_files_of_a_model_and_of_its_versions_have_names_of_their_own():
+    assert stem("folder/my.v2.toml") == "my.v2"
+    for name in ("my.v2, constant threshold", "constant_gap"):
+        assert stem(name) == name

@@ -119,17 +119,13 @@ class Checkout:
         (folder / "figures" / "touch" / "draw_3.py").write_text(SLOW)
         self.started = []
 
-    def start(self, *more):
+    def start(self, *more, figure="fig3"):
         environment = os.environ | {"PYTHONPATH": str(ROOT)}
         environment.pop("BGMODEL_RECORDINGS", None)  # may be seen from another folder
-        process = psutil.Popen(
-            [*COMMAND, "figures", "fig3", "--fast", *more],
-            cwd=self.folder,
-            env=environment,
-            stdout=subprocess.DEVNULL,
-            stderr=(self.folder / f"said{len(self.started)}").open("w"),
-            start_new_session=True,
-        )
+        said = (self.folder / f"said{len(self.started)}").open("w")
+        streams = {"stdout": subprocess.DEVNULL, "stderr": said, "start_new_session": True}
+        words = [*COMMAND, "figures", figure, "--fast", *more]
+        process = psutil.Popen(words, cwd=self.folder, env=environment, **streams)
         self.started.append(process)
         return process
 
@@ -204,17 +200,12 @@ def test_nothing_of_a_killed_run_lives_on_or_is_taken_for_finished(checkout):
 
 def test_a_figure_that_fails_says_so_in_the_last_line_and_leaves_no_lock(checkout):
     """Then a file of a figure is asked for, and drawn."""
-    (checkout.folder / "figures" / "touch" / "draw_3.py").write_text(
-        "raise SystemExit('no such luck')"
-    )
+    script = checkout.folder / "figures" / "touch" / "draw_3.py"
+    script.write_text("raise SystemExit('no such luck')")
     assert checkout.start().wait(HANG_S) == 1
     assert checkout.printed().splitlines()[-1] == (
         "bgmodel: not all figures were drawn: Snakemake ended with status 1"
     )
-    (checkout.folder / "figures" / "touch" / "draw_3.py").write_text(SLOW)
-    command = [*COMMAND, "figures", "figures/fast/fig3.png", "--fast"]
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    environment.pop("BGMODEL_RECORDINGS", None)
-    done = subprocess.run(command, cwd=checkout.folder, env=environment, check=False)
-    assert done.returncode == 0
+    script.write_text(SLOW)
+    assert checkout.start(figure="figures/fast/fig3.png").wait(HANG_S) == 0
     assert checkout.files() == WHOLE

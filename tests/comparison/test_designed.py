@@ -42,6 +42,7 @@ OF_COMPETITORS = {
     "max vs average": np.mean,
 }
 """What a theory hears of the competitors: it decides when the leader is far enough above."""
+QUIET = Population(noise=False, rates=False)
 OWN = {MSPRT: [0.35, 0.15], "max vs next": [-1.5, -2.5], "max vs average": [-2.0, -2.5]}
 """Thresholds on the OUT of each theory."""
 
@@ -77,26 +78,18 @@ def test_designs_keep_the_lead_over_the_next_or_the_average(channels):
     assert len(set(names)) == len(names) == (3 if channels == 3 else 5)
 
 
-def test_a_single_competitor_is_refused():
-    with refused("channels"):
-        designs(2)
-
-
 @pytest.mark.parametrize("name", OF_COMPETITORS)
 def test_a_theory_decides_later_by_what_it_hears_of_the_competitors(name):
     """In closed form, from what the readings are alone; and 0 against itself."""
     table = designed(theories()[name], OWN[name])
     for design in designs():
-        want_ms = OF_COMPETITORS[name](np.array(design.competitors)) - OF_COMPETITORS[name](
-            np.zeros(3)
-        )
+        heard = OF_COMPETITORS[name]
+        want_ms = heard(np.array(design.competitors)) - heard(np.zeros(3))
         rows = changes(table)
         rows = rows[(rows["design"] == design.name) & (rows["held"] == design.held)]
         np.testing.assert_allclose(rows["change"], 1000 * want_ms / RISE_NATS_S, atol=1.0)
     assert np.abs(table[table["theory"] == name]["value"]).max() < 1e-9
-    assert outcomes(table) == {
-        other: FOLLOWS if other == name else APART for other in OF_COMPETITORS
-    }
+    assert outcomes(table) == {**dict.fromkeys(OF_COMPETITORS, APART), name: FOLLOWS}
 
 
 @pytest.mark.parametrize(("name", "held"), UNABLE.items())
@@ -137,11 +130,7 @@ def test_without_the_exponential_of_stn_a_circuit_follows_max_vs_average():
 @pytest.mark.parametrize("leader", [1, 3])
 @pytest.mark.parametrize(
     ("table", "engine"),
-    [
-        ("bogacz_gurney", "algebra"),
-        ("macaque", "algebra"),
-        ("macaque", Population(noise=False, rates=False)),
-    ],
+    [("bogacz_gurney", "algebra"), ("macaque", "algebra"), ("macaque", QUIET)],
 )
 def test_relabelling_channels_changes_nothing(table, engine, leader):
     model = BasalGanglia(anatomy.CIRCUITS[table](4), engine, 0.5, 1)
@@ -172,14 +161,13 @@ def test_what_a_circuit_does_not_read_is_refused():
             check_read(table, out)
     with refused("trials"):
         designed_circuit(BasalGanglia(macaque, "population", 0.5, 1), trials=1)
+    with refused("channels"):
+        designs(2)
+    with refused("thresholds is not reached in .* s of designed trials"):
+        designed(MaxVsAverage(), [-1e3])
     model = BasalGanglia(macaque, "population", 0.5, 1)
     assert size(model, THRESHOLDS, 2)[0] == 2
     assert size(replace(model, engine="rate"), THRESHOLDS, 200)[0] == 1
-
-
-def test_a_threshold_that_is_never_reached_is_refused():
-    with refused("thresholds is not reached in .* s of designed trials"):
-        designed(MaxVsAverage(), [-1e3])
 
 
 def test_a_leader_that_is_not_chosen_leaves_the_difference_unknown():

@@ -12,14 +12,7 @@ from scipy.stats import norm
 
 from bgmodel import Msprt, stream
 from bgmodel.bootstrap import check_resamples, check_trials, interval, resampled
-from bgmodel.comparison.matched import (
-    accuracy_after,
-    equivalent,
-    latency,
-    matched_measures,
-    warn_of_missed,
-    warn_of_readings,
-)
+from bgmodel.comparison import matched
 from bgmodel.deciding.calibration import calibration, miscalibrated, warn_of_calibration
 from bgmodel.deciding.trace import Trace
 from bgmodel.deciding.tradeoff import Tradeoff, curve, decides_without_evidence, margin, tradeoff
@@ -35,7 +28,7 @@ TEST = tradeoff(TRACE, EVIDENCE)
 
 def measured(other, **options):
     settings = {"rng": stream(2, "bootstrap"), "truth": EVIDENCE.truth, "resamples": 200} | options
-    return matched_measures(TEST, other, **settings)
+    return matched.matched_measures(TEST, other, **settings)
 
 
 def value(table, measure, accuracy=None, column="value"):
@@ -53,7 +46,7 @@ def test_a_test_agrees_with_itself():
         for column in ("value", "low", "high"):
             values = table.loc[table["measure"] == measure, column]
             np.testing.assert_allclose(values, wanted, atol=1e-7, err_msg=measure)
-    assert equivalent(table).all()
+    assert matched.equivalent(table).all()
 
 
 def test_a_delay_is_an_offset_and_nothing_else():
@@ -64,7 +57,7 @@ def test_a_delay_is_an_offset_and_nothing_else():
     assert value(table, "slope") == pytest.approx(0, abs=1e-8)
     assert value(table, "extra_ms", 0.95) == pytest.approx(40, abs=1e-6)
     assert value(table, "pearson_r", 0.95) == pytest.approx(1)
-    assert equivalent(table).all()
+    assert matched.equivalent(table).all()
     # Unless it is declared to be decision time.
     assert (measured(late, latency_ms=0.0).query("measure == 'accuracy_gap'")["high"] < 0).all()
 
@@ -78,7 +71,7 @@ def test_wrong_evidence_reaches_no_accuracy_that_could_agree(kind):
     assert swept.posterior.mean(axis=1).max() < 0.5
     table = measured(swept)
     assert table[["value", "low", "high"]].isna().all(axis=None)
-    assert not equivalent(table).any()
+    assert not matched.equivalent(table).any()
 
 
 def test_the_interval_of_a_proportion_is_the_binomial_one():
@@ -119,7 +112,7 @@ def test_bad_input_is_refused():
     with refused("other"):
         measured(few)
     with refused("trials"):
-        matched_measures(few, few, rng=stream(1, "x"))
+        matched.matched_measures(few, few, rng=stream(1, "x"))
     with refused("trials"):
         check_trials(99)
     check_trials(100)
@@ -148,10 +141,11 @@ def staircase(reached, name):
 
 
 def test_all_are_matched_at_the_accuracy_asked_for_between_their_settings():
-    """Asked for 0.9, each divides its trials between the two settings about it."""
     test = staircase([0.80, 0.87, 0.892, 0.96], "test")
     other = staircase([0.85, 0.893, 0.9001, 0.95], "other")
-    measures = matched_measures(test, other, rng=stream(1, "b"), accuracies=(0.9,), resamples=20)
+    measures = matched.matched_measures(
+        test, other, rng=stream(1, "b"), accuracies=(0.9,), resamples=20
+    )
     measures = measures.set_index("measure")["value"]
     share = (0.9 - 0.892) / (0.96 - 0.892), (0.9 - 0.893) / (0.9001 - 0.893)
     assert measures["test_ms"] == pytest.approx(100 * (2 + share[0]), abs=3)
@@ -182,12 +176,9 @@ def test_trials_that_are_alike_in_a_group_make_the_interval_wider():
     both = [tradeoff(one, EVIDENCE) for one in (TRACE, noisy)]
     names = ("choice", "time_ms", "forced", "premature", "posterior")
     alike = [replace(o, **{name: getattr(o, name)[:, 4 * four] for name in names}) for o in both]
-    wide, narrow = (
-        matched_measures(
-            *alike, rng=stream(2, "b"), truth=EVIDENCE.truth[4 * four], accuracies=(0.9,), groups=g
-        )
-        for g in (four, None)
-    )
+    of = {"truth": EVIDENCE.truth[4 * four], "accuracies": (0.9,)}
+    both = ((stream(2, "b"), groups) for groups in (four, None))
+    wide, narrow = (matched.matched_measures(*alike, rng=r, groups=g, **of) for r, g in both)
     widths = [value(t, "agreement", 0.9, "high") - value(t, "agreement", 0.9, "low")
               for t in (wide, narrow)]  # fmt: skip
     assert widths[0] == pytest.approx(2 * widths[1], rel=0.2)
@@ -224,7 +215,7 @@ def test_early_and_forced_decisions_count_in_more_than_half_of_the_trials(share,
     early = replace(TEST, premature=some)
     assert (early.without_evidence == most).all()
     for pair in ((TEST, replace(TEST, forced=some)), (replace(TEST, forced=some), TEST)):
-        table = matched_measures(*pair, rng=stream(1, "b"), accuracies=(0.9,), resamples=20)
+        table = matched.matched_measures(*pair, rng=stream(1, "b"), accuracies=(0.9,), resamples=20)
         assert np.isnan(value(table, "agreement", 0.9)) == most
 
 
@@ -245,7 +236,7 @@ def test_the_latency_is_that_of_accuracies_from_85_to_98_per_cent_and_of_no_othe
     test = accuracy, 5000 * (accuracy - 0.7)
 
     def late_by(extra_ms):
-        offset, slope = latency(test, (accuracy, test[1] + extra_ms))
+        offset, slope = matched.latency(test, (accuracy, test[1] + extra_ms))
         return float(offset[0]), float(slope[0])
 
     inside = (accuracy > 0.8495) & (accuracy < 0.9805)
@@ -265,9 +256,8 @@ def test_intervals_from_few_resamples_or_groups_are_warned_of(resamples, groups,
 
 
 def drawn(trials, steps, seed=1, hypotheses=2):
-    return separated_evidence(
-        trials, steps, 0.4, rng=stream(seed, "cautions"), hypotheses=hypotheses, step_ms=50.0
-    )
+    options = {"rng": stream(seed, "cautions"), "hypotheses": hypotheses, "step_ms": 50.0}
+    return separated_evidence(trials, steps, 0.4, **options)
 
 
 def at_criterion(evidence, posterior):
@@ -287,11 +277,11 @@ def silent(call, *arguments):
 
 def test_an_accuracy_beyond_the_readings_is_said_with_what_they_allow():
     evidence = drawn(400, 5)
-    top = f"{accuracy_after(evidence):.3f}"
+    top = f"{matched.accuracy_after(evidence):.3f}"
     warning = rf"no threshold reaches .* of 0.9, 0.99: all readings .*, 5 at most, allow {top};"
     with pytest.warns(DeadlineWarning, match=warning):
-        assert warn_of_readings(evidence, (0.7, 0.9, 0.99)) == [0.7]
-    assert silent(warn_of_readings, drawn(400, 120), (0.7, 0.9, 0.99)) == [0.7, 0.9, 0.99]
+        assert matched.warn_of_readings(evidence, (0.7, 0.9, 0.99)) == [0.7]
+    assert silent(matched.warn_of_readings, drawn(400, 120), (0.7, 0.9, 0.99)) == [0.7, 0.9, 0.99]
 
 
 @pytest.mark.parametrize("hypotheses", [2, 4])
@@ -329,12 +319,11 @@ def test_the_sentence_is_said_where_zero_lies_outside_its_interval(posterior, ac
 def test_a_baseline_that_stays_below_what_readings_allow_has_a_ceiling_of_its_own():
     evidence = drawn(400, 120)
     leaky = tradeoff(Lca(leak_hz=20.0, inhibition_hz=0.0).run(evidence), evidence)
-    with pytest.warns(
-        DeadlineWarning, match=r"LCA reaches no accuracy of 0.99: at the best .* 0\.[5-9]"
-    ):
-        warn_of_missed("LCA", leaky, (0.7, 0.99))
+    warning = r"LCA reaches no accuracy of 0.99: at the best .* 0\.[5-9]"
+    with pytest.warns(DeadlineWarning, match=warning):
+        matched.warn_of_missed("LCA", leaky, (0.7, 0.99))
     test = tradeoff(Msprt().run(evidence), evidence)
-    silent(warn_of_missed, "MSPRT", test, (0.7, 0.99))
+    silent(matched.warn_of_missed, "MSPRT", test, (0.7, 0.99))
 
 
 def test_without_decisions_there_is_nothing_to_say():

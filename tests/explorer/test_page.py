@@ -55,7 +55,6 @@ def until(condition):
 
 
 def test_every_widget_changes_the_state_and_follows_it(explorer, widgets, monkeypatch):
-    """A new value gives another state that shows it; undo restores the value."""
     monkeypatch.setattr(explorer.runs, "show", lambda state: None)
     assert set(widgets) == {*VALUES, "evidence", "preset", "file", "line"}
     assert set(NUMBERS) < set(VALUES)

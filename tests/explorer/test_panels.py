@@ -84,7 +84,6 @@ def test_a_run_that_is_refused_says_so_in_the_sentence_of_the_command(tmp_path, 
 
 @pytest.mark.parametrize(("level", "oscillates"), [(0.3, "no"), (0.1, "yes")])
 def test_the_circuit_says_whether_it_oscillates(level, oscillates):
-    """Its fixed point loses stability at a level of dopamine between these two."""
     state = small("macaque", "algebra", f"dopamine {level}")
     assert (growth(state.circuit.steady).real < 0) == (oscillates == "no")
     (panel,) = (p for p in panels(state, Memory(), workers=1) if p.name == CIRCUIT)

@@ -14,22 +14,7 @@ from tests.explorer.helpers import small
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 
 
-@pytest.fixture
-def started():
-    """Return a function that starts runs, which are stopped at the end."""
-    opened = []
-
-    def start(deliver, ended):
-        opened.append(PanelRuns(deliver, ended, workers=1))
-        return opened[-1]
-
-    yield start
-    for one in opened:
-        one.stop(wait=True)
-
-
-def test_a_newer_state_cancels_the_run_of_an_older_one(started, monkeypatch):
-    """The older run waits in its first batch until there is a newer state."""
+def test_a_newer_state_cancels_the_run_of_an_older_one(monkeypatch):
     begun, panels, over = threading.Event(), [], threading.Event()
     first, second = small(), small("macaque", "algebra", "dopamine 0.9")
 
@@ -43,7 +28,7 @@ def test_a_newer_state_cancels_the_run_of_an_older_one(started, monkeypatch):
 
     original = module.panels
     monkeypatch.setattr(module, "panels", slow)
-    runs = started(panels.append, lambda state: over.set())
+    runs = PanelRuns(panels.append, lambda state: over.set(), workers=1)
     runs.show(first)
     assert begun.wait(20)
     runs.show(second)
@@ -52,7 +37,7 @@ def test_a_newer_state_cancels_the_run_of_an_older_one(started, monkeypatch):
     assert {panel.name for panel in panels} == set(TITLES)
 
 
-def test_a_ranking_waits_for_the_panels_and_ends_when_it_is_cancelled(started, monkeypatch):
+def test_a_ranking_waits_for_the_panels_and_ends_when_it_is_cancelled(monkeypatch):
     begun, over, panels = threading.Event(), threading.Event(), []
     state = small()
 
@@ -63,11 +48,8 @@ def test_a_ranking_waits_for_the_panels_and_ends_when_it_is_cancelled(started, m
             time.sleep(0.001)
         yield
 
-    def ended(_):
-        over.set()
-
     monkeypatch.setattr(module, "ranked", endless)
-    runs = started(panels.append, ended)
+    runs = PanelRuns(panels.append, lambda state: over.set(), workers=1)
     runs.show(state)
     runs.rank(state)
     assert begun.wait(60)

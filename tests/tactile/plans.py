@@ -8,14 +8,8 @@ import pandas as pd
 from bgmodel.tactile.pressing import LibraryPlan
 from bgmodel.tactile.sensor import Nuisance
 
-PLAN = LibraryPlan(
-    periods_mm=(0.0, 2.0, 5.0),
-    phases=8,
-    forces_n=(1.2, 1.5, 1.8),
-    dx_mm=0.25,
-    stored_dx_mm=0.5,
-    tol=1e-5,
-)
+GRID = {"dx_mm": 0.25, "stored_dx_mm": 0.5, "tol": 1e-5}
+PLAN = LibraryPlan(periods_mm=(0.0, 2.0, 5.0), phases=8, forces_n=(1.2, 1.5, 1.8), **GRID)
 TINY = dataclasses.replace(PLAN, periods_mm=(0.0, 4.0), phases=3, forces_n=(1.2, 1.8), dx_mm=0.5)
 STILL = Nuisance(offset_sd_mm=0, shear_sd_mm=0, marker_noise_um=0)
 

@@ -29,14 +29,8 @@ def test_a_sphere_on_a_half_space_presses_as_hertz_says():
     bend = 16 * SHEAR * wanted**3 / 3 * 9.0336 / (8 * np.pi * SHEAR * side**3)
     radius = 20.0 / (1 - bend)  # of the sphere that is pressed; it acts as one of 20 mm
     load = 4 * stiffness * wanted**3 / (3 * 20.0)
-    half = polonsky_keer(
-        dome(cells, dx, radius, True),
-        half_space((cells, cells // 2), dx, True),
-        load,
-        dx,
-        tol=1e-8,
-        mirrored=True,
-    )
+    surface = dome(cells, dx, radius, True), half_space((cells, cells // 2), dx, True)
+    half = polonsky_keer(*surface, load, dx, tol=1e-8, mirrored=True)
     pressure, r = unfold(half), np.sqrt(2 * dome(cells, dx, 1.0))
     peak = 2 * stiffness * wanted / (np.pi * 20.0)
     assert pressure.max() == pytest.approx(peak, rel=1e-3)
@@ -82,14 +76,8 @@ def test_mirrored_surface_and_start_change_nothing():
     groove, _ = Grating(4.0).on_grid(cells, dx)
     gap = dome(cells, dx) + groove[:, None]
     pressure = polonsky_keer(gap, half_space(gap.shape, dx), 1.0, dx, tol=1e-9)
-    half = polonsky_keer(
-        gap[:, cells // 2 :],
-        half_space((cells, cells // 2), dx, True),
-        1.0,
-        dx,
-        tol=1e-9,
-        mirrored=True,
-    )
+    kernel = half_space((cells, cells // 2), dx, True)
+    half = polonsky_keer(gap[:, cells // 2 :], kernel, 1.0, dx, tol=1e-9, mirrored=True)
     assert unfold(half) == pytest.approx(pressure, abs=1e-5 * pressure.max())
     start = np.roll(pressure, 3, axis=0)
     again = polonsky_keer(gap, half_space(gap.shape, dx), 1.0, dx, tol=1e-9, start_mpa=start)

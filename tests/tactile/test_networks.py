@@ -68,9 +68,8 @@ def test_targets_of_a_network_for_gratings_read_back_as_the_yaw():
 
 
 def test_targets_of_a_network_for_edges_read_back_as_the_direction():
-    assert EdgeNetwork.targets(np.array([0.0, 90.0, 180.0])) == pytest.approx(
-        np.array([[1, 0], [0, 1], [-1, 0]])
-    )
+    targets = EdgeNetwork.targets(np.array([0.0, 90.0, 180.0]))
+    assert targets == pytest.approx(np.array([[1, 0], [0, 1], [-1, 0]]))
     yaw = np.linspace(-179, 179, 30)
     read = EdgeNetwork.read(3 * EdgeNetwork.targets(yaw))
     np.testing.assert_allclose(read["edge_deg"], yaw)

@@ -104,17 +104,13 @@ def test_bad_files_get_one_clear_sentence(decoder, stored, tmp_path):
 
 
 def test_taps_are_decoded_without_pytorch(tmp_path):
-    """By the commands, with packages of training and of .safetensors absent."""
     taps, decoder, decoded = (tmp_path / name for name in ("t.npz", "d.onnx", "x.csv"))
     striped_taps(100).save(taps, {})
     quick = ("--training", "width=0.1", "epochs=1", "batch=16")
     assert run("touch", "train", taps, "--save", decoder, *quick) == 0
     assert "device" not in Decoder.load(decoder).about["command"]
-    done = subprocess.run(
-        [sys.executable, "-c", WITHOUT, "touch", "decode", decoder, taps, "--save", decoded],
-        cwd=ROOT,
-    )
-    assert done.returncode == 0
+    words = [sys.executable, "-c", WITHOUT, "touch", "decode", decoder, taps, "--save", decoded]
+    assert subprocess.run(words, cwd=ROOT).returncode == 0
     table = read_table(decoded)
     assert table["trained_on"].all()
     readings = Decoder.load(decoder).decode(striped_taps(100))
@@ -146,9 +142,8 @@ def test_a_network_of_ones_own_is_read_as_stated(tmp_path):
     network = OwnNetwork("edge", "displacements", "vector")
     for trained in (None, MAKERS["edge"](600, 1)):
         restored = load_decoder(path, network, trained_on=trained)
-        pd.testing.assert_frame_equal(
-            restored.decode(taps), decoder.decode(taps), check_exact=False, atol=1e-3
-        )
+        both = restored.decode(taps), decoder.decode(taps)
+        pd.testing.assert_frame_equal(*both, check_exact=False, atol=1e-3)
     assert restored.knows(MAKERS["edge"](600, 1)).all()
     assert restored.decode(MAKERS["edge"](600, 1))["trained_on"].all()
 

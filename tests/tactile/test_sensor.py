@@ -3,14 +3,16 @@
 import dataclasses
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from bgmodel.tactile.library import Library
 from bgmodel.tactile.pressing import LibraryPlan, press
 from bgmodel.tactile.sensor import Nuisance, noiseless, simulate
 from bgmodel.tactile.skin import Skin, Tip
+from bgmodel.tactile.taps import Taps
 from tests.helpers import refused
-from tests.tactile.plans import PLAN, one_tap
+from tests.tactile.plans import PLAN, STILL, one_tap
 
 
 def test_smooth_plate_does_not_tell_its_yaw():
@@ -19,10 +21,8 @@ def test_smooth_plate_does_not_tell_its_yaw():
     def rms_um(side):
         plan = LibraryPlan(periods_mm=(0.0,), field_side_mm=side)
         smooth = Library(plan, {0.0: press(plan, 0.0, 0.0)[None]})
-        size = [
-            np.linalg.norm(noiseless(one_tap(period_mm=0.0, yaw_deg=yaw), Tip(), smooth)[0], axis=1)
-            for yaw in (0, 45)
-        ]
+        moved = [noiseless(one_tap(0.0, yaw), Tip(), smooth)[0] for yaw in (0, 45)]
+        size = np.linalg.norm(moved, axis=2)
         return 1000 * np.sqrt(np.mean((size[0] - size[1]) ** 2))
 
     # About a hundredth of the marker noise; at 36 mm, the control, ten times as much.
@@ -90,12 +90,8 @@ def test_the_default_library_is_that_of_the_skin_and_the_tip(library, monkeypatc
     soft, small = Skin(gel_mm=9.0), Tip(radius_mm=15.0)
     for parts in ({}, {"skin": soft}, {"tip": small}, {"skin": soft, "tip": small}):
         simulate(2.0, 0.0, rng=np.random.default_rng(0), **parts)
-    assert asked == [
-        LibraryPlan(),
-        LibraryPlan(skin=soft),
-        LibraryPlan(radius_mm=15.0),
-        LibraryPlan(skin=soft, radius_mm=15.0),
-    ]
+    wanted = ({}, {"skin": soft}, {"radius_mm": 15.0}, {"skin": soft, "radius_mm": 15.0})
+    assert asked == [LibraryPlan(**parts) for parts in wanted]
 
 
 def test_nuisances_have_their_size(library):
@@ -145,3 +141,72 @@ def test_taps_that_the_library_does_not_hold_are_refused(library, change, messag
     arguments = {"periods_mm": [2.0], "yaw_deg": 0.0, "library": library} | change
     with refused(message):
         simulate(**arguments, rng=np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("layout", ["square", "hexagonal", "circular"])
+def test_maps_have_zero_mean_unit_spread_and_the_places_of_the_pins(library, layout):
+    rng = np.random.default_rng(3)
+    taps = simulate([0.0, 2.0, 5.0], [0, 45, 90], rng=rng, tip=Tip(layout), library=library)
+    maps = taps.maps()
+    assert maps.shape == (3, 1, 19, 19)
+    assert maps.dtype == np.float32
+    assert maps.mean(axis=(1, 2, 3)) == pytest.approx(0, abs=1e-5)
+    assert maps.std(axis=(1, 2, 3)) == pytest.approx(1, abs=1e-5)
+    middle = maps[0, 0]
+    assert middle[9, 9] < middle[9, 4]  # least under the apex, most on a ring about it
+    if layout == "square":
+        size = np.linalg.norm(taps.displacement_mm[2], axis=1).reshape(19, 19)
+        assert np.corrcoef(size.ravel(), maps[2].ravel())[0, 1] == pytest.approx(1, abs=1e-6)
+
+
+def test_parts_of_taps_join_to_the_taps_that_were_selected(library):
+    options = {"rng": np.random.default_rng(0), "nuisance": STILL, "library": library}
+    taps = simulate([0.0, 2.0, 5.0, 2.0], 10.0, **options)
+    fine = taps.select(taps.labels.period_mm == 2.0)
+    assert len(fine) == 2
+    assert np.array_equal(fine.displacement_mm, taps.displacement_mm[[1, 3]])
+    both = Taps.concatenate([fine, taps.select([0])])
+    assert both.labels.period_mm.tolist() == [2.0, 2.0, 0.0]
+    assert both.labels.index.tolist() == [0, 1, 2]
+    other = simulate(2.0, 0, rng=np.random.default_rng(0), tip=Tip("hexagonal"), library=library)
+    with refused("parts same pins"):
+        Taps.concatenate([taps, other])
+    with refused("parts got none"):
+        Taps.concatenate([])
+    with refused("mask"):
+        taps.select([True, False, True])
+    with refused("displacement_mm"):
+        Taps(taps.displacement_mm[:2], taps.rest_mm, taps.labels)
+
+
+def test_the_order_in_which_pins_are_listed_changes_no_map():
+    rng = np.random.default_rng(7)
+    rest, moved = Tip().rest_mm(), rng.normal(size=(2, 361, 2)).astype(np.float32)
+    labels, order = pd.DataFrame({"yaw_deg": [0.0, 1.0]}), rng.permutation(361)
+    known = Taps(moved, rest, labels).maps()
+    # Rows of the picture run from the top down, as the pins of the square array do.
+    assert known[0, 0].argmax() == np.linalg.norm(moved[0], axis=1).argmax()
+    listed = Taps(moved[:, order], rest[order], labels).maps()
+    np.testing.assert_allclose(listed, known, atol=1e-4)
+
+
+def test_a_file_gives_back_its_taps_and_an_older_one_without_a_stimulus_holds_gratings(tmp_path):
+    labels = pd.DataFrame({"yaw_deg": [0.0, 1.0], "frame": [3, 4]})
+    moved = np.random.default_rng(7).normal(size=(2, 361, 2)).astype(np.float32)
+    taps = Taps(moved, Tip().rest_mm(), labels, "edge")
+    path = taps.save(tmp_path / "taps.npz", {"seed": 5})
+    restored, about = Taps.load(path)
+    assert about == {"seed": 5}
+    assert restored.stimulus == "edge"
+    assert np.array_equal(restored.displacement_mm, moved)
+    assert np.array_equal(restored.rest_mm, taps.rest_mm)
+    pd.testing.assert_frame_equal(restored.labels, labels)
+    with np.load(path) as stored:
+        old = {name: stored[name] for name in stored.files if name != "stimulus"}
+    np.savez(path, **old)
+    assert Taps.load(path)[0].stimulus == "grating"
+    np.savez(path, **{name: value for name, value in old.items() if name != "rest_mm"})
+    with refused("path does not hold taps of this program"):
+        Taps.load(path)
+    with refused(r"path there are no taps .*absent\.npz"):
+        Taps.load(tmp_path / "absent.npz")

@@ -36,13 +36,11 @@ def test_no_mean_displacement_and_no_overflow():
     assert np.all(np.isfinite(waves))
 
 
-@pytest.mark.parametrize(
-    ("layout", "pins"), [("square", 361), ("hexagonal", 127), ("circular", 331)]
-)
-def test_pins_of_every_layout_lie_a_pitch_apart_about_the_centre(layout, pins):
+@pytest.mark.parametrize(("layout", "n"), [("square", 361), ("hexagonal", 127), ("circular", 331)])
+def test_pins_of_every_layout_lie_a_pitch_apart_about_the_centre(layout, n):
     rest = Tip(layout, pitch_mm=2.0).rest_mm()
-    assert rest.shape == (pins, 2)
-    apart = np.linalg.norm(rest[:, None] - rest, axis=2)[~np.eye(pins, dtype=bool)]
+    assert rest.shape == (n, 2)
+    apart = np.linalg.norm(rest[:, None] - rest, axis=2)[~np.eye(n, dtype=bool)]
     assert apart.min() == pytest.approx(2.0, rel=0.05)
     assert rest.mean(axis=0) == pytest.approx(0, abs=1e-12)
 
@@ -77,7 +75,6 @@ def test_markers_are_drawn_where_they_are(shape):
 
 @pytest.mark.parametrize(("radius", "blur"), [(1.2, 0.5), (3.0, 0.6), (6.0, 1.2)])
 def test_a_marker_is_a_disc_with_a_logistic_edge_on_all_sides(radius, blur):
-    """Compared with the formula in every pixel; pixels outside the drawn patch are dark."""
     places = np.array([[15.0, 14.0], [28.4, 29.3], [13.5, 32.0]])
     rows, columns = np.indices((48, 48))
     distance = np.hypot(columns - places[:, :1, None], rows - places[:, 1:, None])
@@ -86,7 +83,6 @@ def test_a_marker_is_a_disc_with_a_logistic_edge_on_all_sides(radius, blur):
 
 
 def test_a_marker_at_the_rim_is_cut_off_where_the_picture_ends():
-    """Each of the four rims, its corners and its outermost pixels."""
     side, margin = 24, 12
     places = np.array([[0.2, 5.0], [22.7, 11.0], [6.0, -0.4], [15.0, 23.3], [-1.0, 24.0]])
     small = _discs(places, 3.0, (side, side))

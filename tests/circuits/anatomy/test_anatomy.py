@@ -47,11 +47,8 @@ def without_source(row, named):
     whole_row = [part for part in parts if not re.search("|".join(WORDS.values()), part)]
     if text == "assumed; " or (whole_row and not named):
         return []
-    numbers = [
-        field.name
-        for field in fields(row)
-        if field.name in WORDS and getattr(row, field.name) != field.default
-    ]
+    known = [field for field in fields(row) if field.name in WORDS]
+    numbers = [each.name for each in known if getattr(row, each.name) != each.default]
     if isinstance(row, Population) and not fields(row.cell)[0].type.startswith("float"):
         numbers.remove("cell")
     return [k for k in numbers if not any(re.search(WORDS[k], part) for part in parts)]

@@ -48,11 +48,8 @@ def test_the_channel_of_the_larger_input_is_selected_and_the_others_rise():
 
 def test_too_little_dopamine_selects_nothing_and_too_much_selects_both():
     """As the abstract says: selection deteriorates in depleted and in excessive dopamine."""
-    inputs = [20, 15, 3]
-    little, tonic, much = (
-        mean_hz(anatomy.humphries(3, dopamine=level), inputs)["SNr"].mean(axis=0)
-        for level in (0.0, 0.3, 0.8)
-    )
+    tables = (anatomy.humphries(3, dopamine=level) for level in (0.0, 0.3, 0.8))
+    little, tonic, much = (mean_hz(each, [20, 15, 3])["SNr"].mean(axis=0) for each in tables)
     assert (little > SELECTED_HZ).all()
     assert (tonic < SELECTED_HZ).tolist() == [True, False, False]
     assert (much < SELECTED_HZ).tolist() == [True, True, False]

@@ -21,9 +21,8 @@ LEADER_MS, STEP_MS = 500, 50.0
 
 
 def out(table, drive):
-    return run(table, np.asarray(drive)[None, None], engine="algebra", step_ms=1.0).output_nats[
-        0, 0
-    ]
+    drive = np.asarray(drive)[None, None]
+    return run(table, drive, engine="algebra", step_ms=1.0).output_nats[0, 0]
 
 
 def stepped(table, lead, size):

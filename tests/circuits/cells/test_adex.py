@@ -92,10 +92,8 @@ def test_adex_cells_with_sparse_connections_spike_alike_up_to_single_precision()
 
 
 def test_factors_of_an_adex_are_of_its_time_constant_its_slope_and_its_way_to_the_knee():
-    one, tau, slope, top = (
-        ADEX.constants(np.array(factors), 0.1)
-        for factors in ((1, 1, 1), (2, 1, 1), (1, 2, 1), (1, 1, 2))
-    )
+    factors = np.array([(1, 1, 1), (2, 1, 1), (1, 2, 1), (1, 1, 2)])
+    one, tau, slope, top = (ADEX.constants(each, 0.1) for each in factors)
     assert tau["decay"] == pytest.approx(np.exp(-0.1 / (2 * ADEX.tau_ms)), rel=1e-6)
     assert slope["slope"] == pytest.approx(2 * one["slope"], rel=1e-6)
     assert top["knee"] == pytest.approx(2 * one["knee"], rel=1e-6)

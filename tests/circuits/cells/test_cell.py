@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.testing as npt
 import pytest
 
-from circuits.cells import CELLS, Cell, Phase, Rate, register
+from circuits.cells import CELLS, Cell, Phase, Rate, register, single
 from circuits.cells.cell import RESERVED
-from circuits.cells.single import single
 from tests.circuits.spiking import ADEX, BASE, SPIKING, lacking, one_sentence, spikes_of, with_cell
 from tests.helpers import refused
 
@@ -46,15 +46,10 @@ def test_a_type_that_cannot_be_one_is_refused_at_registration():
 
 
 def test_every_registered_type_answers_or_raises_in_every_engine():
-    """No engine and no law takes a cell type for another: each runs, or names type and answer."""
     made = {"Rate": Rate(), "Lif": BASE.population("GPe").cell, "Phase": Phase(0.3), "AdEx": ADEX}
     assert set(made) == set(CELLS)
-    calls = [lacking(e) for e in SPIKING]
-    calls = [
-        *calls,
-        lacking("rate"),
-        *(lacking("algebra", laws=x) for x in ("table", "cells", "finite")),
-    ]
+    calls = [lacking(name) for name in (*SPIKING, "rate")]
+    calls += [lacking("algebra", laws=laws) for laws in ("table", "cells", "finite")]
     for name, cell in made.items():
         circuit = with_cell(BASE, "GPe", cell)
         for call in calls:
@@ -87,10 +82,7 @@ def swapped(heard, ones, phi, factor, noise_step):
     ("answers", "says"),
     [
         ({"constants": lambda *_: {"factor": ONE}}, "constants must give what"),
-        (
-            {"constants": lambda *_: {"factor": ONE, "noise_step": ONE, "more": ONE}},
-            "must give what",
-        ),
+        ({"constants": lambda *_: {"factor": ONE, "noise_step": ONE, "x": ONE}}, "must give what"),
         ({"constants": lambda *_: {"noise_step": 1.0, "factor": ONE}}, "single prec"),
         ({"constants": lambda *_: {"noise_step": ONE * np.nan, "factor": ONE}}, "must be finite"),
         ({"begin": staticmethod(lambda uniform, noise_step, factor: ())}, "begin must return phi"),
@@ -109,7 +101,7 @@ def test_a_type_whose_answers_do_not_fit_each_other_is_refused_by_every_engine(
 @pytest.mark.parametrize("name", ["decay_hz", "x", "nats", "pi", "dt_s", "own"])
 def test_names_of_the_engines_are_refused_as_those_of_a_cell(engine, name):
     def begin(uniform, noise_step, factor):
-        return (single(uniform),)
+        return (single.single(uniform),)
 
     circuit = fitting(state=(name,), begin=staticmethod(begin))
     code = f"lambda heard, ones, {name}, noise_step, factor: ({name} > {name}, {name})"
@@ -138,3 +130,15 @@ def test_a_type_whose_tick_was_replaced_is_compiled_anew():
     type(circuit.population("STN").cell).tick = staticmethod(silent)
     assert not any(s[0] == "STN" for s in spikes_of(circuit, "spikes"))
     assert any(s[0] == "STN" for s in before)
+
+
+def test_the_exponential_of_all_engines_is_the_exponential_from_minus_87_to_60():
+    x = np.linspace(-100, 100, 10_001).astype(np.float32)
+    powers, within = single.exponential(x), (x >= -87) & (x <= 60)
+    npt.assert_allclose(powers, np.exp(np.clip(x.astype(float), -87, 60)), rtol=5e-7)
+    assert np.ptp(powers[x < -87]) == np.ptp(powers[x > 60]) == 0
+    assert np.diff(powers[within]).min() > 0
+    from circuits.engines.spikes import lanes
+
+    compiled = lanes.numba.njit(lambda values: [lanes.exp32(value) for value in values])(x)
+    npt.assert_array_equal(np.array(compiled), powers)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import numpy.testing as npt
 import pytest
 from scipy.integrate import quad
 from scipy.optimize import linprog
@@ -16,12 +17,7 @@ from circuits.dynamics import noise
 
 SPIKING = anatomy.spiking_msprt()
 # Population: the rates over which its current is fitted, and the largest departure from its line.
-LINES = {
-    "D1": ((5, 60), 0.03),
-    "D2": ((3, 7), 0.06),
-    "GPe": ((20, 70), 0.01),
-    "SNr": ((5, 80), 0.04),
-}
+LINES = {"D1": (5, 60, 0.03), "D2": (3, 7, 0.06), "GPe": (20, 70, 0.01), "SNr": (5, 80, 0.04)}
 Z_LIMIT = 4.0  # some 30 rates below
 
 
@@ -77,22 +73,15 @@ def measured_hz(cell, drive, neurons, *args, **times):
     spikes = counted(cell, np.repeat(np.asarray(drive, dtype=float), neurons), *args, **times)
     seconds = args[1] / 1000
     parts = [spikes[group == i] / seconds for i in range(len(drive))]
-    return (
-        np.array([rates.mean() for rates in parts]),
-        np.array([rates.std() / np.sqrt(rates.size) for rates in parts]),
-    )
+    return np.array([(hz.mean(), hz.std() / np.sqrt(hz.size)) for hz in parts]).T
 
 
 def off_an_exponential(x, rate_hz):
     """Return by what fraction the rates miss the exponential of x that fits them best."""
     one, y = np.ones_like(x), np.log(rate_hz)
     below, above = np.stack([x, one, -one], axis=1), np.stack([-x, -one, -one], axis=1)
-    fit = linprog(
-        [0, 0, 1],
-        A_ub=np.concatenate([below, above]),
-        b_ub=np.concatenate([y, -y]),
-        bounds=[(None, None)] * 3,
-    )
+    limits = np.concatenate([below, above]), np.concatenate([y, -y])
+    fit = linprog([0, 0, 1], *limits, bounds=[(None, None)] * 3)
     return float(np.expm1(fit.x[2]))
 
 
@@ -158,7 +147,7 @@ def test_the_mean_potential_inverts_the_rate():
 @pytest.mark.parametrize("name", LINES)
 def test_fitted_currents_follow_the_line_and_are_those_of_the_table(name):
     row = SPIKING.population(name)
-    range_hz, off_nats = LINES[name]
+    *range_hz, off_nats = LINES[name]
     line = (row.baseline_hz, row.gain_hz_per_nat)
     rest_mv, mv_per_nat = fit_current(row.cell, *line, range_hz)
     assert row.cell.rest_mv == pytest.approx(rest_mv, abs=0.05)
@@ -174,7 +163,6 @@ def test_fitted_currents_follow_the_line_and_are_those_of_the_table(name):
 
 @pytest.mark.parametrize("tick_ms", [0.1, Phase.longest_tick_ms])
 def test_phase_cells_are_exponential_over_six_nats_and_as_regular_as_stated(tick_ms):
-    """From 0.5 to 400 Hz, 6.7 nats."""
     cell = SPIKING.population("STN").cell
     nats = np.linspace(np.log(0.5), np.log(400), 9)
     rate_hz, error = measured_hz(cell, np.exp(nats), (250,) * 9, tick_ms, 2000.0)
@@ -208,3 +196,62 @@ def test_gpe_is_s_minus_log_s_within_a_tenth_of_a_nat_near_its_set_point():
     assert s0 == pytest.approx(2.2)
     assert np.abs(off[(total >= 1.25) & (total <= 3.25)]).max() < 0.1
     assert 0.5 < np.abs(off[-1]) < 0.8  # at S = 5: why a common mode must hold S near s0
+
+
+BASE = anatomy.spiking_msprt(2).with_neurons(40)
+
+
+def test_a_tick_of_a_lif_is_the_exact_solution_of_its_equation():
+    cell = BASE.population("GPe").cell
+    factors = np.random.default_rng(3).uniform(0.7, 1.3, (3, 50))
+    tau, slope, top = factors
+    c = cell.constants(factors, 0.1)
+    lowest_mv = cell.sampled_threshold_mv(0.1, tau, top) - 3
+    npt.assert_allclose(c["threshold"] / c["unit"], lowest_mv, rtol=1e-6)
+    alpha = np.exp(-0.1 / (cell.tau_ms * tau))
+    for v, nats, ones in ((3.0, -0.5, 4), (9.0, 0.3, 0), (14.0, 0.0, 7)):
+        mean = cell.rest_mv + cell.mv_per_nat * slope * nats
+        step = cell.noise_mv * np.sqrt(1 - alpha**2)
+        exact = mean + (v - mean) * alpha + step * (ones - 4) / np.sqrt(2)
+        kept = c["decay"] * c["unit"] * (v - cell.reset_mv)
+        moved = kept + (c["rest"] + c["slope"] * nats + c["noise_step"] * ones)
+        npt.assert_allclose(cell.reset_mv + moved / c["unit"], exact, rtol=1e-6)
+
+
+@pytest.mark.parametrize("dt_ms", [0.05, 0.1, 0.2])
+def test_the_sampled_threshold_lies_below_by_the_overshoot(dt_ms):
+    cell = SPIKING.population("GPe").cell
+    step = cell.noise_mv * np.sqrt(2 * dt_ms / cell.tau_ms)
+    below = cell.threshold_mv - cell.sampled_threshold_mv(dt_ms)
+    assert below == pytest.approx(0.5826 * step, rel=0.02)
+
+
+@pytest.mark.parametrize("dt_ms", [0.05, 0.2])
+def test_a_ticks_noise_keeps_the_spread_of_the_membrane(dt_ms):
+    """What decays in a tick is drawn anew: sd^2 = sd^2 exp(-2 dt/tau) + step^2."""
+    cell = SPIKING.population("GPe").cell
+    kept = cell.noise_mv * np.exp(-dt_ms / cell.tau_ms)
+    assert np.hypot(cell.step_mv(dt_ms), kept) == pytest.approx(cell.noise_mv, rel=1e-12)
+
+
+def test_a_varied_cell_has_the_constants_of_its_factors_and_factors_of_1_change_nothing():
+    cell, factors = SPIKING.population("GPe").cell, np.array([1.2, 0.9, 1.1])
+    assert cell.varied(np.ones(3)) == (cell, 1.0)
+    other, times = cell.varied(factors)
+    assert times == 1.0
+    constants, made = cell.constants(factors, 0.1), other.constants(np.ones(3), 0.1)
+    for name in ("decay", "rest", "slope", "noise_step"):
+        # Own units are those in which all cells have one threshold.
+        expected = constants[name] / (1 if name == "decay" else constants["unit"])
+        npt.assert_allclose(made[name], expected, rtol=1e-6, err_msg=name)
+
+
+def test_a_lif_starts_anywhere_between_reset_and_its_threshold_and_is_ready():
+    """In the units of its population, where its own threshold is that of all."""
+    cell = BASE.population("GPe").cell
+    c = cell.constants(np.array([1.0, 1.0, 1.3]), 0.1)
+    for uniform in (0.0, 0.25, 1.0):
+        v, wait = cell.begin(np.float64(uniform), *c.values())
+        assert v == pytest.approx(uniform * c["threshold"] * c["unit"], rel=1e-6)
+        assert wait == 0
+    assert c["unit"] < 0.8

@@ -85,10 +85,8 @@ def test_all_frequencies_together_are_more_noise_of_the_membrane(name, above_mv)
     # It falls as the frequency to the -3/2 in the end: the rest of the integral.
     gained = 2 * (np.trapezoid(bend, frequency) + 2 * bend[-1] * frequency[-1])
     step = 0.01
-    more, less = (
-        lif_rate_hz(replace(cell, noise_mv=np.sqrt(cell.noise_mv**2 + by)), mean)
-        for by in (step, -step)
-    )
+    noises_mv = np.sqrt(cell.noise_mv**2 + step * np.array([1, -1]))
+    more, less = (lif_rate_hz(replace(cell, noise_mv=each), mean) for each in noises_mv)
     law = (more - less) / (2 * step) / (2 * cell.tau_ms / 1000)
     assert gained == pytest.approx(law, rel=0.03)
 
@@ -118,9 +116,7 @@ def test_a_refractory_period_is_not_seen_where_it_is_a_whole_number_of_turns():
     """2 ms is one period of a 500 Hz modulation, so only the rate changes."""
     cell = TABLE.population("GPe").cell
     mean = cell.threshold_mv + np.array([-1.0, 2.0])
-    held, free = (
-        lif_response(replace(cell, refractory_ms=ms), mean, [250.0, 500.0]) for ms in (2.0, 0.0)
-    )
+    held, free = (lif_response(replace(cell, refractory_ms=x), mean, [250, 500]) for x in (2, 0))
     slower = held.spectrum[:, 1] / free.spectrum[:, 1]
     assert (slower < 0.98).all()
     np.testing.assert_allclose(held.gain[:, 1] / free.gain[:, 1], slower, rtol=1e-9)

@@ -64,10 +64,8 @@ def test_urgency_lowers_out_of_all_channels_by_half_a_nat_in_the_end(name):
 
 def test_the_onset_transient_raises_cortex_and_leaves_out_in_the_end():
     table = anatomy.macaque(2)
-    quiet, burst = (
-        BasalGanglia(c, "rate").run_drive(np.zeros((1, 40, 2)), 50.0)
-        for c in (table, table.add("onset_transient"))
-    )
+    models = (BasalGanglia(each, "rate") for each in (table, table.add("onset_transient")))
+    quiet, burst = (model.run_drive(np.zeros((1, 40, 2)), 50.0) for model in models)
     cortex = burst.rates_hz["ctx"][0] - quiet.rates_hz["ctx"][0]
     assert cortex.max() > 3
     assert np.abs(cortex[-1]).max() < 0.3

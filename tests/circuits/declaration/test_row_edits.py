@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
-from circuits.declaration.rows import Population, Projection
+from circuits.declaration.rows import GABA, Population, Projection, rows
 from tests.helpers import refused
 
 TABLE = anatomy.spiking_msprt()
@@ -204,3 +204,24 @@ def test_a_new_row_in_keywords_is_that_in_text_and_its_signature_lists_the_field
         TABLE.add("STN->D1", wieght=0.1)
     with refused("weight"):
         TABLE.add("STN->D1", weight="heavy")
+
+
+def test_values_go_to_the_fields_named_above_them():
+    populations = rows(
+        Population,
+        ("name  cell  tau_ms", ("STN", Rate(), 5), ("GPe", Rate(signed=True), 10)),
+        ("name  transmitter", ("STN", "glutamate"), ("GPe", GABA)),
+    )
+    assert populations == (
+        Population("STN", Rate(), tau_ms=5),
+        Population("GPe", Rate(signed=True), tau_ms=10, transmitter=GABA),
+    )
+
+
+def test_a_row_that_a_later_part_leaves_out_has_the_default():
+    projections = rows(
+        Projection,
+        ("source target weight", ("STN", "GPe", 1), ("STN", "SNr", 2)),
+        ("source target delay_ms", ("STN", "SNr", 3)),
+    )
+    assert projections == (Projection("STN", "GPe", 1), Projection("STN", "SNr", 2, delay_ms=3))

@@ -96,7 +96,6 @@ EDITED = [
 
 @pytest.mark.parametrize("edit", EDITED)
 def test_an_edited_table_does_not_repeat_the_claim_of_the_original(edit, tmp_path):
-    """For example that it decides as the MSPRT does. The hash depends on the rows alone."""
     circuit = anatomy.macaque()
     edited = circuit.edited(edit)
     assert edited.about == "edited from: " + circuit.about

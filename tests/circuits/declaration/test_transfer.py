@@ -67,7 +67,6 @@ def test_the_spikes_kernel_has_the_same_transfers(name):
 
 @pytest.mark.parametrize("name", population.TRANSFERS)
 def test_the_population_kernel_has_the_same_transfers_in_single_precision(name):
-    """Values that only fill a row are zeros."""
     values = np.zeros(-(-len(X) // population.LANES) * population.LANES, np.float32)
     values[: len(X)] = X
     found = tuple(np.zeros(len(values), kind) for kind in (np.int32, np.float32, np.float32))

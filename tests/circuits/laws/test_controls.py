@@ -6,8 +6,8 @@ import pytest
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.anatomy import load_circuit
 from circuits.cells.phase import phase_spectrum
-from circuits.engines import run
 from circuits.laws.controls import correlated, linear_stn, perturbed
+from tests.circuits.helpers import run_algebra
 
 SEED = 51
 TABLE = load_circuit("spiking_msprt", 4)
@@ -33,15 +33,12 @@ def test_shared_noise_has_the_size_that_was_asked():
         y = BasalGanglia(table, "spikes", seed=SEED).run_drive(silence, 50.0).decoded_nats("ctx")
         # Over 20 ms, the time of the shared noise.
         sd.append(y.reshape(40, 25, 20, 4).mean(axis=2).std())
-    assert np.sqrt(sd[1] ** 2 - sd[0] ** 2) == pytest.approx(
-        0.2 * np.sqrt(2 * np.exp(-1)), rel=0.25
-    )
+    assert np.sqrt(sd[1] ** 2 - sd[0] ** 2) == pytest.approx(0.2 * np.sqrt(2 / np.e), rel=0.25)
 
 
 @pytest.mark.parametrize(("options", "cells", "tau_ms"), [({}, 20, 20.0), ({"cells": 5}, 5, 20.0),
                                                          ({"tau_ms": 50.0}, 20, 50.0)])  # fmt: skip
 def test_shared_noise_has_its_size_in_closed_form(options, cells, tau_ms):
-    """Power of renewal spikes through an exponential filter, summed over all frequencies."""
     noisy = correlated(TABLE, 0.2, **options)
     row, path = noisy.population("shared"), noisy.projection("shared->ctx")
     assert (row.neurons, path.tau_ms, path.delay_ms) == (cells, tau_ms, 1)
@@ -62,9 +59,7 @@ def test_with_a_linear_stn_out_is_the_mean_over_channels_less_each(channels):
     table = load_circuit("macaque", channels)
     drive = np.zeros((2, 1, channels))
     drive[1, 0, :2] = 0.3, -0.2
-    linear, intact = (
-        run(x, drive, engine="algebra", step_ms=50) for x in (linear_stn(table), table)
-    )
+    linear, intact = (run_algebra(each, drive) for each in (linear_stn(table), table))
     for name, rates in linear.rates_hz.items():
         if name != "SNr":
             np.testing.assert_allclose(rates[0], intact.rates_hz[name][0], rtol=1e-9)

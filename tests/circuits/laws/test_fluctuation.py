@@ -48,7 +48,6 @@ def shot_covariance(cell, hz, a, b):
 
 @pytest.mark.parametrize("tau_ms", [0.0, 5.0])
 def test_noise_of_spikes_lifts_an_exponential_by_half_its_variance(tau_ms):
-    """Renewal shot noise through filters of 4 and tau ms, in closed form."""
     cells = 200
     wiring, x = state(fed(cells=cells, tau_ms=tau_ms))
     added = extra(wiring, x[None]).rates_hz[0]
@@ -73,7 +72,6 @@ def test_a_circuit_of_rates_has_no_noise(name):
 
 
 def test_the_noise_of_few_cells_is_in_the_fixed_point():
-    """OUT of 100 cells a population lies off that of many by what is computed."""
     table = anatomy.spiking_msprt(2).with_neurons(100)
     # So many that the error of the mean is a fortieth of what is computed.
     drive = np.zeros((200, 1, 2))
@@ -81,10 +79,8 @@ def test_the_noise_of_few_cells_is_in_the_fixed_point():
     spikes = run_spikes(table, drive, step_ms=4000, seed=73, rates=False, sample_ms=5.0)
     measured = spikes.output_nats[:, 200:, 0].mean(axis=1)
     error = measured.std(ddof=1) / np.sqrt(len(measured))
-    cells, finite = (
-        run_algebra(table, drive[:1], laws=laws).output_nats[0, 0, 0]
-        for laws in ("cells", "finite")
-    )
+    known = [run_algebra(table, drive[:1], laws=laws) for laws in ("cells", "finite")]
+    cells, finite = (each.output_nats[0, 0, 0] for each in known)
     assert abs(measured.mean() - cells) > 4 * error
     assert abs(measured.mean() - finite) < 0.15 * abs(measured.mean() - cells)
 
@@ -104,7 +100,6 @@ def test_frequencies_are_added_near_a_resonance_until_no_step_turns_too_far():
 
 
 def test_noise_is_refused_where_a_state_grows_without_an_oscillation():
-    """As slowly as the lowest frequency can show."""
     with pytest.raises(ValueError, match="the fixed point of creeping is unstable"):
         out_variance(creeping(0.0074))
     assert np.isfinite(out_variance(creeping(-0.0074))["source"]).all()
@@ -114,10 +109,7 @@ def test_noise_is_refused_where_a_state_grows_without_an_oscillation():
 def test_a_slope_that_changes_by_a_hundredth_has_a_kink(steep, share):
     """Of itself where it is steep, of 1 where it is flat; within a hundred-millionth of a nat."""
     at = np.array([-3 * KINK_NATS, -KINK_NATS / 2, 0.0, KINK_NATS / 2, 3 * KINK_NATS])
-    for change, seen in (
-        (1.1 * share, [False, True, True, True, False]),
-        (0.9 * share, [False] * 5),
-    ):
+    for change, seen in ((1.1 * share, [0, 1, 1, 1, 0]), (0.9 * share, [0] * 5)):
         for start, sign in ((steep, 1), (-steep, 1), (steep + change, -1)):
             jumps = _jumps(lambda x: start + sign * change * (x > 0), at)  # noqa: B023
             assert jumps.tolist() == seen
@@ -134,7 +126,6 @@ def at_rest():
 
 @pytest.mark.parametrize("name", ["ctx", "D1", "STN", "GPe", "SNr"])
 def test_power_of_rates_is_what_spikes_show(at_rest, name):
-    """Of all populations, loops and all, from 4 to 300 Hz, in eight bands."""
     frequency, power = at_rest.spectrum(name, from_ms=500, segment_ms=500)
     inside = (frequency >= 4) & (frequency <= 300)
     ratio = power[inside] / rate_spectrum(MANY, name, frequency[inside])
@@ -144,7 +135,6 @@ def test_power_of_rates_is_what_spikes_show(at_rest, name):
 
 @pytest.mark.parametrize("level", [pytest.param(1.0, marks=pytest.mark.validate), 0.5])
 def test_beta_of_cells_that_differ_is_what_spikes_show(level):
-    """The macaque's, in which every cell has a different rate, from 13 to 30 Hz."""
     table = anatomy.macaque().dopamine(level)
     assert table.population("STN").heterogeneity
     activity = run_spikes(table, np.zeros((20, 3, 2)), step_ms=1000, seed=75)
@@ -170,7 +160,6 @@ def test_power_of_cells_without_what_arrives_is_another():
     "edit", [{}, pytest.param({"neurons": 900}, marks=pytest.mark.validate), {"without": "STN"}]
 )
 def test_out_scatters_as_computed(edit):
-    """Means of 50 ms, 40 a trial."""
     table = TABLE.with_neurons(edit.get("neurons", 300))
     if "without" in edit:
         table = table.lesion(edit["without"], 0.1)
@@ -196,7 +185,6 @@ def test_silent_losers_add_no_noise(channels):
 
 
 def test_a_lesion_takes_the_noise_with_what_it_takes():
-    intact, half = (
-        out_variance(table, [0.85, -0.85])["D2"][0] for table in (TABLE, TABLE.clamp("D2", 0.5))
-    )
+    both = (out_variance(table, [0.85, -0.85]) for table in (TABLE, TABLE.clamp("D2", 0.5)))
+    intact, half = (whose["D2"][0] for whose in both)
     assert half == pytest.approx(intact / 4, rel=0.1)

@@ -138,15 +138,6 @@ def test_biases_that_all_move_at_one_speed_oscillate():
         recovery(circuit.lesion("STN", 0.1), circuit, speed=same, until=60)
 
 
-def test_a_rate_that_a_population_cannot_have_is_one_sentence():
-    circuit = anatomy.macaque(2)
-    sentence = r"^ctx cannot rest at 100 Hz: no input to its transfer 'saturating' is known"
-    with pytest.raises(ValueError, match=sentence):
-        circuit.compensate(circuit, rebound_nats={"ctx": 4.0})
-    with pytest.raises(ValueError, match=r"does not recover: after 100 time constants .* is not"):
-        recovery(circuit, circuit, rebound_nats={"ctx": 4.0}, step=10.0)
-
-
 def test_a_transfer_without_an_inverse_takes_the_input_of_the_reference():
     bent = "s_minus_log_s"
     circuit = anatomy.bogacz_gurney(2).with_population("GPe", transfer=bent)

@@ -106,7 +106,6 @@ def test_a_pathway_that_bends_fluctuates_as_its_tangent(make, drive):
 
 
 def test_many_cells_make_out_scatter_as_the_tangents_of_all_that_bends():
-    """Of the pathway, of STN's exponential and of cortex, in a circuit of lines."""
     table = spiking(neurons=MANY)
     twin = without_bends(table)
     assert {row.transfer for row in (*twin.populations, *twin.projections)} == {"linear"}
@@ -179,10 +178,9 @@ def test_noise_moves_the_mean_of_a_loop_where_cells_and_pathways_bend():
     by_cells = slope * s * gpe / 2 / (1 + slope * s)
     known = by_cells + curvature * sums / 2 / (1 + slope * s)
     assert known > 1.9 * by_cells
-    finite, table = (
-        run_algebra(loop(cells), np.zeros((1, 1, 2)), laws=laws).output_nats[0, 0, 0]
-        for laws in ("finite", "table")
-    )
+    silence = np.zeros((1, 1, 2))
+    both = (run_algebra(loop(cells), silence, laws=laws) for laws in ("finite", "table"))
+    finite, table = (each.output_nats[0, 0, 0] for each in both)
     assert (finite - table) * cells == pytest.approx(known, rel=0.02)
 
 
@@ -247,9 +245,8 @@ def test_noise_is_refused_from_the_onset_of_oscillation_on():
 def test_power_does_not_depend_on_the_other_frequencies_asked_for():
     table, asked = loop(300, delay_ms=4.0), np.array([60.0, 8.0, 30.0])
     every = rate_spectrum(table, "STN", asked)
-    np.testing.assert_allclose(
-        [rate_spectrum(table, "STN", asked[[i]])[0] for i in range(3)], every, rtol=1e-12
-    )
+    alone = [rate_spectrum(table, "STN", asked[[i]])[0] for i in range(3)]
+    np.testing.assert_allclose(alone, every, rtol=1e-12)
 
 
 def kinked(*, source_nats=0.0, target_nats=1.0, path="linear", row="linear", baseline_hz=40.0):
@@ -303,7 +300,6 @@ def test_a_silent_source_passes_no_noise_and_no_kink_is_in_its_way():
 
 
 def test_a_loop_amplifies_more_where_evidence_drives_it():
-    """S - ln S is steeper there: at rest the loop gain is s - 1 = 2."""
     table = loop(300, delay_ms=2.0)
     assert ringing(table, (0.5, 0.5))[0] > ringing(table)[0] > 1
     assert ringing(table, (0.0, 0.0)) == ringing(table)

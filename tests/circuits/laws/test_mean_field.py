@@ -25,7 +25,6 @@ def test_constants_of_those_that_stand_for_all_have_the_mean_and_the_spread(hete
 
 
 def test_the_mean_rate_of_cells_that_differ_is_that_of_their_rates():
-    """A curved law: its mean is not the rate of the mean cell."""
     cell = Lif(
         tau_ms=10.0, threshold_mv=15.0, reset_mv=5.0, refractory_ms=2.0, noise_mv=3.0, rest_mv=0.0,
         mv_per_nat=8.0,

@@ -84,15 +84,7 @@ def both(circuit, drive=DRIVE, **options):
         ),
         small().scale("ctx->STN", 0.5, 0).scale("SNr->SNr", 2, 1),
     ],
-    ids=[
-        "whole",
-        "heterogeneity",
-        "sparse",
-        "lesioned",
-        "small",
-        "other connections",
-        "one channel",
-    ],
+    ids=["whole", "heterogeneity", "sparse", "lesioned", "small", "other wires", "one channel"],
 )
 def test_spikes_are_those_of_the_plain_engine(circuit):
     assert_same(*both(circuit))
@@ -100,15 +92,12 @@ def test_spikes_are_those_of_the_plain_engine(circuit):
 
 def test_shared_inputs_give_the_spikes_of_a_synapse_per_pair_of_cells():
     assert_same(*both(WHOLE, DRIVE[:, :2], explicit=True))
-    everywhere = replace(small(), projections=small().projections[:3])
-    everywhere = replace(
-        everywhere, populations=tuple(p for p in everywhere.populations if p.spiking)
-    )
+    cells = tuple(p for p in small().populations if p.spiking)
+    everywhere = replace(small(), populations=cells, projections=small().projections[:3])
     assert_same(*both(everywhere, explicit=True))
 
 
 def test_spikes_are_those_of_the_plain_engine_on_any_grid_of_time():
-    """A settling time that is not a multiple of a sample, another tick, three channels."""
     drive = np.array([[[0.5, 0.0, -0.5], [1.0, 0.2, -1.2]]])
     options = {"dt_ms": 0.25, "step_ms": 37.5, "settle_ms": 10.75, "sample_ms": 1.5}
     assert_same(*both(WHOLE.with_channels(3), drive, **options))

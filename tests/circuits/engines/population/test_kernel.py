@@ -91,7 +91,6 @@ def test_every_tick_follows_the_scheme(name, fastest_ms):
 @pytest.mark.parametrize("channels", [2, 10])
 @pytest.mark.parametrize("name", MEMBERS)
 def test_steady_state_is_the_fixed_point(name, channels):
-    """Over the range that each exact table states: S from near 0 to 5 nats."""
     circuit = MEMBERS[name](channels)
     assert circuit.exact
     drive = evidence(12, 4, channels)[:, -1:]
@@ -105,9 +104,10 @@ def test_steady_state_is_the_fixed_point(name, channels):
     assert np.abs(late - exact).max() < SINGLE
 
 
-def test_a_drive_beyond_the_stated_range_warns_once_with_the_number():
+@pytest.mark.parametrize("ran", [run_rate, run_algebra])
+def test_a_drive_beyond_the_stated_range_warns_once_with_the_number(ran):
     circuit = anatomy.bogacz_gurney()
     with pytest.warns(RangeWarning, match=r"S runs from 3.00 to 7.00 nats, bogacz_gurney works"):
-        run_rate(circuit, np.array([[[0.0, 0.0], [4.0, 4.0]]]), step_ms=2)
+        ran(circuit, np.array([[[0.0, 0.0], [4.0, 4.0]]]), step_ms=2)
     with unwarned():
-        run_rate(circuit, np.ones((1, 1, 2)), step_ms=2)
+        ran(circuit, np.ones((1, 1, 2)), step_ms=2)

@@ -2,10 +2,12 @@
 
 import warnings
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from scipy.signal import welch
+from scipy.special import expit
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
@@ -125,9 +127,8 @@ def test_cells_that_differ_answer_as_their_mean_does():
     row = FULL.with_heterogeneity(heterogeneity).population("GPe")
     alike = Mixture(row.cell, "linear", 45.0, 80.0)
     differ = replace(alike, heterogeneity=heterogeneity)
-    factors = np.concatenate(
-        [cell_factors(FULL.with_heterogeneity(heterogeneity), "GPe", c) for c in (0, 1)], 1
-    )
+    table = FULL.with_heterogeneity(heterogeneity)
+    factors = np.concatenate([cell_factors(table, "GPe", c) for c in (0, 1)], 1)
     every = np.mean([row.cell.varied(f)[0].rate_hz(x, x) for f in factors.T], axis=0)
     np.testing.assert_allclose(differ.rate_hz(x), every, rtol=0.02)
     off = [np.abs(mean.rate_hz(x) - every).max() for mean in (alike, differ)]
@@ -150,24 +151,16 @@ def test_lines_without_noise_are_those_of_cells_that_differ_too():
 
 
 def test_a_transfer_of_ones_own_is_looked_up(monkeypatch):
-    soft = transfer.Transfer(
-        lambda x: np.logaddexp(0, x),
-        lambda x: 1 / (1 + np.exp(-x)),
-        lambda x: 1 / (2 + 2 * np.cosh(x)),
-        "log(1 + exp({x}))",
-        "soft",
-    )
+    law, slope, bend = partial(np.logaddexp, 0), expit, lambda x: 1 / (2 + 2 * np.cosh(x))
+    soft = transfer.Transfer(law, slope, bend, "log(1 + exp({x}))", "soft")
     monkeypatch.setitem(transfer.TRANSFERS, "softplus", soft)
-    circuit = replace(source(Rate(), 0.0), reference_nats=2.0).with_population(
-        "ctx", transfer="softplus"
-    )
+    circuit = replace(source(Rate(), 0.0, transfer="softplus"), reference_nats=2.0)
     drive = np.array([[[0.5, -0.5]]])
     out_nats = run(circuit, drive, engine="rate", step_ms=500).output_nats[0, -1]
     np.testing.assert_allclose(out_nats, run_algebra(circuit, drive).output_nats[0, 0], atol=1e-3)
 
 
 def test_the_colour_of_noise_follows_the_state():
-    """Driven from 20 to 60 Hz a pacemaker has the spectrum of 60 Hz."""
     drive = np.full((400, 5, 2), 4.0)
     activity = populations(source(Phase(0.3), 20.0), drive)
     assert activity.rates_hz["ctx"][:, 300:].mean() == pytest.approx(60, rel=0.005)
@@ -194,12 +187,9 @@ def test_rates_that_run_away_anywhere_are_said():
     """In a channel that is not the first, and where the read-out does not hear of it."""
     side = Population("side", Rate(signed=True), 0.0, 10.0)
     paths = (Projection("ctx", "side", 1.0), Projection("side", "side", 3.0, delay_ms=1))
-    for circuit in (
-        source(Rate(), 1.0).with_rows(side, *paths),
-        source(Rate(), 1.0)
-        .with_rows(Projection("ctx", "ctx", 3.0, delay_ms=2))
-        .scale("ctx->ctx", 0.0, channel=0),
-    ):
+    looped = source(Rate(), 1.0).with_rows(Projection("ctx", "ctx", 3.0, delay_ms=2))
+    looped = looped.scale("ctx->ctx", 0.0, channel=0)
+    for circuit in (source(Rate(), 1.0).with_rows(side, *paths), looped):
         with pytest.raises(ValueError, match=r"rates of source run away, \d+ ms after onset"):
             run(circuit, np.ones((1, 5, 2)), engine="rate", step_ms=500)
 

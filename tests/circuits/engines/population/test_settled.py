@@ -93,12 +93,11 @@ def test_a_renamed_circuit_has_other_states_whatever_ran_before():
 def test_states_are_those_of_a_circuit_that_has_run_for_longer():
     """OUT at the onset, from 300 ms of settling or from 1 s, has one distribution."""
     trials = np.zeros((512, 1, 2))
-    short, long = (
+    short, long, none = (
         populations(drive=trials, settle_ms=ms, seed=seed).output_nats[:, 0, 0]
-        for ms, seed in ((300.0, 1), (1000.0, 2))
+        for ms, seed in ((300.0, 1), (1000.0, 2), (0.0, 1))
     )
     assert ks_2samp(short, long).pvalue > 1e-3
-    none = populations(drive=trials, settle_ms=0.0).output_nats[:, 0, 0]
     assert ks_2samp(short, none).pvalue < 1e-6  # rest has no noise yet
 
 

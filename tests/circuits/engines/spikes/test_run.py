@@ -1,18 +1,28 @@
 """The compiled engine has the spikes of the plain engine, independent of other trials."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import numpy.testing as npt
 import pytest
 
-from circuits import anatomy
+from circuits.cells import Lif, Phase, Rate, register
 from circuits.declaration.rows import Projection
+from circuits.declaration.transfer import TRANSFERS
+from circuits.engines.spikes import cells as compiled_cells
 from circuits.engines.spikes import kernel
 from circuits.engines.spikes import run as spikes
 from circuits.errors import EditWarning
 from tests.circuits.helpers import run_plain, run_spikes
+from tests.circuits.spiking import (
+    BASE,
+    GIVEN,
+    lacking,
+    one_sentence,
+    spikes_of,
+)
 
 NAMES = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
-BASE = anatomy.spiking_msprt(2).with_neurons(40)
 
 
 def ramp(trials, steps, channels=2, top=1.4):
@@ -96,12 +106,8 @@ def test_what_lies_downstream_never_changes_what_lies_upstream():
     drive = ramp(2, 2)
     settings = {"step_ms": 40, "seed": 3, "spikes": ("ctx", "D1", "STN", "GPe")}
     intact = run_spikes(BASE, drive, **settings).spikes
-    edits = [
-        BASE.with_population("SNr", neurons=10).with_cell("SNr", noise_mv=1.0),
-        BASE.lesion("D1", 0.5),
-        BASE.scale("STN->SNr", 0.2),
-    ]
-    for edited in edits:
+    fewer = BASE.with_population("SNr", neurons=10).with_cell("SNr", noise_mv=1.0)
+    for edited in (fewer, BASE.lesion("D1", 0.5), BASE.scale("STN->SNr", 0.2)):
         for name, table in run_spikes(edited, drive, **settings).spikes.items():
             assert spike_set(table) == spike_set(intact[name])
 
@@ -123,3 +129,44 @@ def test_an_edit_without_a_state_of_rest_warns():
     runaway = BASE.with_rows(Projection("STN", "STN", 0.5, "diffuse", delay_ms=2)).lesion("common")
     with pytest.warns(EditWarning, match="has no resting state after these edits"):
         run_spikes(runaway, ramp(1, 1), step_ms=20, seed=1, settle_ms=10)
+
+
+def registered(circuit):
+    """Return a circuit whose cell types are registered anew, alike in all but their name."""
+
+    @register
+    @dataclass(frozen=True)
+    class OwnLif(Lif):
+        pass
+
+    @register
+    @dataclass(frozen=True)
+    class OwnPhase(Phase):
+        pass
+
+    twin = {Lif: OwnLif, Phase: OwnPhase, Rate: Rate}
+    rows = (replace(p, cell=twin[type(p.cell)](**vars(p.cell))) for p in circuit.populations)
+    return replace(circuit, populations=tuple(rows))
+
+
+@pytest.mark.parametrize("heterogeneity", [0.0, 0.1])
+def test_loops_of_their_own_give_the_spikes_of_the_tick_as_it_stands(heterogeneity):
+    """The compiled engine's fast loops against its general one: the same type by another name."""
+    circuit = BASE.with_heterogeneity(heterogeneity)
+    twin = registered(circuit)
+    assert compiled_cells.entry(twin.population("GPe").cell) is compiled_cells.GENERAL
+    assert compiled_cells.entry(circuit.population("GPe").cell) is not compiled_cells.GENERAL
+    assert spikes_of(circuit, "spikes") == spikes_of(twin, "spikes")
+
+
+def test_types_of_ones_own_with_sparse_connections_spike_as_in_the_plain_engine():
+    twin = registered(BASE.with_connections(0.25).with_heterogeneity(0.1))
+    fast, plain = spikes_of(twin, "spikes"), spikes_of(twin, "plain")
+    assert len(fast ^ plain) <= 0.03 * len(plain)
+
+
+def test_a_transfer_that_an_engine_does_not_know_is_refused_by_it(monkeypatch):
+    monkeypatch.setitem(TRANSFERS, "square", TRANSFERS["rectified"])
+    circuit = BASE.with_population("ctx", transfer="square")
+    one_sentence(lambda: lacking("spikes")(circuit), "transfers", "square", "brian2")
+    assert lacking("plain")(circuit).output_nats.shape == (2, round(GIVEN["step_ms"]), 2)
