@@ -199,7 +199,6 @@ BAD_USE = {
     f"{FIT} --models constant_gap --free dopamine": "free",
     f"{FIT} --fix mood=1": "fix",
     f"{FIT} --fix lapse=much": "fix",
-    f"{FIT} --vary mood=correct": "vary",
     f"{FIT} --simulation trials=0": "trials",
     "demo --plot demo.txt": "plot",
     "demo --plot one.svg --alternatives 1": "arguments",

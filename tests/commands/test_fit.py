@@ -77,10 +77,17 @@ def changed(**columns):
     return GOOD.assign(**columns)
 
 
-@pytest.mark.parametrize("option", ["fix lapse", "fix lapse=", "vary bound="])
-def test_a_value_that_is_left_out_is_asked_for_with_an_example(capsys, option):
-    sentence = fails(capsys, "mine.csv", *COHERENCE, *GAP, *words(f"--{option}"))
-    assert f"{option.split()[0]} is a name, =, and a value, such as" in sentence
+@pytest.mark.parametrize(
+    ("option", "says"),
+    [
+        ("fix lapse", "fix is a name, =, and a value, such as lapse=0.02"),
+        ("fix lapse=", "fix is a name, =, and a value, such as lapse=0.02"),
+        ("vary bound=", "vary is a name, =, and a value, such as threshold=instruction"),
+        ("vary mood=drug", "vary must name a parameter, one of "),
+    ],
+)
+def test_a_pair_of_a_name_and_a_value_that_is_wrong_is_one_sentence(capsys, option, says):
+    assert fails(capsys, "mine.csv", *COHERENCE, *GAP, *words(f"--{option}")).startswith(says)
 
 
 def test_a_lean_to_one_response_is_said_of_the_participant_and_condition_that_has_it():
