@@ -16,13 +16,19 @@ GAIN = 2.0
 TRUTH = {"t0_s": 0.3, "t0_sd_s": 0.05, "lapse": 0.01}
 
 
-def drawn(model, strengths, trials, seed, *, seconds=4.0, deadline_s=None, **values):
-    """Return a number of trials at each strength, half of them of the other sign, from a seed."""
+def drawn(
+    model, strengths, trials, seed, *, seconds=4.0, deadline_s=None, alternatives=2, **values
+):
+    """Return a number of trials at each strength, from a seed.
+
+    Of two alternatives, half of the strengths have the other sign.
+    """
     strengths = np.asarray(strengths, float)
     grid = Grid(round((deadline_s or seconds) / BIN_S))
     every = {k: np.full(len(strengths), v) for k, v in {**TRUTH, **values}.items()}
     decided = model.decided(every, strengths, grid)
-    density = responded(decided, grid, **{name: every[name] for name in TRUTH})
+    response = {name: every[name] for name in TRUTH}
+    density = responded(decided, grid, **response, alternatives=alternatives)
     rng = stream(seed, "drawn")
     rows = []
     for strength, one in zip(strengths, density, strict=True):
@@ -32,12 +38,19 @@ def drawn(model, strengths, trials, seed, *, seconds=4.0, deadline_s=None, **val
         none = place >= len(below)
         response, bins = np.divmod(np.where(none, 0, place), grid.bins)
         rt = (bins + rng.random(trials)) * BIN_S
-        sign = np.where(np.arange(trials) % 2, -1, 1)
+        sign = np.where((alternatives == 2) & (np.arange(trials) % 2 == 1), -1, 1)
         rt, response = np.where(none, np.nan, rt), np.where(sign < 0, 1 - response, response)
         rows.append(np.stack([rt, np.where(none, -1, response), sign * strength]))
     rt, response, signed = np.concatenate(rows, axis=1)
     who, none = np.full(len(rt), "all"), pd.DataFrame(index=range(len(rt)))
-    return Trials(who, rt, response.astype(np.int8), signed, none, deadline_s)
+    response = response.astype(np.int8)
+    return Trials(who, rt, response, signed, none, deadline_s, alternatives=alternatives)
+
+
+def rows_of(some, **columns):
+    """Return trials as a user's table."""
+    table = {"rt": some.rt_s, "response": some.response.astype(int), "strength": some.strength}
+    return pd.DataFrame(table).assign(**columns)
 
 
 def with_drift(at_rest, bound, time_s, drift, start=0.0, drift_sd=0.0):

@@ -114,11 +114,15 @@ def behaving(choice, times, truth, missed=0, channels=2):
 
 @contextmanager
 def refused(wanted):
-    """Assert an error of the field that comes first in `wanted`; words after it are in its text."""
+    """Assert an error of the field that comes first in `wanted`; words after it are in its text.
+
+    It has one line.
+    """
     field, _, words = wanted.partition(" ")
     with pytest.raises(InputError, match=words or None) as caught:
         yield caught
     assert caught.value.field == field
+    assert "\n" not in str(caught.value)
 
 
 def refusing(*rows, of=lambda call: call()):

@@ -1,7 +1,10 @@
-"""Stop-signal trials of a user."""
+"""Stop-signal trials: the table of a user, and a race of known times."""
 
 import numpy as np
 import pandas as pd
+
+from bgmodel.stopping.task import walk
+from bgmodel.stopping.trials import StopTrials
 
 
 def table_of(people=4, trials=120):
@@ -17,3 +20,16 @@ def table_of(people=4, trials=120):
         parts.append(pd.DataFrame({"participant_id": f"p{who}", "rt": rt, "ssd": ssd,
                                    "stimulus": "left", "response": right}))  # fmt: skip
     return pd.concat(parts, ignore_index=True)
+
+
+def walked(seed, go=300, stops=100, ssrt_ms=220.0, sd_ms=20.0, scale_ms=50.0, jitter_ms=0.0):
+    """Return an independent race with two staircases; delays may be late as a screen's are."""
+    rng = np.random.default_rng(seed)
+    times = 380 + rng.gamma(2.0, scale_ms, go + stops)
+    ssd, steps = np.full(go + stops, np.nan), np.arange(0.0, 1001.0, 50.0)
+    stop = np.sort(rng.choice(go + stops, stops, replace=False))
+    responded = times[stop] <= steps[:, None] + rng.normal(ssrt_ms, sd_ms, stops)
+    index = walk(responded, steps, [200.0, 300.0])
+    ssd[stop] = steps[index] + jitter_ms * rng.uniform(0.02, 1, stops)
+    times[stop[~responded[index, np.arange(stops)]]] = np.nan
+    return StopTrials(times, ssd)

@@ -1,4 +1,4 @@
-"""Further trials that tell encodings of recorded cells apart, against closed forms."""
+"""Further trials that tell readings of recorded cells apart, against closed forms."""
 
 from dataclasses import replace
 
@@ -19,17 +19,15 @@ FEW = {"pilots": 4, "check_trials": 400}
 
 
 def truth(cells=4, gain=0.4, trials=100):
-    """Return an exponential encoding, with cells of one gain of either sign."""
+    """Return an exponential reading, with cells of one gain of either sign."""
     likelihood = likelihood_of(clicked(trials, cells))
-    gains = {f"{k} gain": gain * (-1) ** k for k in range(cells)}
     vector = true_vector(likelihood, noise=2.0)
-    for name, value in gains.items():
-        vector[likelihood.freedom.names.index(name)] = value
+    for k in range(cells):
+        vector[likelihood.freedom.names.index(f"{k} gain")] = gain * (-1) ** k
     return likelihood, vector
 
 
 def drawn(likelihood, vector, seed=1):
-    """Return new trials of an encoding."""
     return likelihood.simulated(vector, np.random.default_rng(seed))
 
 
@@ -122,10 +120,9 @@ def test_results_depend_neither_on_workers_nor_on_the_order_of_encodings(pilot, 
 
 
 def test_the_record_of_sessions_is_drawn_written_and_read_like_that_of_tasks(found, tmp_path):
-    assert found.axes()[["axis", "value"]].to_numpy().tolist() == [
-        ["session", "a"],
-        ["session", "b"],
-    ]
+    sessions = found.axes()
+    assert sessions["axis"].tolist() == ["session"] * 2
+    assert sessions["value"].tolist() == ["a", "b"]
     assert found.table[["cells", "trials"]].to_numpy().tolist() == [[2, 50], [2, 50]]
     assert found.table["first_nats"].mean() == pytest.approx(found.sequential["nats"][0])
     assert "2 sessions, 4 cells, 100 recorded trials" in found.text()
@@ -154,13 +151,11 @@ def test_the_record_of_sessions_is_drawn_written_and_read_like_that_of_tasks(fou
 )
 def test_what_cannot_be_compared_is_refused_in_one_sentence(options, field, pilot):
     asked = {"first": "exponential", "second": "step", "recorded": pilot} | options
-    with refused(field) as caught:
+    with refused(field):
         bg.discriminate(**asked)
-    assert "\n" not in str(caught.value)
 
 
 def test_a_session_with_too_few_trials_is_refused_by_name(pilot):
     few = pilot.where(np.arange(100) < FEWEST_TRIALS - 1)
-    with refused("recorded") as caught:
+    with refused("recorded 49 of a"):
         bg.discriminate("exponential", "step", recorded=few)
-    assert "49 of a" in str(caught.value)

@@ -38,9 +38,8 @@ def test_the_shipped_space_is_read_and_tests_lack_its_nuclei():
 def test_a_wrong_space_is_refused_in_one_sentence(text, field, tmp_path):
     path = tmp_path / "space.toml"
     path.write_text(text)
-    with refused(field) as caught:
+    with refused(field):
         check_space(path)
-    assert "\n" not in str(caught.value)
 
 
 def test_a_probe_is_interleaved_with_plain_trials():
@@ -71,6 +70,7 @@ def test_a_large_grid_is_searched_within_the_budget_and_better_than_at_random():
     for seed in range(8):
         values = search(SIZES, peak, evaluations=80, seed=seed)
         assert len(values) <= 80
+        assert all(0 <= k < n for place in values for k, n in zip(place, SIZES, strict=True))
         ranks.append(every.index(max(values.values())))
     # The best of 80 random places has rank 720 / 81 on average.
     assert np.mean(ranks) < 0.5 * np.prod(SIZES) / 81
@@ -84,8 +84,3 @@ def test_a_search_repeats_itself_and_survives_places_without_a_score():
     assert one == again
     assert one != search(SIZES, odd, evaluations=40, seed=4)
     assert np.isfinite(max(one.values()))
-
-
-def test_places_are_within_the_grid():
-    values = search(SIZES, peak, evaluations=60, seed=1)
-    assert all(0 <= k < n for place in values for k, n in zip(place, SIZES, strict=True))

@@ -10,7 +10,7 @@ from bgmodel.fit_trials import fit
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.hierarchy import chains, guide
 from circuits.errors import FitWarning
-from tests.drawn import drawn
+from tests.drawn import drawn, rows_of
 
 PEOPLE = {"anna": 8.0, "ben": 9.0, "cleo": 10.0, "dora": 11.0}
 """Sensitivity of each person."""
@@ -23,21 +23,10 @@ def table(people=PEOPLE, trials=60, **columns):
     """Return the trials of people who differ in sensitivity."""
     parts = []
     for number, (who, sensitivity) in enumerate(people.items()):
-        some = drawn(
-            GapModel(), [0.2], trials, SEED + number, seconds=1.5,
-            sensitivity=sensitivity, bound=0.5,
-        )  # fmt: skip
-        parts.append(
-            pd.DataFrame(
-                {
-                    "participant_id": who,
-                    "rt": some.rt_s,
-                    "response": some.response.astype(int),
-                    "strength": some.strength,
-                    "block": np.where(np.arange(some.trials) % 4 < 2, "early", "late"),
-                }
-            ).assign(**columns)
-        )
+        values = {"sensitivity": sensitivity, "bound": 0.5}
+        some = drawn(GapModel(), [0.2], trials, SEED + number, seconds=1.5, **values)
+        block = np.where(np.arange(some.trials) % 4 < 2, "early", "late")
+        parts.append(rows_of(some, participant_id=who, block=block, **columns))
     return pd.concat(parts, ignore_index=True)
 
 
@@ -59,12 +48,6 @@ def few_moves(monkeypatch):
 @pytest.fixture(scope="session")
 def group():
     """Return the fit of the group, whose chains are too short to agree."""
+    asked = {"strength": "strength", "fix": FIXED, "people": "hierarchical"}
     with short_chains(), pytest.warns(FitWarning, match="have not converged"):
-        return fit(
-            table(),
-            "constant_gap",
-            strength="strength",
-            fix=FIXED,
-            most_draws=MOST,
-            people="hierarchical",
-        )
+        return fit(table(), "constant_gap", most_draws=MOST, **asked)

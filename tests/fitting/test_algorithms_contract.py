@@ -5,24 +5,26 @@ import json
 import numpy as np
 import pytest
 
-from bgmodel.fitting.algorithms import GAPS, GapModel
+from bgmodel.fitting.algorithms import BIAS, GAPS, SENSITIVITY, GapModel
+from bgmodel.fitting.parameters import RESPONSE
 from bgmodel.fitting.responses import Grid
 from bgmodel.fitting.simulated.alternatives import ManyCircuitModel
-from bgmodel.fitting.simulated.circuit import CircuitModel
+from bgmodel.fitting.simulated.circuit import MECHANISMS, CircuitModel
 from bgmodel.fitting.simulated.error import PARTS
 from bgmodel.fitting.simulated.msprt import MsprtModel
 from bgmodel.fitting.simulated.race import LcaModel, RaceModel
 from circuits.anatomy import load_circuit
 
 GRID = Grid(100)
-SMALL = {"seconds": 1.0, "trials": 64}
+SMALL, MACAQUE = {"seconds": 1.0, "trials": 64}, load_circuit("macaque", 2)
 MODELS = {
     **{gap.name: (GapModel(gap), 2) for gap in GAPS.values()},
     "msprt": (MsprtModel(4, 2000, 11), 4),
     "race": (RaceModel(5), 5),
     "lca": (LcaModel(3, 3000, 7, 1.0), 3),
-    "circuit": (CircuitModel(load_circuit("macaque"), "algebra", **SMALL), 2),
+    "circuit": (CircuitModel(MACAQUE, "algebra", **SMALL), 2),
     "circuit of three": (ManyCircuitModel(load_circuit("macaque", 3), "algebra", **SMALL), 3),
+    "dopamine": (CircuitModel(MACAQUE, "algebra", MECHANISMS["dopamine"], **SMALL), 2),
 }
 EACH = pytest.mark.parametrize("name", MODELS)
 
@@ -60,13 +62,16 @@ def test_drift_is_sensitivity_times_strength_and_each_cell_has_its_own_parameter
     model, _ = MODELS[name]
     one, other = decided(model, (0.5, 1.5), 2.0), decided(model, (5.0, 15.0), 0.2)
     assert one == pytest.approx(other, abs=1e-9)
-    criterion = model.threshold_name
-    (start,) = (each.start for each in model.parameters if each.name == criterion)
-    both = decided(model, (1.0, 1.0), **{criterion: [start, 1.2 * start]})
-    for cell, value in enumerate((start, 1.2 * start)):
-        alone = decided(model, (1.0,), **{criterion: [value]})
-        assert both[cell] == pytest.approx(alone[0], abs=1e-12)
-    assert not np.allclose(*both)
+    # Trials with a bias take seconds to simulate.
+    of_decisions = [each for each in model.parameters if each not in (SENSITIVITY, *RESPONSE, BIAS)]
+    for each in of_decisions:
+        ends = [each.start, each.start + 0.2 * (each.high - each.start)]
+        both = decided(model, (1.0, 1.0), **{each.name: ends})
+        for cell, value in enumerate(ends):
+            alone = decided(model, (1.0,), **{each.name: [value]})
+            assert both[cell] == pytest.approx(alone[0], abs=1e-12)
+        assert not np.allclose(*both, atol=1e-9), each.name
+    assert model.threshold_name in {each.name for each in of_decisions}
 
 
 @EACH

@@ -16,6 +16,7 @@ from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.posterior import directions
 from bgmodel.trials.record import Trials
 from circuits.errors import FitWarning
+from tests.drawn import rows_of
 from tests.helpers import refused
 
 
@@ -56,14 +57,11 @@ def people(count=1, trials=400, seed=3, spread=0.0):
     parts = []
     for k in range(count):
         strength = rng.choice([-0.8, -0.4, -0.1, 0.1, 0.4, 0.8], trials)
-        blank = Trials(
-            np.full(trials, f"p{k}"), np.ones(trials), np.ones(trials, np.int8), strength,
-            pd.DataFrame(index=range(trials)),
-        )  # fmt: skip
+        ones, none = np.ones(trials, np.int8), pd.DataFrame(index=range(trials))
+        blank = Trials(np.full(trials, f"p{k}"), 1.0 * ones, ones, strength, none)
         values = {**TRUTH, "level": TRUTH["level"] + spread * rng.standard_normal()}
         made = MODEL.simulate(blank, {n: np.full(trials, v) for n, v in values.items()}, rng)
-        columns = {"participant_id": made.participant, "rt": made.rt_s, "response": made.response}
-        parts.append(pd.DataFrame({**columns, "strength": strength}))
+        parts.append(rows_of(made, participant_id=f"p{k}"))
     return pd.concat(parts, ignore_index=True)
 
 
@@ -91,9 +89,8 @@ def test_errors_are_those_of_the_regression_and_the_model_fits():
     assert fit.posterior.draws.std(axis=0) == pytest.approx(errors.to_numpy(), rel=0.15)
     assert min(fit.misfit.p.values()) > 0.001
     cells = fit.cells()
-    assert cells["model_accuracy"].to_numpy() == pytest.approx(
-        expit(TRUTH["slope"] * cells["strength"]), abs=0.03
-    )
+    expected = expit(TRUTH["slope"] * cells["strength"])
+    np.testing.assert_allclose(cells["model_accuracy"], expected, atol=0.03)
     assert fit.plot().axes
 
 

@@ -8,17 +8,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from scipy.stats import chi2
+from scipy.stats import binom, chi2
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import likelihood_of
-from bgmodel.fitting.misfit import FIXED, Excess, misfit
+from bgmodel.fitting.misfit import FIXED, TOGETHER, Excess, group_misfit, misfit
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.responses import moments
 from bgmodel.fitting.simulated.circuit import CircuitModel
-from bgmodel.fitting.simulated.error import without_parts
+from bgmodel.fitting.simulated.error import jackknifed, without_parts
 from circuits.anatomy import load_circuit
 from tests.drawn import TRUTH, choices, drawn
 
@@ -37,12 +37,17 @@ def fitted(some, **options):
     return fit, [str(each.message) for each in caught if "does not fit" in str(each.message)]
 
 
-def at_truth(some, **options):
-    """Return the misfit of data to the model that they were drawn from."""
-    values = {**TRUTH, **VALUES}
+def truth(some, sensitivity=8.0, **options):
+    """Return a fit of the model that made the data, with its parameters."""
+    values = {**TRUTH, **VALUES, "sensitivity": sensitivity}
     likelihood = likelihood_of(MODEL, design_of(some, **options), free=FREE)
     vector = np.array([values[name] for name in likelihood.freedom.names])
-    return misfit(Optimum(likelihood, vector, 0.0, 0))
+    return Optimum(likelihood, vector, 0.0, 0)
+
+
+def at_truth(some, **options):
+    """Return the misfit of data to the model that they were drawn from."""
+    return misfit(truth(some, **options))
 
 
 def guessing():
@@ -80,10 +85,8 @@ class Varying(GapModel):
 )
 def test_data_that_the_model_does_not_fit_are_said_with_the_worst_cell(some):
     fit, (text,) = fitted(some())
-    table = fit.cells()
-    worst = table[["z_accuracy", "z_mean_rt"]].abs().max(axis=1).idxmax()
-    design = fit.optimum.likelihood.design
-    assert design.label(worst) in text
+    worst = fit.cells()[["z_accuracy", "z_mean_rt"]].abs().max(axis=1).idxmax()
+    assert fit.optimum.likelihood.design.label(worst) in text
     assert 3 * min(fit.misfit.p.values()) < 0.003
 
 
@@ -162,3 +165,68 @@ def test_the_error_of_simulated_trials_is_part_of_the_z_scores():
     assert (np.abs(with_error.z_accuracy) < np.abs(alone.z_accuracy)).all()
     assert (np.abs(with_error.z_mean_rt) < np.abs(alone.z_mean_rt)).all()
     assert all(with_error.p[name] >= p for name, p in alone.p.items())
+
+
+GROUP_SEED = 24_391
+PEOPLE = {"anna": 8.0, "ben": 9.0, "cleo": 10.0, "dora": 11.0, "eve": 12.0, "finn": 13.0}
+
+
+def people(seed=GROUP_SEED, each=50, bound=0.7):
+    return {
+        who: drawn(MODEL, STRENGTHS, each, seed + k, sensitivity=sensitivity, bound=bound)
+        for k, (who, sensitivity) in enumerate(PEOPLE.items())
+    }
+
+
+def group_at_truth(choices):
+    """Return the misfit to the test with the parameters that made the data."""
+    return group_misfit({who: truth(some, PEOPLE[who]) for who, some in choices.items()})
+
+
+def test_groups_without_misfit_are_reported_as_often_as_stated():
+    groups = 50
+    seen = [group_at_truth(people(seed=GROUP_SEED + 1000 * number)) for number in range(groups)]
+    p = np.array([list(each.together.values()) for each in seen])
+    most = binom.ppf(0.999, groups, 0.05)
+    assert (p < 0.05).sum(axis=0).max() <= most
+    assert (p > 0.95).sum(axis=0).max() <= most
+    assert np.abs(p.mean(axis=0) - 0.5).max() < 4 * np.sqrt(1 / 12 / groups)
+    assert sum(not each.beyond_chance().empty for each in seen) <= binom.ppf(0.999, groups, 0.003)
+
+
+def test_a_misfit_of_all_that_is_seen_in_nobody_is_found():
+    misfit = group_at_truth(people(bound=0.77))
+    assert {who for who, _ in misfit.beyond_chance().index} == {TOGETHER}
+    assert len(misfit.cautions()) == 1
+
+
+def test_cells_are_summed_by_strength_whoever_lacks_one():
+    """Accuracy is raised at one strength and lowered at another: one sum of both would hide it."""
+    choices, rng = people(each=100), np.random.default_rng(GROUP_SEED)
+    for who, some in choices.items():
+        response = some.response.copy()
+        for strength, to in ((0.1, 1), (0.4, 0)):
+            changed = (some.strength == strength) & (rng.random(some.trials) < 0.15)
+            response[changed] = to
+        keep = (some.strength > 0) | (who != "ben")
+        choices[who] = replace(some, response=response).where(keep)
+    misfit = group_at_truth(choices)
+    assert len(misfit.cells["ben"]) == len(STRENGTHS) - 1
+    assert misfit.together["accuracy"] < 1e-4
+    by_strength = dict.fromkeys(STRENGTHS, 0.0)
+    for who, each in misfit.people.items():
+        for (strength,), off in zip(misfit.cells[who], each.excess["accuracy"].off, strict=True):
+            by_strength[strength] += off
+    off = misfit.sums("accuracy").off
+    assert sorted(off) == pytest.approx(sorted(by_strength.values()))
+
+
+def test_the_error_of_shared_simulated_trials_adds_up():
+    """Drawn trials are independent, so their variances add; simulated ones are the same twice."""
+    parts = np.random.default_rng(GROUP_SEED).normal(size=(8, 3))
+    one = Excess(np.ones(3), np.full(3, 0.5), parts, np.full(3, 40.0))
+    both = one + one
+    assert both.variance == pytest.approx(2 * one.variance)
+    assert jackknifed(both.parts) ** 2 == pytest.approx(4 * jackknifed(one.parts) ** 2)
+    assert both.p(5) < one.p(5)
+    assert replace(both, parts=np.zeros((0, 3))).p(5) < both.p(5)

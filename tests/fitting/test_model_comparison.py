@@ -2,14 +2,19 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.model_comparison import (
+    Better,
     ModelComparison,
     Predicted,
     Score,
+    _divided,
+    better_by,
     compare_fits,
     draws_error,
 )
@@ -57,6 +62,12 @@ def test_a_model_without_sensitivity_is_told_from_the_right_one(some, right):
     assert comparison.table.loc["blind", "difference"] < -10
     # A larger BIC is worse, and it includes the number of parameters.
     assert comparison.table.loc["blind", "bic"] > comparison.table.loc["right", "bic"]
+    hearing, deaf = (comparison.scores[name].predicted for name in ("right", "blind"))
+    assert len(hearing.each) == some.trials
+    better = better_by(hearing, deaf)
+    assert better.nats > 5 * better.error
+    assert better.simulation_error == 0
+    assert better_by(deaf, hearing) == Better(-better.nats, better.error, 0.0)
 
 
 def test_held_out_trials_are_less_likely_than_fitted_ones_by_about_a_nat_per_parameter(twice):
@@ -67,9 +78,8 @@ def test_held_out_trials_are_less_likely_than_fitted_ones_by_about_a_nat_per_par
 
 
 def test_error_is_over_people_if_there_are_several():
-    rng = np.random.default_rng(SEED)
     person = np.repeat(np.arange(10), 50)
-    shift = rng.normal(0, 1, 10)[person]
+    shift = np.random.default_rng(SEED).normal(0, 1, 10)[person]
     base, moved = score(np.zeros(500), person), score(-np.abs(shift), person)
     table = ModelComparison({"a": base, "b": moved}, list("abcdefghij"), "test").table
     by_person = np.bincount(person, moved.predicted.each)
@@ -78,11 +88,10 @@ def test_error_is_over_people_if_there_are_several():
 
 
 def test_simulated_trials_are_part_of_the_error():
-    base = score(np.zeros(50))
     parts = np.zeros((16, 50))
     parts[:, 0] = [1.0, -1.0] * 8
-    rough = score(np.full(50, -0.1), without=parts)
-    table = ModelComparison({"a": base, "b": rough}, ["all"], "test").table
+    scores = {"a": score(np.zeros(50)), "b": score(np.full(50, -0.1), without=parts)}
+    table = ModelComparison(scores, ["all"], "test").table
     assert table.loc["b", "simulation_error"] == pytest.approx(np.sqrt(15 / 16 * 16))
     assert table.loc["b", "verdict"].startswith("cannot tell")
 
@@ -129,3 +138,36 @@ def test_the_figure_has_a_row_for_each_model(twice):
     total, each = figure.axes
     assert [label.get_text() for label in total.get_yticklabels()] == ["one", "two"]
     assert len(each.lines) >= 2
+
+
+@given(st.lists(st.integers(0, 4), min_size=1, max_size=200), st.integers(2, 6), st.integers(0, 99))
+def test_folds_divide_each_cell_and_all_trials_evenly(cell, folds, seed):
+    part = _divided(cell, folds, seed)
+    assert np.array_equal(part, _divided(cell, folds, seed))
+    for heard in [np.full(len(cell), True), *(np.array(cell) == each for each in set(cell))]:
+        count = np.bincount(part[heard], minlength=folds)
+        assert len(count) == folds
+        assert count.max() - count.min() <= 1
+
+
+NONE_LEFT = np.empty((0, 400))
+
+
+def test_the_error_of_a_sum_is_that_of_independent_trials():
+    rng = np.random.default_rng(0)
+    first, second = rng.normal(1, 1, 400), rng.normal(0, 1, 400)
+    better = better_by(Predicted(first, NONE_LEFT), Predicted(second, NONE_LEFT))
+    assert better.nats == pytest.approx((first - second).sum())
+    assert better.error == pytest.approx(np.sqrt(2 * 400), rel=0.1)
+
+
+def test_simulation_error_adds_as_a_square_and_cancels_where_it_is_shared():
+    rng = np.random.default_rng(1)
+    each, without = rng.normal(0, 0.1, 400), rng.normal(0, 0.1, (16, 400))
+    first, exact = Predicted(each, without), Predicted(np.zeros(400), NONE_LEFT)
+    alone = better_by(first, exact)
+    sums = without.sum(axis=1)
+    assert alone.simulation_error == pytest.approx(np.sqrt(15) * sums.std())
+    sampling = better_by(Predicted(each, NONE_LEFT), exact).error
+    assert alone.error == pytest.approx(np.hypot(sampling, alone.simulation_error))
+    assert better_by(first, Predicted(each - 1, without)).simulation_error == pytest.approx(0)

@@ -15,7 +15,9 @@ from bgmodel.fitting.optimum import TOLERANCE_NATS, Optimum, _scales, _slid, opt
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.responses import moments
+from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.trials.reader import read_trials
+from circuits.anatomy import load_circuit
 from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn
 from tests.helpers import unwarned
@@ -28,10 +30,6 @@ CASES = {
 }
 
 
-def known(likelihood, values):
-    return np.array([{**TRUTH, **values}[name] for name in likelihood.freedom.names])
-
-
 @pytest.mark.parametrize(
     ("case", "seed"), [("constant", 1), ("constant", 2), ("constant", 3), ("falling", 4)]
 )
@@ -40,7 +38,7 @@ def test_parameters_that_made_the_data_are_found_within_their_errors(case, seed)
     design = design_of(drawn(model, STRENGTHS, trials, seed, seconds=1.5, **values))
     held = {name: TRUTH[name] for name in ("t0_sd_s", "lapse")}
     likelihood = likelihood_of(model, design, fixed=held)
-    truth = known(likelihood, values)
+    truth = np.array([{**TRUTH, **values}[name] for name in likelihood.freedom.names])
     peak = optimum(likelihood)
     errors = directions(likelihood, truth).standard_errors
     assert (np.abs(peak.vector - truth) < 3 * errors).all()
@@ -80,27 +78,32 @@ def test_the_log_likelihood_is_the_sum_over_trials_and_nothing_beyond_the_bounds
         assert likelihood(beyond) == -np.inf
 
 
-def test_an_optimum_at_a_bound_says_so(small):
-    def near(name, low, high):
-        model = likelihood_of(CONSTANT, design_of(small), free=["sensitivity", "bound", "t0_s"])
-        parameters = [
-            Parameter(name, low, high, (low + high) / 2) if each.name == name else each
-            for each in model.freedom.parameters
-        ]
-        freed = freedom(parameters, {}, model.design.cells, free=model.freedom.names)
-        peak = optimum(BinnedLikelihood(CONSTANT, model.design, freed))
-        return dict(zip(freed.names, peak.at_bound.tolist(), strict=True))
+def within(usual, parameter):
+    """Return a likelihood in which a parameter has another range and start."""
+    every, names = usual.freedom.parameters, usual.freedom.names
+    every = [parameter if each.name == parameter.name else each for each in every]
+    return BinnedLikelihood(
+        CONSTANT, usual.design, freedom(every, {}, usual.design.cells, free=names)
+    )
 
-    assert near("bound", 0.8, 2.0) == {"sensitivity": False, "bound": True, "t0_s": False}
-    assert near("t0_s", 0.1, 0.2)["t0_s"]
-    assert not any(near("bound", 0.2, 2.0).values())
+
+def test_an_optimum_at_a_bound_says_so(small):
+    usual = likelihood_of(CONSTANT, design_of(small), free=["sensitivity", "bound", "t0_s"])
+
+    def near(*parameter):
+        peak = optimum(within(usual, Parameter(*parameter)))
+        return dict(zip(peak.likelihood.freedom.names, peak.at_bound.tolist(), strict=True))
+
+    assert near("bound", 0.8, 2.0, 1.4) == {"sensitivity": False, "bound": True, "t0_s": False}
+    assert near("t0_s", 0.1, 0.2, 0.15)["t0_s"]
+    assert not any(near("bound", 0.2, 2.0, 1.1).values())
 
 
 def test_the_range_of_sensitivity_goes_by_the_largest_strength(small):
     freed = likelihood_of(CONSTANT, design_of(small)).freedom
     k = freed.names.index("sensitivity")
-    assert [freed.low[k], freed.high[k], freed.start[k]] == pytest.approx(
-        [0.02 / 0.4, 18 / 0.4, 4 / 0.4]
+    assert [0.4 * each[k] for each in (freed.low, freed.high, freed.start)] == pytest.approx(
+        [0.02, 18, 4]
     )
 
 
@@ -109,12 +112,7 @@ def test_a_search_begins_about_the_fastest_times_and_inside_where_a_start_is_a_b
     (first,) = likelihood.starts()
     k = likelihood.freedom.names.index("t0_s")
     assert first[k] == pytest.approx(np.quantile(small.rt_s, 0.02) - 0.05)
-    stuck = [
-        Parameter("bound", 0.5, 0.9, 0.5) if each.name == "bound" else each
-        for each in likelihood.freedom.parameters
-    ]
-    freed = freedom(stuck, {}, likelihood.design.cells)
-    both = BinnedLikelihood(CONSTANT, likelihood.design, freed).starts()
+    both = within(likelihood, Parameter("bound", 0.5, 0.9, 0.5)).starts()
     assert [start[1] for start in both] == pytest.approx([0.5, 0.7])
     assert both[0][2:] == pytest.approx(both[1][2:])
 
@@ -166,9 +164,6 @@ def test_of_several_searches_the_best_one_counts(order):
 
 def test_responses_after_the_end_of_simulated_trials_are_said():
     """A circuit never decides then: at 0.5 s of 2, sensitivity and lapses would be wrong."""
-    from bgmodel.fitting.simulated.circuit import CircuitModel
-    from circuits.anatomy import load_circuit
-
     some = drawn(GapModel(), [0.05, 0.4], 80, 71, seconds=2.0, sensitivity=12.0, bound=0.6)
     later = int((some.rt_s > 0.5).sum())
     model = CircuitModel(load_circuit("bogacz_gurney", 2), "algebra", seconds=0.5, trials=16)

@@ -22,7 +22,6 @@ def exponential(bound, fall_s, time_s):
 
 
 def densities(drift, bound):
-    """Return times and both densities of a constant bound."""
     times = np.linspace(0.0, 18 * bound**2, 6001)[1:]
     at_rest = passage.constant_at_rest(bound, times)
     (density,) = with_drift(at_rest, np.full(len(times), bound), times, [drift])
@@ -57,13 +56,21 @@ def test_closed_forms_go_over_smoothly_to_those_without_drift(bound):
     assert near == pytest.approx(far, rel=1e-5)
 
 
-@pytest.mark.parametrize("bound", [0.4, 0.7, 1.5])
-def test_a_bound_that_does_not_fall_has_the_density_of_a_constant_one(bound):
+@pytest.mark.parametrize(
+    ("bound", "share", "far", "close"),
+    [(0.4, 0.0, 1e-3, 1e-6), (0.7, 0.0, 1e-3, 1e-6), (1.5, 0.0, 1e-3, 1e-6),
+     (0.7, -0.6, 0.05, 5e-3), (0.7, 0.3, 0.05, 5e-3), (0.7, 0.8, 0.05, 5e-3)],
+)  # fmt: skip
+def test_a_bound_that_does_not_fall_has_the_density_of_a_constant_one(bound, share, far, close):
+    """From any start; the first times after one near a bound are steep."""
     times = np.arange(1, 1000) * 0.0025
-    falling = passage.falling_at_rest(*constant(bound, times), times)
-    assert falling == pytest.approx(passage.constant_at_rest(bound, times), abs=1e-6)
-    wrong = passage.falling_at_rest(*constant(1.01 * bound, times), times)
-    assert np.abs(wrong - falling).max() > 1e-3
+    exact = passage.constant_at_rest(bound, times, share * bound)[:, 20:]
+    falling, wrong = (
+        passage.falling_at_rest(*constant(b, times), times, start=share * bound)[:, 20:]
+        for b in (bound, bound + max(far, 0.01 * bound))
+    )
+    assert falling == pytest.approx(exact, abs=close)
+    assert np.abs(wrong - exact).max() > far
 
 
 @given(BOUND, st.floats(0.2, 3.0), st.floats(0.5, 2.0))
@@ -120,45 +127,25 @@ def test_from_any_start_choices_and_mean_times_are_the_closed_forms(drift, bound
 @settings(max_examples=20)
 def test_a_start_and_a_drift_of_the_other_sign_exchange_the_responses(bound, share, drift):
     times = np.arange(1, 400) * 0.005
-    for fall_s in (None, 0.7):
-        both = []
-        for sign in (1, -1):
-            z = sign * share * bound
-            if fall_s is None:
-                at_rest, gap = passage.constant_at_rest(bound, times, z), np.full(399, bound)
-            else:
-                gap, slope = exponential(bound, fall_s, times)
-                at_rest = passage.falling_at_rest(gap, slope, times, start=z)
-            both.append(with_drift(at_rest, gap, times, [sign * drift], z)[0])
-        assert both[0] == pytest.approx(both[1][::-1], rel=1e-9, abs=1e-9)
-
-
-@pytest.mark.parametrize("share", [-0.6, 0.0, 0.3, 0.8])
-def test_from_any_start_a_bound_that_does_not_fall_is_constant(share):
-    times = np.arange(1, 1500) * 0.001
-    z = share * 0.7
-    falling = passage.falling_at_rest(*constant(0.7, times), times, start=z)
-    fixed_bound = passage.constant_at_rest(0.7, times, z)
-    # The first times after a start near a bound are steep.
-    assert falling[:, 20:] == pytest.approx(fixed_bound[:, 20:], abs=5e-3)
-    wrong = passage.falling_at_rest(*constant(0.7, times), times, start=z + 0.05)
-    assert np.abs(wrong - fixed_bound)[:, 20:].max() > 0.05
+    gap, slope = exponential(bound, 0.7, times)
+    falling, fixed = [], []
+    for sign in (1, -1):
+        z = sign * share * bound
+        at_rest = passage.falling_at_rest(gap, slope, times, start=z)
+        falling.append(with_drift(at_rest, gap, times, [sign * drift], z)[0])
+        fixed.append(from_start(bound, z, sign * drift, times))
+    for one, other in (falling, fixed):
+        assert one == pytest.approx(other[::-1], rel=1e-9, abs=1e-9)
 
 
 def of_pyddm(bound, fall_s, drift, dt):
     """Return both masses and the mean time that PyDDM finds at a step."""
-    from pyddm import Model
-    from pyddm.models import BoundCollapsingExponential, DriftConstant, NoiseConstant, OverlayNone
+    from pyddm import Model, models
 
-    solved = Model(
-        drift=DriftConstant(drift=drift),
-        noise=NoiseConstant(noise=1),
-        bound=BoundCollapsingExponential(B=bound, tau=1 / fall_s),
-        overlay=OverlayNone(),
-        dx=dt,
-        dt=dt,
-        T_dur=3.0,
-    ).solve()
+    falling = models.BoundCollapsingExponential(B=bound, tau=1 / fall_s)
+    process = {"drift": models.DriftConstant(drift=drift), "noise": models.NoiseConstant(noise=1)}
+    steps = {"dx": dt, "dt": dt, "T_dur": 3.0}
+    solved = Model(bound=falling, overlay=models.OverlayNone(), **process, **steps).solve()
     both = np.stack([solved.pdf("error"), solved.pdf("correct")]) * dt
     return np.array([*both.sum(axis=1), both.sum(axis=0) @ solved.t_domain])
 
@@ -179,15 +166,15 @@ def test_a_falling_gap_is_where_pyddm_goes_as_its_step_goes_to_nothing(bound, fa
 @pytest.mark.parametrize("fall_per_s", [0.0, 1.5])
 @pytest.mark.parametrize(("start", "drift_sd"), [(0.0, 0.0), (0.2, 0.0), (-0.1, 0.8)])
 def test_sums_in_bins_are_those_of_the_densities(fall_per_s, start, drift_sd):
-    times, width_s = (np.arange(300) + 0.5) * 0.004, np.full(300, 0.004)
-    bins, drifts = np.arange(300) // 4, np.array([-3.0, 0.0, 0.4, 90.0])
+    times, drifts = (np.arange(300) + 0.5) * 0.004, np.array([-3.0, 0.0, 0.4, 90.0])
     gap, slope = EXPONENTIAL.at(0.8, {"fall_per_s": fall_per_s}, times)
     at_rest = passage.falling_at_rest(gap, slope, times, start=start)
-    mass = with_drift(at_rest, gap, times, drifts, start, drift_sd) * width_s
+    mass = with_drift(at_rest, gap, times, drifts, start, drift_sd) * 0.004
     wanted = mass.reshape(4, 2, 75, 4).sum(axis=3)
-    sums = passage.binned(at_rest, gap, times, drifts, start, drift_sd, width_s=width_s, bins=bins)
-    assert sums == pytest.approx(wanted, rel=1e-11, abs=1e-200)
-    other = passage.binned(
-        at_rest, gap, times, drifts + 0.01, start, drift_sd, width_s=width_s, bins=bins
+    told = {"width_s": np.full(300, 0.004), "bins": np.arange(300) // 4}
+    sums, other = (
+        passage.binned(at_rest, gap, times, drifts + off, start, drift_sd, **told)
+        for off in (0.0, 0.01)
     )
+    assert sums == pytest.approx(wanted, rel=1e-11, abs=1e-200)
     assert np.abs(other - wanted).max() > 1e-6

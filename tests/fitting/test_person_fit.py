@@ -1,6 +1,7 @@
 """One fit as tables."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,15 +9,15 @@ import pytest
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import likelihood_of
-from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.person_fit import cells_of, fit_likelihood, widened
-from bgmodel.fitting.posterior import Posterior
+from bgmodel.fitting.posterior import Posterior, posterior
 from bgmodel.fitting.quantiles import phrase, too_few
 from bgmodel.fitting.responses import QUANTILES
 from bgmodel.fitting.responses import moments as of_density
 from bgmodel.fitting.simulated.error import SimulationErrors
 from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn
+from tests.fitting.test_posterior import Doubled
 
 pytestmark = pytest.mark.usefixtures("brief_search")
 MODEL = GapModel()
@@ -42,17 +43,13 @@ def test_there_is_one_row_per_number_with_its_error(fit):
     assert table["standard_error"].tolist() == fit.directions.standard_errors.tolist()
     assert table[["low", "high"]].isna().all(axis=None)
     assert not table["at_bound"].any()
+    assert fit.simulation.log_likelihood == 0  # the model is exact
+    assert (table["simulation_error"] == 0).all()
     assert np.array_equal(fit.directions.vector, fit.optimum.vector)
 
 
 def test_an_interval_holds_the_value_and_is_as_wide_as_its_error_says(likelihood, monkeypatch):
-    import bgmodel.fitting.person_fit as module
-
-    monkeypatch.setattr(
-        module, "posterior", lambda *a, tell, **k: real(*a, tell=tell, most_steps=120, **k)
-    )
-    from bgmodel.fitting.posterior import posterior as real
-
+    monkeypatch.setattr("bgmodel.fitting.person_fit.posterior", partial(posterior, most_steps=120))
     told = []
     table = fit_likelihood(likelihood, draws=True, tell=told.append).parameters()
     assert (table["low"] < table["value"]).all()
@@ -91,9 +88,7 @@ def test_cells_hold_data_beside_the_model(fit, likelihood):
 def test_a_fit_prints_its_largest_residuals_and_cells_without_errors(fit):
     facts, rows = fit.facts(), fit.residuals()
     assert facts["residual 1"] == phrase(rows.iloc[0].to_dict())
-    assert [name for name in facts if name.startswith("residual")] == [
-        "residual 1", "residual 2", "residual 3",
-    ]  # fmt: skip
+    assert [name[-1] for name in facts if name.startswith("residual")] == ["1", "2", "3"]
     assert facts["errors"] == too_few(fit.cells()) != ""
 
 
@@ -107,24 +102,8 @@ def test_a_cell_without_any_response_is_empty_and_not_an_error():
     assert np.isfinite(table.loc[1, "mean_s"])
 
 
-class Twice:
-    """The test with a bound that two parameters set."""
-
-    name, threshold_name = "twice", "bound"
-    parameters = (*MODEL.parameters, Parameter("times", 0.5, 2.0, 1.0))
-
-    def decided(self, values, strength, grid):
-        return MODEL.decided({**values, "bound": values["bound"] * values["times"]}, strength, grid)
-
-    def halves(self):
-        return self, self
-
-    def left_out(self):
-        return ()
-
-
 def test_what_can_not_be_told_apart_is_fitted_with_a_warning(likelihood):
-    asked = likelihood_of(Twice(), likelihood.design, free=["bound", "times"])
+    asked = likelihood_of(Doubled(), likelihood.design, free=["bound", "times"])
     with pytest.warns(FitWarning, match="hardly distinguish bound from times"):
         fit = fit_likelihood(asked)
     assert abs(fit.directions.cosines[0, 1]) > 0.999
@@ -132,15 +111,9 @@ def test_what_can_not_be_told_apart_is_fitted_with_a_warning(likelihood):
     assert product == pytest.approx(0.6, abs=0.05)
 
 
-def test_an_exact_model_has_no_simulation_error(fit):
-    assert fit.simulation.log_likelihood == 0
-    assert (fit.parameters()["simulation_error"] == 0).all()
-
-
 def test_the_error_of_the_simulation_is_part_of_standard_errors_and_intervals(fit):
     se = 2 * fit.directions.standard_errors
-    draws = fit.optimum.vector + np.random.default_rng(1).normal(0, se, (1000, len(se)))
-    drawn_ = Posterior(FREE, draws, np.zeros(len(draws)), 1.0, 100.0)
+    drawn_ = normal(fit.optimum.vector, se, FREE)
     simulated = replace(fit, simulation=SimulationErrors(0.5, se), posterior=drawn_)
     table = simulated.parameters()
     expected = np.sqrt(5) * fit.directions.standard_errors
@@ -155,26 +128,25 @@ def test_where_the_error_of_the_simulation_is_unknown_that_of_the_data_remains(f
     table = replace(fit, simulation=SimulationErrors(0.5, se)).parameters()
     assert np.isnan(table["simulation_error"]).tolist() == [True, False, False]
     assert table["standard_error"][0] == fit.directions.standard_errors[0]
-    draws = np.random.default_rng(0).normal(1.0, 0.3, (1000, 1))
-    drawn_ = Posterior(["a"], draws, np.zeros(len(draws)), 1.0, 100.0)
-    assert np.array_equal(widened(drawn_, np.array([np.nan])), drawn_.interval(0.9))
 
 
-def test_an_interval_widens_by_the_error_of_the_simulation():
+def normal(middle, sd, names):
+    draws = np.random.default_rng(1).normal(middle, sd, (100_000, len(names)))
+    return Posterior(names, draws, np.zeros(len(draws)), 1.0, 100.0)
+
+
+def test_an_interval_widens_by_the_error_of_the_simulation_if_it_is_known():
     """Two Gaussian errors add as squares."""
-    draws = np.random.default_rng(0).normal(1.0, 0.3, (200_000, 1))
-    drawn_ = Posterior(["a"], draws, np.zeros(len(draws)), 1.0, 100.0)
+    drawn_ = normal(1.0, 0.3, ["a"])
     low, high = widened(drawn_, np.array([0.4]))
     assert (high - low) / 2 == pytest.approx(1.645 * 0.5, rel=0.02)
-    assert np.array_equal(widened(drawn_, np.zeros(1)), drawn_.interval(0.9))
+    for none in (0.0, np.nan):
+        assert np.array_equal(widened(drawn_, np.array([none])), drawn_.interval(0.9))
 
 
 def test_a_number_that_ends_at_a_bound_is_said_in_python_too():
     """Times of 2 s and more: t0 can't be as late, and the other numbers make up for it."""
-    from dataclasses import replace
-
     some = drawn(MODEL, [0.05, 0.4], 100, 61, seconds=2.0, sensitivity=12.0, bound=0.6)
+    late = design_of(replace(some, rt_s=some.rt_s + 2))
     with pytest.warns(FitWarning, match=r"t0_s ends at a bound of its range, 1.5"):
-        fit_likelihood(
-            likelihood_of(MODEL, design_of(replace(some, rt_s=some.rt_s + 2)), free=FREE)
-        )
+        fit_likelihood(likelihood_of(MODEL, late, free=FREE))

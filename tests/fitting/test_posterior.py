@@ -7,7 +7,7 @@ import pytest
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.likelihood import BinnedLikelihood, likelihood_of
+from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.posterior import (
     ENOUGH,
@@ -18,6 +18,7 @@ from bgmodel.fitting.posterior import (
     posterior,
 )
 from tests.drawn import TRUTH, drawn
+from tests.fitting.test_optimum import within
 
 MODEL = GapModel()
 VALUES = {"sensitivity": 8.0, "bound": 0.6}
@@ -78,8 +79,7 @@ class Doubled:
 
 
 def of_doubled(free):
-    design = likelihood_at(100).design
-    return likelihood_of(Doubled(), design, free=free)
+    return likelihood_of(Doubled(), likelihood_at(100).design, free=free)
 
 
 def test_two_names_of_one_parameter_have_a_cosine_of_1_and_one_makes_up_for_the_other():
@@ -93,37 +93,56 @@ def test_two_names_of_one_parameter_have_a_cosine_of_1_and_one_makes_up_for_the_
 
 def test_a_parameter_that_moves_nothing_is_named_and_leaves_the_errors_of_others():
     errors = directions(of_doubled(["sensitivity", "bound", "idle"]), np.array([8.0, 0.6, 0.5]))
-    assert [each.split(":")[0] for each in errors.cautions()] == [
-        "nothing in this design depends on idle"
-    ]
+    (caution,) = errors.cautions()
+    assert caution.startswith("nothing in this design depends on idle:")
     without = directions(of_doubled(["sensitivity", "bound"]), np.array([8.0, 0.6]))
     assert errors.standard_errors == pytest.approx([*without.standard_errors, np.inf])
 
 
-def test_opposite_directions_are_named_too_and_a_right_angle_is_not():
-    def at(cosine):
-        return Directions(["a", "b"], np.zeros(2), np.array([[1.0, cosine], [cosine, 1.0]]))
+def of_information(*rows):
+    return Directions(list("abc")[: len(rows)], np.ones(len(rows)), np.array(rows))
 
-    assert [len(at(cosine).cautions()) for cosine in (0.96, -0.96, 0.94, -0.94)] == [1, 1, 0, 0]
+
+def alike(cosine):
+    return of_information([1.0, cosine], [cosine, 1.0])
+
+
+def test_opposite_directions_are_named_too_and_a_right_angle_is_not():
+    assert [len(alike(c).cautions()) for c in (0.96, -0.96, 0.94, -0.94)] == [1, 1, 0, 0]
+    # Of an estimate, products of the derivatives of two halves may be larger than the squares.
+    for sign in (1, -1):
+        assert alike(sign * 1.3).cosines.tolist() == [[1, sign], [sign, 1]]
+        assert np.isinf(alike(sign * 1.3).standard_errors).all()
+
+
+def test_what_nothing_fixes_has_an_infinite_error_and_is_said():
+    """Two that move alike, one that moves nothing, no information at all, three in one plane."""
+    two = of_information([4.0, 4.0], [4.0, 4.0]), of_information([0.0, 0.0], [0.0, 0.0])
+    assert np.isinf([each.standard_errors for each in two]).all()
+    assert of_information([4.0, 0.0], [0.0, 0.0]).standard_errors.tolist() == [0.5, np.inf]
+    flat = of_information(*(1.5 * np.eye(3) - 0.5))
+    assert np.isinf(flat.standard_errors).all()
+    (caution,) = flat.cautions()
+    assert caution.startswith("no standard error can be given for a, b, c:")
+    assert not of_information(*np.eye(3)).cautions()
 
 
 def test_a_point_at_a_bound_is_looked_at_from_inside():
     likelihood = likelihood_at(100)
-    tight = [
-        Parameter(each.name, 0.6, 0.9, 0.7) if each.name == "bound" else each
-        for each in likelihood.freedom.parameters
-    ]
-    freed = freedom(tight, {}, likelihood.design.cells, free=FREE)
-    at_bound = directions(BinnedLikelihood(MODEL, likelihood.design, freed), TRUE)
+    at_bound = directions(within(likelihood, Parameter("bound", 0.6, 0.9, 0.7)), TRUE)
     inside = directions(likelihood, TRUE)
     assert at_bound.standard_errors == pytest.approx(inside.standard_errors, rel=0.1)
 
 
 @dataclass(frozen=True)
 class Noisy(Doubled):
-    """The same, its probabilities off by an error that goes with ``idle``, other in each half."""
+    """The same, its probabilities off by an error that goes with ``idle``, other in each half.
+
+    Squared, the error of all trials is in both factors.
+    """
 
     seeds: tuple[int, ...]
+    squared: bool
 
     def decided(self, values, strength, grid):
         mass = MODEL.decided(values, strength, grid)
@@ -133,62 +152,20 @@ class Noisy(Doubled):
         return mass * (1 + 0.1 * off * values["idle"][:, None, None])
 
     def halves(self):
-        return tuple(Noisy((seed,)) for seed in self.seeds)
-
-
-class Squared(Noisy):
-    """What it would be with the error of all trials in both factors."""
-
-    def halves(self):
-        return self, self
-
-    def left_out(self):
-        return ()
+        return (self, self) if self.squared else tuple(Noisy((k,), False) for k in self.seeds)
 
 
 def test_the_error_of_stored_trials_is_no_information():
     """Its square would be."""
-    design = likelihood_at(100).design
-    vector = np.array([8.0, 0.6, 0.5])
-    information = {}
-    for kind in (Noisy, Squared):
+    design, median = likelihood_at(100).design, {}
+    for squared in (False, True):
         each = []
         for seed in range(20):
-            model = kind((2 * seed, 2 * seed + 1))
+            model = Noisy((2 * seed, 2 * seed + 1), squared)
             likelihood = likelihood_of(model, design, free=["sensitivity", "bound", "idle"])
-            each.append(directions(likelihood, vector).information[2, 2])
-        information[kind] = np.median(each)
-    assert information[Noisy] < 0.1 * information[Squared]
-
-
-def test_what_nothing_fixes_has_an_infinite_error():
-    """Two that move alike, one that moves nothing, or no information at all."""
-
-    def errors(*information):
-        count = len(information)
-        return Directions(list("abc")[:count], np.zeros(count), np.array(information))
-
-    assert errors([4.0, 4.0], [4.0, 4.0]).standard_errors.tolist() == [np.inf, np.inf]
-    assert errors([0.0, 0.0], [0.0, 0.0]).standard_errors.tolist() == [np.inf, np.inf]
-    assert errors([4.0, 0.0], [0.0, 0.0]).standard_errors.tolist() == [0.5, np.inf]
-
-
-def test_a_cosine_is_between_minus_1_and_1_where_information_is_an_estimate():
-    """Products of the derivatives of two halves may be larger than the squares."""
-    for sign in (1, -1):
-        one = Directions(["a", "b"], np.zeros(2), np.array([[1.0, sign * 1.3], [sign * 1.3, 1.0]]))
-        assert one.cosines.tolist() == [[1, sign], [sign, 1]]
-        assert np.isinf(one.standard_errors).all()
-
-
-def test_errors_that_are_infinite_without_a_pair_alike_are_said():
-    """Three directions in one plane: each pair has a cosine of -1/2."""
-    names = ["a", "b", "c"]
-    flat = Directions(names, np.ones(3), 1.5 * np.eye(3) - 0.5 * np.ones((3, 3)))
-    assert np.isinf(flat.standard_errors).all()
-    (caution,) = flat.cautions()
-    assert caution.startswith("no standard error can be given for a, b, c:")
-    assert not Directions(names, np.ones(3), np.eye(3)).cautions()
+            each.append(directions(likelihood, np.array([8.0, 0.6, 0.5])).information[2, 2])
+        median[squared] = np.median(each)
+    assert median[False] < 0.1 * median[True]
 
 
 class Known:
@@ -209,9 +186,8 @@ class Known:
         return np.where(inside.all(axis=1), heights, -np.inf)
 
     def draw(self, **options):
-        return posterior(
-            self, Directions(list(self.names), self.freedom.start, self.information), **options
-        )
+        there = Directions(list(self.names), self.freedom.start, self.information)
+        return posterior(self, there, **options)
 
 
 GAUSSIAN = Known(np.linalg.inv([[1.0, 1.2], [1.2, 4.0]]))

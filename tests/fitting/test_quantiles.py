@@ -1,5 +1,7 @@
 """Quantiles of response times in tables, against NumPy and by hand, and figures of fits."""
 
+from itertools import product
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -24,6 +26,7 @@ from tests.drawn import TRUTH, drawn
 
 MODEL, VALUES = GapModel(), {"sensitivity": 8.0, "bound": 0.6}
 NAMES = [f"{name}_q{round(100 * q)}" for name in SIDES for q in QUANTILES]
+SUMMED = ["accuracy", "mean_s", "sd_s", *(f"q{round(100 * q)}_s" for q in QUANTILES)]
 
 
 def cells_at(some, vector=(8.0, 0.6), **options):
@@ -113,30 +116,24 @@ def test_conditions_are_columns_of_the_residuals(cells):
     rows = residuals(table)
     assert list(rows)[:3] == ["strength", "drug", "response"]
     assert ", drug on" in phrase(rows.iloc[0].to_dict())
-    assert isinstance(rows, pd.DataFrame)
 
 
 def shifted(shift):
     """Return a table of cells whose predictions are the data, shifted."""
     rng = np.random.default_rng(1)
-    names = ["accuracy", "mean_s", "sd_s", *(f"q{round(100 * q)}_s" for q in QUANTILES)]
-    table = pd.DataFrame(
-        {"strength": [0.1, 0.1, 0.4], "dbs": ["off", "on", "off"], "trials": 9, "answered": 9}
-    )
-    for name in names:
-        table[name] = rng.random(3)
-        table[f"model_{name}"] = table[name] + shift
-    for name in SIDES:
-        for q in QUANTILES:
-            column = f"{name}_q{round(100 * q)}"
-            table = table.assign(**{f"{column}_s": rng.random(3), f"{column}_se": 0.01})
-            table[f"model_{column}_s"] = table[f"{column}_s"] + shift
+    columns = {"strength": [0.1, 0.1, 0.4], "dbs": ["off", "on", "off"], "trials": 9}
+    columns["answered"] = [60, 60, 9]
+    for name in (*SUMMED, *(f"{each}_s" for each in NAMES)):
+        columns[name] = rng.random(3)
+        columns[f"model_{name}"] = columns[name] + shift
+    errors = dict.fromkeys([f"{each}_se" for each in NAMES], 0.01)
+    table = pd.DataFrame({**columns, **errors, "accuracy_se": 0.1, "mean_se": 0.02})
     # The last cell has too few errors.
     table.loc[2, [name for name in table if name.startswith("wrong")]] = np.nan
-    return table.assign(accuracy_se=0.1, mean_se=0.02, answered=[60, 60, 9], trials=9)
+    return table
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def figure():
     made = draw_fits({"one": shifted(0.1), "other": shifted(0.2)}, "somebody")
     yield made
@@ -145,10 +142,9 @@ def figure():
 
 def test_each_panel_shows_data_and_every_model_by_condition(figure):
     """Condition off has two strengths, on has one."""
-    names = ("accuracy", "mean_s", "sd_s", *(f"q{round(100 * q)}_s" for q in QUANTILES))
     table = shifted(0.1)
-    for name in names:
-        ax = figure.axes[min(names.index(name), 3)]
+    for k, name in enumerate(SUMMED):
+        ax = figure.axes[min(k, 3)]
         shown = [line.get_xydata() for line in ax.lines]
         for shift in (0, 0.1, 0.2):
             for rows, place in (([0, 2], [0, 1]), ([1], [0])):
@@ -165,14 +161,11 @@ def test_quantiles_are_over_the_probability_of_each_response(figure):
     def there(x, y):
         return (np.abs(shown - [x, y]) < 1e-9).all(axis=1).any()
 
-    for _, row in table.iterrows():
-        for q in QUANTILES:
-            name = f"q{round(100 * q)}_s"
-            assert there(row["accuracy"], row[f"correct_{name}"])
-            assert there(row["model_accuracy"], row[f"model_correct_{name}"])
-            enough = not np.isnan(row[f"wrong_{name}"])
-            assert there(1 - row["accuracy"], row[f"wrong_{name}"]) == enough
-            assert there(1 - row["model_accuracy"], row[f"model_wrong_{name}"]) == enough
+    for (_, row), q, of in product(table.iterrows(), QUANTILES, ("", "model_")):
+        name, share = f"q{round(100 * q)}_s", row[f"{of}accuracy"]
+        assert there(share, row[f"{of}correct_{name}"])
+        enough = not np.isnan(row[f"wrong_{name}"])
+        assert there(1 - share, row[f"{of}wrong_{name}"]) == enough
     assert ax.get_title(loc="right") == too_few(table) != ""
 
 

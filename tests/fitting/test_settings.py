@@ -18,8 +18,7 @@ from bgmodel.fitting.simulated.alternatives import MODELS
 from bgmodel.fitting.simulated.circuit import MECHANISMS
 from bgmodel.trials.reader import read_trials
 from circuits import anatomy
-from circuits.errors import InputError
-from tests.helpers import refused
+from tests.helpers import refused, refusing
 
 DATA, WHOSE = "roitman_shadlen_2002", {"strength": "coherence", "participant": "b"}
 
@@ -37,19 +36,17 @@ def test_a_fit_of_a_table_is_that_of_its_likelihood(made):
     assert made.optimum.log_likelihood == expected.optimum.log_likelihood
 
 
-@pytest.mark.parametrize("name", [*GAPS, *MODELS, "macaque"])
-def test_a_model_can_be_sent_to_another_process(name):
-    alternatives = 2 if name in GAPS else 3
-    model = FitSettings(trials=100).model(name, alternatives=alternatives)
+SENT = [*((name, {}) for name in (*GAPS, *MODELS, "macaque")),
+        *(("macaque", {"mechanism": mechanism}) for mechanism in MECHANISMS)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "options"), SENT)
+def test_a_model_can_be_sent_to_another_process(name, options):
+    alternatives = 2 if name in GAPS or options else 3
+    model = FitSettings(trials=100, **options).model(name, alternatives=alternatives)
     sent = pickle.loads(pickle.dumps(model))
     assert sent.identity() == model.identity()
     assert sent.parameters == model.parameters
-
-
-@pytest.mark.parametrize("mechanism", MECHANISMS)
-def test_a_mechanism_can_be_sent_to_another_process(mechanism):
-    model = FitSettings(mechanism=mechanism, trials=100).model("macaque")
-    assert pickle.loads(pickle.dumps(model)).identity() == model.identity()
 
 
 def test_what_a_reader_is_shown_is_what_was_fitted(made):
@@ -72,36 +69,30 @@ def test_python_and_the_command_have_the_same_defaults():
             assert default == field.default, field.name
 
 
-@pytest.mark.parametrize(
-    ("wrong", "named"),
-    [
-        ({"model": "gap"}, "models learners need trials with the columns pair and reward"),
-        ({"model": 3}, "circuit"),
-        ({"participant": None}, "participant"),
-        ({"mechanism": "posterior"}, "mechanism"),
-        ({"engine": "nengo"}, "engine"),
-        ({"noise_nats": 0}, "noise_nats"),
-        ({"fix": {"lapses": 0.1}}, "fix"),
-        ({"vary": {"bound": "instruction"}}, "instruction"),
-        ({"strength": "contrast"}, "contrast"),
-    ],
+test_what_cannot_be_fitted_is_named = refusing(
+    ({"model": "gap"}, "models learners need trials with the columns pair and reward"),
+    ({"model": 3}, "circuit"),
+    ({"participant": None}, "participant"),
+    ({"mechanism": "posterior"}, "mechanism"),
+    ({"engine": "nengo"}, "engine"),
+    ({"noise_nats": 0}, "noise_nats"),
+    ({"fix": {"lapses": 0.1}}, "fix"),
+    ({"vary": {"bound": "instruction"}}, "instruction"),
+    ({"strength": "contrast"}, "contrast"),
+    of=lambda wrong: fit(DATA, **{"model": "constant_gap", **WHOSE, **wrong}),
 )
-def test_what_cannot_be_fitted_is_named(wrong, named):
-    with refused(named):
-        fit(DATA, **{"model": "constant_gap", **WHOSE, **wrong})
-
-
-def test_one_free_parameter_may_be_named_alone(made):
-    alone = fit(DATA, "constant_gap", free="bound", **WHOSE)
-    assert list(alone.optimum.values) == ["bound"]
 
 
 def test_a_circuit_is_taken_as_it_is(tmp_path):
     table = anatomy.load_circuit("bogacz_gurney").lesion("STN", 0.05)
     settings = FitSettings(engine="algebra", trials=16)
     model = settings.model(table, seconds=1.0, folder=tmp_path)
-    assert model.circuit == table
-    assert model.folder == tmp_path
+    assert (model.circuit, model.folder) == (table, tmp_path)
+
+
+def test_one_free_parameter_may_be_named_alone():
+    alone = fit(DATA, "constant_gap", free="bound", **WHOSE)
+    assert list(alone.optimum.values) == ["bound"]
 
 
 @pytest.mark.parametrize(
@@ -133,13 +124,16 @@ def test_a_parameter_with_a_fixed_level_is_no_effect_to_remove():
     assert asked.effects == ["bound", "t0_s"]
 
 
+def of_two(each, **columns):
+    """Return the trials of two people, three quarters of them with response 1."""
+    who, response = np.repeat(["a", "b"], each), np.arange(2 * each) % 4 < 3
+    rt = np.random.default_rng(1).uniform(0.3, 0.9, 2 * each)
+    table = pd.DataFrame({"participant_id": who, "rt": rt, "response": response.astype(int)})
+    return table.assign(**columns)
+
+
 def test_a_predictor_between_people_is_named_as_that():
-    table = pd.DataFrame({
-        "participant_id": np.repeat(["a", "b"], 40),
-        "group": np.repeat(["patient", "control"], 40),
-        "rt": np.random.default_rng(1).uniform(0.3, 0.9, 80),
-        "response": np.arange(80) % 4 // 3 ^ 1,
-    })  # fmt: skip
+    table = of_two(40, group=np.repeat(["patient", "control"], 40))
     asked = settings_of(formula="bound ~ group")
     with refused("group between people alone"):
         asked.split(asked.read(table))
@@ -156,13 +150,8 @@ def test_a_predictor_between_people_is_named_as_that():
 
 def test_a_slope_has_one_range_for_all_people_of_a_hierarchy():
     """It follows from the values of the covariate, which differ: the widest of any person."""
-    rng = np.random.default_rng(5)
-    table = pd.DataFrame({
-        "participant_id": np.repeat(["a", "b"], 80),
-        "theta": np.concatenate([rng.normal(0, 1, 80), rng.normal(0, 4, 80)]),
-        "rt": rng.uniform(0.3, 0.9, 160),
-        "response": np.arange(160) % 4 // 3 ^ 1,
-    })  # fmt: skip
+    sd = np.repeat([1.0, 4.0], 80)
+    table = of_two(80, theta=sd * np.random.default_rng(5).normal(size=160))
     asked = settings_of(formula="bound ~ theta", people="hierarchical")
     designs = {who: asked.design(some) for who, some in asked.by_person(asked.read(table)).items()}
     alone = [asked.likelihood(each, GapModel()).freedom for each in designs.values()]
@@ -180,28 +169,21 @@ TABLE = pd.DataFrame({"rt": 0.5, "response": np.resize([0, 1, 1], 60),
                       "z": np.linspace(0, 1, 60)})  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("prior", "said"),
-    [
-        ({"speed": (1.0, 2.0)}, "must name a parameter"),
-        ({"lapse": (0.01, 0.02)}, "must be of a fitted number"),
-        ({"bound": (0.5, 1.0)}, "bound[Intercept]"),
-        ({"t0_s": (0.4, 0.2)}, "within 0.05 to 1.5"),
-        ({"t0_s": (0.3, 0.3)}, "within 0.05 to 1.5"),
-        ({"t0_s": (0.01, 0.4)}, "within 0.05 to 1.5"),
-        ({"t0_s": (np.nan, 0.4)}, "within 0.05 to 1.5"),
-        ({"t0_s": 0.3}, "two numbers"),
-        ({"t0_s": (0.1, 0.2, 0.3)}, "two numbers"),
-        ({"t0_s": "soon"}, "two numbers"),
-        ("t0_s=0.2:0.4", "must be a mapping"),
-    ],
+GIVEN = {"fix": {"lapse": 0.01}, "formula": "bound ~ z", "strength": "strength"}
+
+
+test_a_prior_that_cannot_be_is_refused = refusing(
+    ({"speed": (1.0, 2.0)}, "prior must name a parameter"),
+    ({"lapse": (0.01, 0.02)}, "prior must be of a fitted number"),
+    ({"bound": (0.5, 1.0)}, r"prior bound\[Intercept\]"),
+    *(
+        ({"t0_s": wrong}, "prior within 0.05 to 1.5")
+        for wrong in ((0.4, 0.2), (0.3, 0.3), (0.01, 0.4), (np.nan, 0.4))
+    ),
+    *(({"t0_s": wrong}, "prior two numbers") for wrong in (0.3, (0.1, 0.2, 0.3), "soon")),
+    ("t0_s=0.2:0.4", "prior must be a mapping"),
+    of=lambda prior: fit(TABLE, "constant_gap", prior=prior, **GIVEN),
 )
-def test_a_prior_that_cannot_be_is_refused(prior, said):
-    given = {"fix": {"lapse": 0.01}, "formula": "bound ~ z", "strength": "strength"}
-    with pytest.raises(InputError) as error:
-        fit(TABLE, "constant_gap", prior=prior, **given)
-    assert error.value.field == "prior"
-    assert said in str(error.value)
 
 
 def test_priors_of_a_parameter_are_of_each_of_its_values_unless_one_has_its_own():

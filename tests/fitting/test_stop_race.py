@@ -9,14 +9,18 @@ import pytest
 from bgmodel.fitting.hierarchy.group import ALMOST
 from bgmodel.fitting.hierarchy.group_fit import fit_group
 from bgmodel.fitting.optimum import optimum
+from bgmodel.fitting.passage import accuracy
 from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.stop_process import (
     GO,
     TEST,
     StopModel,
+    crossed_later,
     go_process,
     laid,
+    raised_bound,
     stop_model,
+    threshold_nats,
 )
 from bgmodel.fitting.stop_race import StopRace, likelihood
 from bgmodel.stopping.inputs import MOST_NATS
@@ -40,7 +44,6 @@ def raced(seed, trials=200, people_sd_ms=0.0, **true):
 
 
 def values(trials, **changes):
-    """Return values of each parameter in every trial."""
     every = TRUE | {"strength_nats": MOST_NATS} | changes
     return {name: np.full(trials.trials, float(value)) for name, value in every.items()}
 
@@ -139,9 +142,8 @@ def test_a_weak_stop_blocks_those_below_its_strength_and_delays_the_others():
     theta = values(many, ssrt_ms=1.0, ssrt_sd_ms=5.0, failures=0.0, strength_nats=0.1)
     rng, stop = np.random.default_rng(4), np.isfinite(many.ssd_s)
     made = [(first.simulate(many, theta, rng).response >= 0)[stop] for _ in range(40)]
-    assert np.mean(made) == pytest.approx(
-        first.p_respond(many, theta).mean(), abs=4 * 0.5 / 800**0.5
-    )
+    expected = first.p_respond(many, theta).mean()
+    assert np.mean(made) == pytest.approx(expected, abs=4 * 0.5 / 800**0.5)
 
 
 def test_the_latency_of_a_stop_is_that_at_the_threshold():
@@ -193,12 +195,9 @@ def test_a_go_process_is_found_in_a_persons_go_trials():
 
 
 def test_a_person_without_enough_trials_is_refused():
-    for few in (
-        StopTrials([400.0, 300.0], [np.nan, 200.0]),
-        StopTrials([400.0] * 12, [np.nan] * 12),
-    ):
+    for rt, ssd in (([400.0, 300.0], [np.nan, 200.0]), ([400.0] * 12, [np.nan] * 12)):
         with refused("ssd"):
-            likelihood("constant_gap", few.to_trials())
+            likelihood("constant_gap", StopTrials(rt, ssd).to_trials())
 
 
 def test_shuffled_delays_are_far_less_likely():
@@ -206,10 +205,47 @@ def test_shuffled_delays_are_far_less_likely():
     trials, rng = raced(3, 800), np.random.default_rng(5)
     ssd_s = trials.ssd_s.copy()
     ssd_s[~np.isnan(ssd_s)] = rng.permutation(ssd_s[~np.isnan(ssd_s)])
-    true, shuffled = (
-        optimum(likelihood(ALIKE, each)) for each in (trials, replace(trials, ssd_s=ssd_s))
-    )
-    assert shuffled.log_likelihood < true.log_likelihood - 50
+    tables = trials, replace(trials, ssd_s=ssd_s)
+    true, shuffled = (optimum(likelihood(ALIKE, each)).log_likelihood for each in tables)
+    assert shuffled < true - 50
+
+
+def test_the_raised_bound_has_the_posterior_that_the_stop_leaves():
+    # Palmer's accuracy is the posterior of the test at its bound.
+    v, a = np.array([1.0, 3.0]), np.array([0.4, 0.6])
+    assert np.exp(-threshold_nats(a, 2 * v)) == pytest.approx(accuracy(v, a))
+    a, n = np.array([0.5]), np.array([2.0])
+    theta = threshold_nats(a, n)
+    assert raised_bound(a, n, 0.0) == pytest.approx(a)
+    assert threshold_nats(raised_bound(a, n, 0.1), n) == pytest.approx(theta - 0.1)
+    assert np.isinf(raised_bound(a, n, float(theta[0])))
+    assert np.isinf(raised_bound(a, n, 2.0))
+
+
+def test_nothing_is_crossed_without_time_or_without_a_bound():
+    u = np.array([0.0, 0.1, 0.5])
+    assert crossed_later(3.0, 0.5, np.inf, u, u + 1).tolist() == [0, 0, 0]
+    assert crossed_later(3.0, 0.5, 0.8, u, np.zeros(3)).tolist() == [0, 0, 0]
+    # With a long time all are.
+    assert crossed_later(3.0, 0.5, 0.8, u, np.full(3, 50.0)) == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("u", "b"), [(0.1, 0.7), (0.25, 1.0)])
+def test_simulated_paths_cross_as_often(u, b):
+    rng = np.random.default_rng(7)
+    v, a, w, dt, paths = 2.0, 0.5, 0.3, 2e-4, 8000
+    # The discrete walk overshoots: its bounds are 0.583 steps too far (Siegmund 1985).
+    less = 0.583 * np.sqrt(dt)
+    x, left = np.zeros(paths), []
+    for bound, seconds in ((a, u), (b, w)):
+        for _ in range(round(seconds / dt)):
+            x += v * dt + np.sqrt(dt) * rng.standard_normal(len(x))
+            x = x[np.abs(x) < bound - less]
+        left.append(len(x))
+    alive, share = left[0], 1 - left[1] / left[0]
+    error = np.sqrt(share * (1 - share) / alive)
+    crossed = crossed_later(v, a, b, np.array([u]), np.array([w]))[0]
+    assert crossed == pytest.approx(share, abs=4 * error + 0.005)
 
 
 def test_a_fit_tells_of_go_times_with_a_trend_and_what_it_would_find_without():

@@ -8,7 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import expit, logit
 
-from bgmodel.learning.bandit import Bandit, IdealLearner, ideal_of, play, relative_regret
+import bgmodel as bg
+from bgmodel.learning.bandit import (
+    Bandit,
+    IdealLearner,
+    ValueCircuit,
+    ideal_of,
+    play,
+    relative_regret,
+)
 from bgmodel.learning.value_learners import (
     LEARNERS,
     Confidence,
@@ -37,10 +45,8 @@ def after(learner, choices, rewards):
 
 
 def test_arms_reverse_at_their_times_or_with_their_hazard():
-    fixed = Bandit(reverse_every=7).draw(30, 3, seed=1)
-    assert (np.diff(fixed.best, axis=0) != 0).nonzero()[0].reshape(-1, 3)[:, 0].tolist() == [
-        6, 13, 20, 27,
-    ]  # fmt: skip
+    reversed_ = np.diff(Bandit(reverse_every=7).draw(30, 3, seed=1).best, axis=0) != 0
+    assert (reversed_ == np.isin(np.arange(29), [6, 13, 20, 27])[:, None]).all()
     random = Bandit(hazard=0.1).draw(2000, 20, seed=1)
     share = (np.diff(random.best, axis=0) != 0).mean()
     assert share == pytest.approx(0.1, abs=5 * np.sqrt(0.09 / 40_000))
@@ -72,9 +78,11 @@ def brute_force(choices, rewards, better, worse, hazard):
     return total[1] / total.sum()
 
 
-@given(P, P, st.floats(0.0, 0.5), st.lists(st.tuples(st.integers(0, 1), st.integers(0, 1)),
-                                          max_size=7))  # fmt: skip
-@settings(max_examples=40, deadline=None)
+ARMS_AND_REWARDS = st.lists(st.tuples(st.integers(0, 1), st.integers(0, 1)), max_size=7)
+
+
+@given(P, P, st.floats(0.0, 0.5), ARMS_AND_REWARDS)
+@settings(max_examples=40)
 def test_the_ideal_learner_is_the_sum_over_all_histories(one, other, hazard, seen):
     if abs(one - other) < 0.01:
         return
@@ -146,10 +154,9 @@ def test_learners_side_by_side_are_learners_alone_and_a_seed_gives_the_same_choi
         alone = [(one, one.learn(s, one_hot(choice), np.float64(reward))) for one, s in alone]
     apart = np.stack([one.values(s) for one, s in alone])
     assert together.values(state) == pytest.approx(apart)
-    first, again = (play(name, Bandit(), trials=20, runs=5, seed=3) for _ in range(2))
+    first, again, few = (play(name, Bandit(), trials=20, runs=n, seed=3) for n in (5, 5, 2))
     assert np.array_equal(first.choice, again.choice)
-    assert np.array_equal(play(name, Bandit(), trials=20, runs=2, seed=3).choice,
-                          first.choice[:, :2])  # fmt: skip
+    assert np.array_equal(few.choice, first.choice[:, :2])
 
 
 test_bad_input_is_refused = refusing(
@@ -185,3 +192,61 @@ def test_regret_counts_the_rewards_forgone():
     wrong = (played.choice != played.draws.best).sum(axis=0)
     assert played.regret == pytest.approx(0.5 * wrong)
     assert np.isnan(played.time_ms).all()
+
+
+@pytest.fixture(scope="module")
+def circuit():
+    return ValueCircuit(bg.BasalGanglia("macaque", seed=1), seed=2)
+
+
+def test_evidence_has_a_drift_proportional_to_the_difference_of_values(circuit):
+    evidence = circuit.evidence(np.tile([0.3, 0.6], (400, 1)))
+    ratio = evidence.log_likelihood[..., 1] - evidence.log_likelihood[..., 0]
+    error = ratio.std() / np.sqrt(ratio.size)
+    assert ratio.mean() == pytest.approx(0.25 * 0.3 / 0.6, abs=4 * error)
+    assert ratio.var() == pytest.approx(2 * 0.25, rel=0.03)
+    assert (evidence.truth == 1).all()
+    # At the stated difference the ratios are exact: exp(-ratio) has a mean of 1 under the truth.
+    exact = circuit.evidence(np.tile([0.2, 0.8], (400, 1))).log_likelihood
+    odds = np.exp(exact[..., 0] - exact[..., 1])
+    assert odds.mean() == pytest.approx(1, abs=4 * odds.std() / np.sqrt(odds.size))
+
+
+def test_the_better_action_is_chosen_more_often_and_sooner_with_the_difference(circuit):
+    made = [circuit.decide(np.tile([0.5 - d / 2, 0.5 + d / 2], (400, 1))) for d in (0.1, 0.3, 0.6)]
+    share = np.array([one.accuracy for one in made])
+    times = [float(np.median(one.time_ms)) for one in made]
+    assert (np.diff(share) > 0.03).all()
+    assert (np.diff(times) < -30).all()
+    # Constant noise and bound: the log-odds of a choice are proportional to the difference.
+    odds = np.log(share / (1 - share)) / [0.1, 0.3, 0.6]
+    error = 1 / np.sqrt(400 * share * (1 - share)) / [0.1, 0.3, 0.6]
+    assert abs(odds[1] - odds[2]) < 4 * np.hypot(error[1], error[2])
+
+
+def test_each_block_has_its_own_noise_and_a_seed_gives_the_same_bytes(circuit):
+    values = np.tile([0.5, 0.5], (30, 1))
+    first, again, other = (circuit.decide(values, k).time_ms for k in (3, 3, 4))
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+    # The noise of cells is that of the block as well.
+    evidence, level = circuit.evidence(values, 3), circuit.model.threshold(None, 0.85)
+    known = circuit.model.decided(evidence, level, first_trial=90).time_ms
+    assert np.array_equal(first, known)
+    assert not np.array_equal(known, circuit.model.decided(evidence, level).time_ms)
+
+
+def test_choices_of_the_circuit_teach_the_learner(circuit):
+    played = play(QBoth(rate=0.3), Bandit(), trials=40, runs=8, seed=3, chooser=circuit)
+    assert np.isfinite(played.time_ms).all()
+    assert played.difference[-10:].mean() > 0.4
+    assert played.correct[-10:].mean() > 0.75
+
+
+test_circuits_that_cannot_choose_are_refused = refusing(
+    (lambda: ValueCircuit(bg.BasalGanglia("macaque", "algebra")), "model"),
+    (lambda: ValueCircuit(bg.BasalGanglia(bg.load_circuit("macaque", 3))), "model"),
+    (lambda: ValueCircuit(bg.BasalGanglia("macaque"), difference=0.0), "difference"),
+    (lambda: ValueCircuit(bg.BasalGanglia("macaque"), posterior=0.999), "thresholds"),
+    (lambda: ValueCircuit(bg.BasalGanglia("macaque")).evidence([0.5, 0.5]), "values"),
+)

@@ -3,16 +3,20 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from bgmodel import first_crossing
+from bgmodel import Msprt, first_crossing, stream
 from bgmodel.deciding.decision import any_crossing
+from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
+from bgmodel.learning import dopamine as levels
 from bgmodel.learning.dopamine import (
     THRESHOLD_NATS,
     decide_at_levels,
     decided_out,
+    level_table,
     levels_between,
     stopping_posterior,
     usable_range,
@@ -22,7 +26,7 @@ from bgmodel.simulated_evidence import separated_evidence
 from circuits.anatomy import load_circuit
 from circuits.engines import Rate
 from circuits.errors import NoiseWarning
-from tests.helpers import refused, refusing
+from tests.helpers import ROOT, refused, refusing
 from tests.levels import GAIN, LEVELS, MODEL, SEED
 
 
@@ -48,17 +52,13 @@ def test_normal_dopamine_decides_at_the_posterior_of_the_threshold(channels):
 
 
 @pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
-@pytest.mark.parametrize(
-    ("channels", "threshold"), [(2, THRESHOLD_NATS), (4, THRESHOLD_NATS), (4, 0.34)]
-)
+@pytest.mark.parametrize(("channels", "threshold"), [(2, 0.3), (4, 0.3), (4, 0.34)])
 def test_the_fixed_point_spans_posteriors_from_75_to_99(name, channels, threshold):
     table = load_circuit(name, channels)
     gain = GAIN if name == "spiking_msprt" else gain_of(table)
     low, high = working_range(table, threshold)
-    posteriors = [
-        stopping_posterior(table, level, threshold, gain)
-        for level in levels_between(1.01 * low, 0.99 * high, 5)
-    ]
+    levels = levels_between(1.01 * low, 0.99 * high, 5)
+    posteriors = [stopping_posterior(table, level, threshold, gain) for level in levels]
     assert np.all(np.diff(posteriors) < 0)
     assert posteriors[-1] < 0.75
     assert posteriors[0] > 0.99
@@ -134,3 +134,32 @@ def test_a_level_at_which_a_circuit_decides_against_the_evidence_is_warned_of():
     with pytest.warns(NoiseWarning):
         decisions = decide_at_levels(model, evidence, [0.0, 1.0], 0.2)
     assert (decisions.choice[1] == evidence.truth).mean() < 0.2
+
+
+def test_the_gap_in_equal_time_sees_a_slower_decider(level_evidence):
+    """The MSPRT itself has none; with times half as long again, or 100 ms late, it loses."""
+    test = tradeoff(Msprt(GAIN).run(level_evidence), level_evidence)
+    keep = np.searchsorted(test.posterior.mean(axis=1), [0.7, 0.75, 0.8, 0.85, 0.9])
+    fields = {n: getattr(test, n)[keep] for n in ("choice", "forced", "premature", "posterior")}
+    gaps = {}
+    for factor, late in ((1.0, 0.0), (1.5, 0.0), (1.0, 100.0)):
+        time_ms = factor * test.time_ms[keep] + late
+        slow = Tradeoff(np.linspace(1.6, 0.9, 5), time_ms=time_ms, **fields)
+        options = {"circuit": MODEL.circuit, "gain": GAIN, "rng": stream(SEED, "boot")}
+        table = level_table(slow, {"MSPRT": test}, latency_ms=0.0, **options)
+        rows = table[table["measure"] == "accuracy_gap"]
+        gaps[factor, late] = rows["value"].to_numpy()
+    assert np.abs(gaps[1.0, 0.0]).max() < 0.005
+    assert gaps[1.5, 0.0].max() < -0.01
+    assert gaps[1.0, 100.0].max() < -0.005
+
+
+@pytest.mark.parametrize("channels", levels.LATENCY_MS)
+def test_the_latency_is_what_was_measured_on_raw_evidence(channels):
+    """The time that the default circuit takes more than its test, in a table of the results."""
+    table = pd.read_csv(ROOT / "figures/decisions/tables/raw_decisions.csv")
+    table = table[table["evidence"].eq(f"Gaussian, d' 1, N = {channels}")]
+    table = table[table["engine"].eq("population") & table["given"].eq("raw")]
+    extra_ms = table[table["accuracy"].isin([0.9, 0.95])]["extra_ms"]
+    assert len(extra_ms) == 2
+    assert levels.LATENCY_MS[channels] == pytest.approx(extra_ms.mean(), abs=1)

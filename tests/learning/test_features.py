@@ -16,6 +16,7 @@ from bgmodel.tactile.task import SameDifferent
 from tests.helpers import refused, refusing
 
 NAMES = ("left", "right")
+GOOD = {"values": np.ones((2, 3, 2)), "truth": [0, 1], "names": NAMES}
 
 
 def test_a_soft_histogram_interpolates_between_its_centres():
@@ -81,9 +82,7 @@ test_features_that_do_not_fit_are_refused = refusing(
     ({"lengths": np.array([4, 1])}, "lengths"),
     ({"lengths": np.array([3, 2])}, "lengths features after the last"),
     ({"log_likelihood": np.zeros((2, 3, 3))}, "log_likelihood"),
-    of=lambda change: Features(
-        **{"values": np.ones((2, 3, 2)), "truth": [0, 1], "names": NAMES} | change
-    ),
+    of=lambda change: Features(**GOOD | change),
 )
 
 

@@ -27,15 +27,14 @@ from tests.helpers import long_table, refused, refusing
 SHORT = Learner(episodes=1500)
 RATE = bg.BasalGanglia("macaque", "rate")
 FEW = {"runs": 2, "seed": 3}
+GAP = {**FEW, "xi": 50.0, "start_separation": 0.5, "learner": SHORT}
 
 
 def test_the_gap_of_the_test_is_that_of_its_own_function():
     """The same streams: numbers stored before are found again."""
     task = SameDifferent(2.0)
     learned = learn(task, learner=SHORT, **FEW)
-    table, summary = learn_gap(
-        task.source(), name=(2.0, 0), xi=50.0, start_separation=0.5, t_max=40, learner=SHORT, **FEW
-    )
+    table, summary = learn_gap(task.source(), name=(2.0, 0), t_max=40, **GAP)
     assert learned.what == THRESHOLD
     np.testing.assert_array_equal(learned.learned, summary["learned_separation"])
     assert learned.best == summary["optimal_separation"]
@@ -65,8 +64,9 @@ def test_the_best_gap_for_gaussian_evidence_is_that_of_the_exact_theory():
 )
 def test_all_that_reward_moves_has_one_kind_of_result(task, model, what):
     learner = WeightLearner(trials=300) if what == WEIGHTS else SHORT
-    learned = learn(task, model, what=what, learner=learner, trials=200, **FEW)
-    again = learn(task, model, what=what, learner=learner, trials=200, **FEW)
+    learned, again = (
+        learn(task, model, what=what, learner=learner, trials=200, **FEW) for _ in range(2)
+    )
     np.testing.assert_array_equal(learned.learned, again.learned)
     assert learned.what == what
     assert learned.learned.shape == (2,)
@@ -100,15 +100,11 @@ def test_the_test_learns_from_a_table_as_from_the_task_that_its_readings_are_of(
     last = (table["trial"] == len(values) - 1) & (table["step"] > 5)
     path = tmp_path / "mine.parquet"
     table.to_parquet(path)
-    assert (
-        learn(EvidenceTable(path), learner=SHORT, **FEW).best
-        == learn(task, learner=SHORT, **FEW).best
-    )
+    both = [learn(each, learner=SHORT, **FEW).best for each in (EvidenceTable(path), task)]
+    assert both[0] == both[1]
     table[~last].to_parquet(path)
     readings.log_likelihood[1] = readings.log_likelihood[1][:-14]
-    _, by_hand = learn_gap(
-        readings, name=(0.0, 0), xi=50.0, start_separation=0.5, t_max=20, learner=SHORT, **FEW
-    )
+    _, by_hand = learn_gap(readings, name=(0.0, 0), t_max=20, **GAP)
     learned = learn(EvidenceTable(path), learner=SHORT, **FEW)
     np.testing.assert_array_equal(learned.learned, by_hand["learned_separation"])
     assert learned.best == by_hand["optimal_separation"]
@@ -152,7 +148,7 @@ test_what_cannot_be_learned_is_one_sentence = refusing(
 
 
 def test_dopamine_without_a_circuit_is_that_of_the_default_one():
-    options = {"what": DOPAMINE, "runs": 1, "trials": 120, "seed": 3}
-    learned = learn(Gaussian(), learner=SHORT, **options)
-    named = learn(Gaussian(), bg.BasalGanglia("macaque", "rate", seed=3), learner=SHORT, **options)
+    options = {"what": DOPAMINE, "runs": 1, "trials": 120, "seed": 3, "learner": SHORT}
+    learned = learn(Gaussian(), **options)
+    named = learn(Gaussian(), bg.BasalGanglia("macaque", "rate", seed=3), **options)
     assert np.array_equal(learned.learned, named.learned)

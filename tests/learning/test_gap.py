@@ -25,9 +25,8 @@ TAPS = held_out_taps()
 def test_simulation_agrees_with_the_exact_solution_on_tactile_evidence():
     separations = [0.0, 1.0, 4.0, 8.0]
     trials = 30_000
-    table = search_folds(
-        fold_sources(TAPS, 2.0)[:2], separations, trials=trials, t_max=30, seed=7, name="test"
-    )
+    options = {"trials": trials, "t_max": 30, "seed": 7, "name": "test"}
+    table = search_folds(fold_sources(TAPS, 2.0)[:2], separations, **options)
     p = table["exact_accuracy"]
     z = (table["accuracy"] - p) / np.sqrt(p * (1 - p) / trials)
     assert np.abs(z).max() < 4
@@ -38,9 +37,8 @@ def test_regret_is_the_share_that_a_gap_costs_more():
     readings = fold_sources(TAPS, 2.0)[0]
     best = optimal_separation(*increments(readings), 50.0, t_max=30)
     separations = np.array([0.5, best.boundary_separation])
-    regret = regret_on_fresh_trials(
-        separations, readings, best, xi=50.0, t_max=30, seed=1, name="regret"
-    )
+    options = {"xi": 50.0, "t_max": 30, "seed": 1, "name": "regret"}
+    regret = regret_on_fresh_trials(separations, readings, best, **options)
     cost = -reward_curve(*increments(readings), separations, 50.0, t_max=30)
     assert regret == pytest.approx(cost / best.cost - 1, abs=0.03)
     assert regret[0] > 0.3
@@ -75,9 +73,7 @@ def test_every_run_of_every_fold_has_its_own_course_from_the_start_to_what_is_le
     assert list(runs.groups) == [(fold, repeat) for fold in range(2) for repeat in range(2)]
     assert all(run["episode"].tolist() == [0, 100, 199, 299] for _, run in runs)
     last = runs.last()
-    assert last["smoothed_separation"].to_numpy() == pytest.approx(
-        last["learned_separation"].to_numpy()
-    )
+    np.testing.assert_allclose(last["smoothed_separation"], last["learned_separation"])
     assert (runs["smoothed_separation"].first() == 1.5).all()
     assert last["learned_separation"].nunique() == 4
     # One fold, one optimum; the start costs more than it by the same in both repeats.

@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.stats import norm
 
-from bgmodel import Evidence, Sprt, stream
-from bgmodel.deciding.decision import crossing_of_each
-from bgmodel.deciding.reward import reward, reward_of
+from bgmodel import Evidence, stream
+from bgmodel.deciding.reward import reward_of
 from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.integrators.sprt_theory import gaussian_pair, optimal_separation, reward_curve
 from bgmodel.learning.reinforce import (
@@ -33,22 +31,19 @@ def test_exhaustive_search_finds_the_exact_curve():
     # The sd of a reward is at most xi / 2 plus that of a time bounded by t_max.
     found = reward_of(1 - counts.accuracy, counts.mean_steps, XI)
     assert np.abs(found - exact).max() < 4 * (XI / 2 + T_MAX / 2) / np.sqrt(2e5)
-    blocks = exhaustive_search(
-        (evidence[i : i + 7000] for i in range(0, 200_000, 7000)), separations
-    )
+    parts = (evidence[i : i + 7000] for i in range(0, 200_000, 7000))
+    blocks = exhaustive_search(parts, separations)
     assert (blocks.correct == counts.correct).all()
     assert (blocks.steps == counts.steps).all()
 
 
 def run_from(start, sign=1.0, runs=4, seed=5):
-    rngs = [stream(seed, "trials", start, run) for run in range(runs)]
-    environment = trials_of([draw(rng) for rng in rngs], XI)
-    return learn(
-        lambda k, gaps: sign * environment(k, gaps),
-        start,
-        rngs=[stream(seed, "explore", start, run) for run in range(runs)],
-        learner=Learner(episodes=6000),
+    rngs, explore = (
+        [stream(seed, name, start, run) for run in range(runs)] for name in ("trials", "explore")
     )
+    world = trials_of([draw(rng) for rng in rngs], XI)
+    learner = Learner(episodes=6000)
+    return learn(lambda k, gaps: sign * world(k, gaps), start, rngs=explore, learner=learner)
 
 
 @pytest.mark.parametrize("start", [7.5, pytest.param(0.5, marks=pytest.mark.validate)])
@@ -72,23 +67,26 @@ def test_a_run_does_not_depend_on_its_neighbours():
     assert np.array_equal(four.reward[:2], two.reward)
 
 
+def three(name):
+    return [stream(SEED, name, run) for run in range(3)]
+
+
 def test_what_is_carried_over_gets_no_credit():
     """Rewards that do not hang on what is played, and drift: what was carried explains none."""
-    courses = []
-    for carried in (0.0, 0.8):
-        rngs = [stream(SEED, "uncredited", run) for run in range(3)]
-        learner = Learner(episodes=2000, carried=carried)
-        learned = learn(
-            lambda k, x: -10.0 - 5 * np.sin(k / 40) * np.ones(len(x)),
-            3.0,
-            rngs=rngs,
-            learner=learner,
-        )
-        courses.append(learned)
-    none, some = courses
+
+    def rewards(k, x):
+        return -10.0 - 5 * np.sin(k / 40) * np.ones(len(x))
+
+    none, some = (
+        learn(rewards, 3.0, rngs=three("uncredited"), learner=Learner(episodes=2000, carried=share))
+        for share in (0.0, 0.8)
+    )
     assert (none.played != some.played).mean() > 0.3
     assert none.mean_played.std() > 0.01
     np.testing.assert_array_equal(none.mean_played, some.mean_played)
+
+
+TWO, LEVELS = np.ones((2, 3)), np.array([1.0, 1.1])
 
 
 test_bad_input_to_learning_gets_one_clear_sentence = refusing(
@@ -97,16 +95,15 @@ test_bad_input_to_learning_gets_one_clear_sentence = refusing(
     (lambda: smoothed(np.ones(3), 0), "window must be >= 1"),
     (lambda: exhaustive_search([], [1.0]), "evidence at least one trial"),
     (lambda: trials_of([], xi=0.0), "xi must be > 0"),
+    (lambda: LevelOutcomes(LEVELS[::-1], TWO, TWO, np.zeros(2)), "levels"),
+    (lambda: LevelOutcomes(LEVELS, TWO[:1], TWO[:1], np.zeros(2)), "correct"),
+    (lambda: LevelOutcomes(LEVELS, TWO, np.ones((2, 4)), np.zeros(2)), "steps"),
 )
 
 
 def test_learning_that_cannot_go_on_keeps_what_it_had_reached():
     with pytest.raises(LearningStopped, match="a reward is not finite in episode 40") as stopped:
-        learn(
-            lambda k, x: np.where(k == 40, np.nan, -x),
-            2.0,
-            rngs=[stream(SEED, "stopped", run) for run in range(3)],
-        )
+        learn(lambda k, x: np.where(k == 40, np.nan, -x), 2.0, rngs=three("stopped"))
     kept = stopped.value.learned
     assert kept.played.shape == (3, 40)
     assert np.isfinite(kept.played).all()
@@ -119,13 +116,9 @@ def test_a_step_is_a_falling_share_of_the_error_along_the_score(unit):
 
     The error counts as a share of the baseline, of a reading where rewards are smaller than that.
     """
-    learned = learn(
-        lambda k, x: -unit * (10 + (x - 3) ** 2),
-        2.0,
-        rngs=[stream(SEED, "step", run) for run in range(3)],
-        policy=GaussianPolicy(bounds=(-6.0, 10.0), first_share=0.02, last_share=0.02),
-        learner=Learner(episodes=1202),
-    )
+    policy = GaussianPolicy(bounds=(-6.0, 10.0), first_share=0.02, last_share=0.02)
+    told = {"rngs": three("step"), "policy": policy, "learner": Learner(episodes=1202)}
+    learned = learn(lambda k, x: -unit * (10 + (x - 3) ** 2), 2.0, **told)
     mean, sd = learned.mean_played, 0.02 * 16
     # It watches for 100 trials: the baseline takes a share of 0.01 of each reward.
     assert (mean[:, :101] == 2.0).all()
@@ -139,32 +132,6 @@ def test_a_step_is_a_falling_share_of_the_error_along_the_score(unit):
         # The range is twice that of gaps, 8 nats: the step is four times as long.
         rate = 4 * 0.04 / (1 + k / 1000)
         assert mean[:, k + 1] - mean[:, k] == pytest.approx(rate * share * score, rel=1e-6)
-
-
-def exact_smoothed_reward(mean, sd):
-    """Return the expected reward of a Gaussian policy, by quadrature over exact rewards."""
-    gaps = np.linspace(0, 8, 161)
-    curve = reward_curve(*gaussian_pair(D), gaps, XI, t_max=T_MAX)
-    x = np.linspace(mean - 6 * sd, mean + 6 * sd, 2001)
-    weights = norm.pdf(x, mean, sd)
-    return (np.interp(np.clip(x, 0, 8), gaps, curve) * weights).sum() / weights.sum()
-
-
-@pytest.mark.parametrize("mean", [1.0, 6.0])
-def test_policy_gradient_agrees_with_the_finite_difference(mean):
-    policy = GaussianPolicy(first_share=0.7 / 8)
-    runs = 100_000
-    rng = stream(3, "gradient", mean)
-    start = policy.start(np.full(runs, mean))
-    gaps, gradient = policy.sample(start, rng.standard_normal((runs, 1)), 0)
-    evidence = draw(rng)(runs)
-    decision = crossing_of_each(Sprt().run(evidence), Sprt.threshold(gaps))
-    r = reward(decision, evidence.truth, XI)
-    estimate = (r - r.mean()) * gradient[:, 0]
-    h = 0.05
-    exact = (exact_smoothed_reward(mean + h, 0.7) - exact_smoothed_reward(mean - h, 0.7)) / (2 * h)
-    assert abs(exact) > 0.3
-    assert abs(estimate.mean() - exact) < 4 * estimate.std() / np.sqrt(runs)
 
 
 @pytest.mark.parametrize("bounds", [(0.0, 8.0), (0.75, 2.0)])
@@ -200,13 +167,3 @@ def test_outcomes_are_sorted_by_level_and_count_readings_from_the_onset():
     assert made.best(10.0) == (1.4, pytest.approx(-11.5 / 3))
     with refused("evidence"):
         LevelOutcomes.of(decisions, evidence[:2])
-
-
-TWO, LEVELS = np.ones((2, 3)), np.array([1.0, 1.1])
-
-
-test_worlds_without_sense_are_refused = refusing(
-    (lambda: LevelOutcomes(LEVELS[::-1], TWO, TWO, np.zeros(2)), "levels"),
-    (lambda: LevelOutcomes(LEVELS, TWO[:1], TWO[:1], np.zeros(2)), "correct"),
-    (lambda: LevelOutcomes(LEVELS, TWO, np.ones((2, 4)), np.zeros(2)), "steps"),
-)

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from bgmodel.fitting import passage
@@ -26,6 +25,7 @@ from bgmodel.learning.value_models import (
 from bgmodel.trials.reader import read_trials
 from tests.drawn import with_drift
 from tests.helpers import refused, refusing
+from tests.read import ROWS, changed, table_of, without
 
 TRUE = {"rate": 0.3, "rate_minus": 0.15, "scale": 2.5, "bound": 0.9, "t0_s": 0.35,
         "stickiness": 0.15}  # fmt: skip
@@ -39,7 +39,6 @@ def made(model, true, people=1, seed=1, trials=60, **changes):
 
 
 def vector(fitted, **changes):
-    """Return the true parameters in the order of a likelihood."""
     return np.array([(TRUE | changes)[name] for name in fitted.freedom.names])
 
 
@@ -80,6 +79,7 @@ def test_draws_have_the_moments_of_the_closed_forms():
 
 def test_values_are_those_of_a_loop_over_the_trials_of_each_pair(person):
     pairs = pairs_of(person)
+    assert pairs.names == ("AB", "CD", "EF")
     differences = value_differences(QLearning(rate=0.3, rate_minus=0.1), pairs, ())
     q = np.full((3, 2), 0.5)
     for k in range(person.trials):
@@ -149,11 +149,8 @@ def test_the_optimum_is_that_of_a_grid_with_the_prior(person):
 
 def test_decisions_change_over_trials_and_learners_do_not(person):
     half = np.where(np.arange(person.trials) % 2, "b", "a")
-    slower = replace(
-        person,
-        conditions=person.conditions.assign(half=half),
-        rt_s=person.rt_s + 0.2 * (half == "b"),
-    )
+    conditions = person.conditions.assign(half=half)
+    slower = replace(person, conditions=conditions, rt_s=person.rt_s + 0.2 * (half == "b"))
     values = optimum(likelihood(TWO, slower, vary={"t0_s": "half"})).values
     assert values["t0_s[half=b]"] - values["t0_s[half=a]"] == pytest.approx(0.2, abs=0.06)
     linear = likelihood(TWO, slower, formulas=[Formula("t0_s", "half")])
@@ -164,33 +161,15 @@ def test_decisions_change_over_trials_and_learners_do_not(person):
             optimum(asked)
 
 
-def test_the_built_in_set_is_read_for_each_person():
-    people = read_trials("pedersen_frank_2020").by_participant()
-    assert len(people) == 28
-    assert sum(one.trials for one in people.values()) == 5280
-    assert {pairs_of(one).names for one in people.values()} == {("AB", "CD", "EF")}
-
-
-TABLE = pd.DataFrame(
-    {
-        "participant_id": "a",
-        "pair": ["x", "y"] * 3,
-        "response": [1, 0] * 3,
-        "rt": 0.7,
-        "reward": [1, 0, 0, 1, 1, 1],
-    }
-)
-
-
-LONGER = pd.concat([TABLE.assign(rt=0.7 + 0.01 * k) for k in range(4)])
+ONE = table_of("pairs")[: ROWS // 2]
 
 
 test_a_table_with_a_wrong_value_or_without_a_column_is_refused = refusing(
-    (TABLE.assign(reward=0.5), "reward"),
-    (TABLE.assign(response=2), "response"),
-    (TABLE.assign(response=np.nan), "response"),
-    (TABLE.assign(rt=0.0), "rt"),
-    (TABLE.assign(pair=list("xxxxxy")), "pair"),
-    *((LONGER.drop(columns=column), column) for column in ("pair", "response", "reward")),
-    of=lambda table: pairs_of(read_trials(table, conditions="pair")),
+    (changed(reward=0.5), "reward"),
+    (changed(response=2), "response"),
+    (changed(response=np.nan), "response"),
+    (changed(rt=0.0), "rt"),
+    (changed(pair=lambda t: np.where(t.index == 0, "x", "AB")), "pair"),
+    *((without(column), column) for column in ("pair", "response", "reward")),
+    of=lambda change: pairs_of(read_trials(change(ONE), conditions="pair")),
 )

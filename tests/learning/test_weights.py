@@ -39,14 +39,12 @@ def updates(weights, decider, *, rule="confidence", decay=1.0, trials=6000):
     reward = (chosen.choice == part.truth).astype(float)
     posterior = np.exp(-minus_log_softmax(chosen.drive))
     confidence = posterior[np.arange(trials), chosen.choice]
-    trial = Trial(trace, chosen.choice, chosen.drive, posterior, confidence, reward,
-                  trace)  # fmt: skip
+    trial = Trial(trace, chosen.choice, chosen.drive, posterior, confidence, reward, trace)
     error = reward - (confidence if rule != "reinforce" else reward.mean())
     return rule_of(rule).change(w, trial, error)
 
 
 def largest_z(update):
-    """Return the largest z score of the mean update of any weight."""
     error = update.std(axis=0) / np.sqrt(len(update))
     return np.abs(update.mean(axis=0) / error).max()
 
@@ -71,10 +69,8 @@ def one_of_two(p):
 def test_unequal_gains_shift_the_log_odds_by_the_logarithm_of_their_ratio(ratio):
     """For one reading of p = 0.75 the posterior that is learned has log odds ln 3 + ln ratio."""
     learner = WeightLearner(trials=4000, gain_plus=ratio, rate=0.2, half_trials=400)
-    learned = learn_weights(
-        one_of_two(0.75), seed=3, learner=learner, decider=FixedPoint(sampled=1)
-    )
-    w = learned.weights
+    one = FixedPoint(sampled=1)
+    w = learn_weights(one_of_two(0.75), seed=3, learner=learner, decider=one).weights
     odds = (w[:, 0, 0] - w[:, 1, 0] + w[:, 1, 1] - w[:, 0, 1]) / 2
     truth = np.log(3) + np.log(ratio)
     error = odds.std() / np.sqrt(len(odds))
@@ -122,17 +118,12 @@ def test_runs_do_not_depend_on_each_other():
 
 
 def test_without_feedback_in_a_trial_weights_do_not_change():
-    every = learn_weights(CELLS, seed=1, runs=1, learner=WeightLearner(trials=40, keep=40))
-    some = learn_weights(
-        CELLS, seed=1, runs=1, feedback=Feedback(given=0.25),
-        learner=WeightLearner(trials=40, keep=40),
-    )  # fmt: skip
-    changed = [
-        (np.diff(one.course.weights[0], axis=0) != 0).any(axis=(1, 2)).sum()
-        for one in (every, some)
-    ]
-    assert changed[0] == 39
-    assert 2 < changed[1] < 20
+    options = {"seed": 1, "runs": 1, "learner": WeightLearner(trials=40, keep=40)}
+    every = learn_weights(CELLS, **options)
+    some = learn_weights(CELLS, feedback=Feedback(given=0.25), **options)
+    moved = [np.diff(one.course.weights[0], axis=0).any(axis=(1, 2)).sum() for one in (every, some)]
+    assert moved[0] == 39
+    assert 2 < moved[1] < 20
 
 
 def test_exact_weights_are_calibrated_and_as_fast_as_exact_likelihoods():
@@ -162,55 +153,44 @@ def test_counts_use_the_readings_of_many_trials_first():
         counted_weights(drawn, readings=1)
 
 
-@pytest.mark.parametrize(
-    ("wanted", "options"),
-    [
-        ("right 'confidence' takes rewards as 0 or 1", {"feedback": Feedback(right=2, wrong=-1)}),
-        ("right 'hebbian' takes", {"rule": "hebbian", "feedback": Feedback(wrong=-1)}),
-        ("rule", {"rule": "none"}),
-        ("critic", {"critic": "none"}),
-        ("runs", {"runs": 0}),
+def learning(**options):
+    return lambda: learn_weights(CELLS, **{"seed": 1, "runs": 2} | options)
+
+
+def evidence_of(units, **options):
+    learned = LearnedWeights(np.zeros((1, 3, units)), tuple("012"))
+    return lambda: learned.to_evidence(CELLS.draw(2, rng=1), **options)
+
+
+test_options_out_of_range_are_refused = pytest.mark.filterwarnings("ignore:overflow|invalid")(
+    refusing(
         (
-            "rate the weights are no longer finite",
-            {"rule": "q", "learner": WeightLearner(rate=1e4)},
+            learning(feedback=Feedback(right=2, wrong=-1)),
+            "right 'confidence' takes rewards as 0 or 1",
         ),
-    ],
-)
-@pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid")
-def test_rewards_and_names_that_do_not_fit_are_refused(wanted, options):
-    with refused(wanted):
-        learn_weights(CELLS, **{"seed": 1, "runs": 2} | options)
-
-
-test_options_out_of_range_are_refused = refusing(
-    (lambda: Feedback(given=0), "given learning needs feedback"),
-    (lambda: Feedback(right=0), "right must exceed wrong"),
-    (lambda: Feedback(valid=1.1), "valid"),
-    (lambda: WeightLearner(trials=0), "trials"),
-    (lambda: WeightLearner(rate=0), "rate"),
-    (lambda: WeightLearner(gain_plus=-1), "gain_plus"),
-    (lambda: WeightLearner(trace_decay=1.5), "trace_decay"),
-    (lambda: WeightLearner(half_trials=0), "half_trials"),
-    (lambda: WeightLearner(half_trials="long"), "half_trials"),
-    (lambda: Feedback(right="one"), "right"),
-    (lambda: Feedback(wrong=-np.inf), "wrong"),
-    (lambda: rule_of(["q"]), "rule"),
-    (
-        lambda: LearnedWeights(np.zeros((1, 3, 12)), tuple("012")).to_evidence(
-            CELLS.draw(2, rng=1), "first"
-        ),
-        "run",
-    ),
-    (
-        lambda: learn_weights(CELLS, seed=1, runs=1, learner=WeightLearner(trials=5)).after(6),
-        "trials",
-    ),
-    (lambda: FixedPoint(criterion=1.2), "criterion"),
-    (lambda: FixedPoint(sampled=0), "sampled"),
-    (lambda: LearnedWeights(np.zeros((1, 2, 3)), ("a", "b")).after(10), "trials"),
-    (lambda: LearnedWeights(np.zeros((1, 3, 3)), ("a", "b")), "weights"),
-    (
-        lambda: LearnedWeights(np.zeros((1, 3, 3)), tuple("abc")).to_evidence(CELLS.draw(2, rng=1)),
-        "features",
-    ),
+        (learning(rule="hebbian", feedback=Feedback(wrong=-1)), "right 'hebbian' takes"),
+        (learning(rule="none"), "rule"),
+        (learning(critic="none"), "critic"),
+        (learning(runs=0), "runs"),
+        (learning(rule="q", learner=WeightLearner(rate=1e4)), "rate weights are no longer finite"),
+        (lambda: Feedback(given=0), "given learning needs feedback"),
+        (lambda: Feedback(right=0), "right must exceed wrong"),
+        (lambda: Feedback(valid=1.1), "valid"),
+        (lambda: WeightLearner(trials=0), "trials"),
+        (lambda: WeightLearner(rate=0), "rate"),
+        (lambda: WeightLearner(gain_plus=-1), "gain_plus"),
+        (lambda: WeightLearner(trace_decay=1.5), "trace_decay"),
+        (lambda: WeightLearner(half_trials=0), "half_trials"),
+        (lambda: WeightLearner(half_trials="long"), "half_trials"),
+        (lambda: Feedback(right="one"), "right"),
+        (lambda: Feedback(wrong=-np.inf), "wrong"),
+        (lambda: rule_of(["q"]), "rule"),
+        (evidence_of(12, run="first"), "run"),
+        (lambda: learning(learner=WeightLearner(trials=5))().after(6), "trials"),
+        (lambda: FixedPoint(criterion=1.2), "criterion"),
+        (lambda: FixedPoint(sampled=0), "sampled"),
+        (lambda: LearnedWeights(np.zeros((1, 2, 3)), ("a", "b")).after(10), "trials"),
+        (lambda: LearnedWeights(np.zeros((1, 3, 3)), ("a", "b")), "weights"),
+        (evidence_of(3), "features"),
+    )
 )

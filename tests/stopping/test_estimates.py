@@ -7,32 +7,17 @@ import pytest
 from scipy import stats
 
 from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function
-from bgmodel.stopping.task import walk
 from bgmodel.stopping.trials import StopTrials, drawn_delays
 from circuits.errors import DataWarning, quiet
-from tests.helpers import refused, told
+from tests.helpers import refusing, told
+from tests.stop_trials import walked
 
 TRUE_MS = 220.0
 
 
-def raced(seed, go=300, stops=100, ssrt_ms=TRUE_MS, sd_ms=20.0, failures=0.0):
-    """Return the trials of an independent race with two staircases, one up, one down."""
-    rng = np.random.default_rng(seed)
-    times = 380 + rng.gamma(2.0, 50.0, go + stops)
-    ssd = np.full(go + stops, np.nan)
-    stop = np.sort(rng.choice(go + stops, stops, replace=False))
-    steps = np.arange(0.0, 1001.0, 50.0)
-    finish = steps[:, None] + rng.normal(ssrt_ms, sd_ms, stops)
-    table = (times[stop] <= finish) | (rng.random(stops) < failures)
-    index = walk(table, steps, [200.0, 300.0])
-    ssd[stop] = steps[index]
-    times[stop[~table[index, np.arange(stops)]]] = np.nan
-    return StopTrials(times, ssd)
-
-
 def test_the_integration_method_finds_a_known_time():
     """The bar of the guide's simulations: within 15 ms on the mean of 40 people."""
-    ssrt_ms = np.array([estimate_ssrt(raced(seed)).ssrt_ms for seed in range(40)])
+    ssrt_ms = np.array([estimate_ssrt(walked(seed)).ssrt_ms for seed in range(40)])
     error = ssrt_ms.std() / np.sqrt(40)
     assert ssrt_ms.mean() == pytest.approx(TRUE_MS, abs=15)
     assert error < 4
@@ -57,49 +42,33 @@ def test_the_inhibition_function_rises_and_its_time_is_constant_in_a_race():
     times[times > np.nan_to_num(ssd + TRUE_MS, nan=np.inf)] = np.nan
     table = inhibition_function(StopTrials(times, ssd))
     assert table["p_respond"].is_monotonic_increasing
-    assert table.loc[1, ["low", "high"]].to_list() == pytest.approx(
-        stats.binomtest(
-            round(table["p_respond"][1] * table["trials"][1]), int(table["trials"][1])
-        ).proportion_ci(method="wilson"),
-        rel=1e-6,
-    )
+    trials, failed = int(table["trials"][1]), round(table["p_respond"][1] * table["trials"][1])
+    exact = stats.binomtest(failed, trials).proportion_ci(method="wilson")
+    assert table.loc[1, ["low", "high"]].to_list() == pytest.approx(exact, rel=1e-6)
     assert ((table["low"] <= table["p_respond"]) & (table["p_respond"] < table["high"])).all()
     assert table["ssrt_ms"].to_numpy() == pytest.approx(TRUE_MS, abs=4)
 
 
-@pytest.mark.parametrize(
-    ("rt", "ssd", "says"),
-    [
-        (
-            [400.0, 500.0, np.nan, np.nan],
-            [np.nan, np.nan, 200, 200],
-            "trials is 0.00, outside 0.25",
-        ),
-        ([400.0, 500.0, 450, np.nan], [np.nan, np.nan, 200, 200], "trials slower"),
-        ([400.0, 500.0], [np.nan, np.nan], "ssd_ms stop trials"),
-        ([np.nan, np.nan, 450, 1], [np.nan, np.nan, 200, 200], "rt_ms go trials"),
-    ],
-)
-def test_what_the_guide_refuses_is_refused(rt, ssd, says):
-    if says == "trials slower":
-        rt = [400.0, 500.0, 600.0, np.nan]
-    with refused(says):
-        estimate_ssrt(StopTrials(rt, ssd))
+TWO_STOPS = [np.nan, np.nan, 200.0, 200.0]
 
 
-@pytest.mark.parametrize(
-    ("rt", "ssd", "more", "says"),
-    [
-        ([400.0], [200.0], {}, "ssd_ms go trials"),
-        ([400.0, -1], [np.nan, 200.0], {}, "rt_ms >= 0"),
-        ([400.0, np.inf], [np.nan, 200.0], {}, "rt_ms >= 0"),
-        ([400.0, 300], [np.nan], {}, "ssd_ms one per trial"),
-        ([400.0, 300], [np.nan, 900.0], {"deadline_ms": 800.0}, "ssd_ms before the deadline"),
-    ],
+test_what_the_guide_refuses_is_refused = refusing(
+    (lambda: StopTrials([400, 500, np.nan, np.nan], TWO_STOPS), "trials is 0.00, outside 0.25"),
+    (lambda: StopTrials([400, 500, 600, np.nan], TWO_STOPS), "trials slower"),
+    (lambda: StopTrials([400, 500], [np.nan, np.nan]), "ssd_ms stop trials"),
+    (lambda: StopTrials([np.nan, np.nan, 450, 1], TWO_STOPS), "rt_ms go trials"),
+    of=lambda trials: estimate_ssrt(trials()),
 )
-def test_impossible_trials_are_refused(rt, ssd, more, says):
-    with refused(says):
-        StopTrials(rt, ssd, **more)
+
+
+test_impossible_trials_are_refused = refusing(
+    (([400], [200]), "ssd_ms go trials"),
+    (([400, -1], [np.nan, 200]), "rt_ms >= 0"),
+    (([400, np.inf], [np.nan, 200]), "rt_ms >= 0"),
+    (([400, 300], [np.nan]), "ssd_ms one per trial"),
+    (([400, 300], [np.nan, 900], None, 800), "ssd_ms before the deadline"),
+    of=lambda trials: StopTrials(*trials),
+)
 
 
 def test_delays_in_seconds_are_warned_of():
@@ -117,9 +86,9 @@ def drifting(trials, by_ms):
 def test_a_trend_of_go_times_is_told_with_the_estimate_without_it(by_ms, which):
     """Without a trend, 1 of 1800 simulated people is told, also if neighbours correlate."""
     seed = 0
-    assert not told(estimate_ssrt, raced(seed))
-    before_ms = estimate_ssrt(raced(seed)).ssrt_ms
-    trials = drifting(raced(seed), by_ms)
+    assert not told(estimate_ssrt, walked(seed))
+    before_ms = estimate_ssrt(walked(seed)).ssrt_ms
+    trials = drifting(walked(seed), by_ms)
     (text,) = told(lambda: estimate_ssrt(trials, checked=False))
     assert text.startswith(f"go responses become {which} from trial to trial")
     with quiet():

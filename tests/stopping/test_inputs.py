@@ -1,6 +1,7 @@
 """Inputs with their own time in each trial: what is attached, refused and warned of."""
 
 import math
+import re
 from dataclasses import replace
 from itertools import combinations
 
@@ -11,9 +12,21 @@ from hypothesis import strategies as st
 
 import bgmodel as bg
 from bgmodel import plausibility
-from bgmodel.stopping.inputs import with_input
-from circuits.errors import ConfoundWarning, EditWarning
-from tests.helpers import refused, told, unwarned
+from bgmodel.deciding.decision import first_crossing
+from bgmodel.stopping.inputs import (
+    StopSignal,
+    closed_form,
+    decide_with_stop,
+    step_response,
+    with_input,
+    with_observed_stop,
+    with_stop,
+)
+from bgmodel.stopping.observer import StopMsprt, gaussian_stop_evidence
+from bgmodel.stopping.trials import drawn_delays, stop_trials
+from circuits import engines
+from circuits.errors import ConfoundWarning, EditWarning, NoiseWarning, RangeWarning
+from tests.helpers import refusing, told, unwarned
 
 NEVER = math.nan
 
@@ -89,25 +102,20 @@ def test_the_input_that_is_confounded_is_named():
         replace(go, inputs_nats=values)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "says"),
-    [
-        ({"onset_ms": -1.0}, "onset_ms must be >= 0 and finite, got -1"),
-        ({"onset_ms": [10.0, math.inf, NEVER, 5.0]}, "onset_ms must be >= 0 and finite, got inf"),
-        ({"onset_ms": -math.inf}, "onset_ms must be >= 0 and finite, got -inf"),
-        ({"amount_nats": [1.0, math.nan, 1.0, 1.0]}, "amount_nats must be finite, got nan"),
-        ({"amount_nats": math.inf}, "amount_nats must be finite, got inf"),
-        ({"duration_ms": -5.0}, "duration_ms must be > 0, got -5"),
-        ({"duration_ms": 0.0}, "duration_ms must be > 0, got 0"),
-        ({"duration_ms": [1.0, 2.0, math.nan, 4.0]}, "duration_ms must be > 0, got nan"),
-        ({"onset_ms": [1.0, 2.0]}, "onset_ms must be one number, or"),
-        ({"onset_ms": np.arange(4) % 3 == 0}, "onset_ms"),
-        ({"amount_nats": np.arange(4) % 3 == 0}, "amount_nats"),
-    ],
+test_a_window_without_sense_is_refused = refusing(
+    ({"onset_ms": -1.0}, "onset_ms must be >= 0 and finite, got -1"),
+    ({"onset_ms": [10.0, math.inf, NEVER, 5.0]}, "onset_ms must be >= 0 and finite, got inf"),
+    ({"onset_ms": -math.inf}, "onset_ms must be >= 0 and finite, got -inf"),
+    ({"amount_nats": [1.0, math.nan, 1.0, 1.0]}, "amount_nats must be finite, got nan"),
+    ({"amount_nats": math.inf}, "amount_nats must be finite, got inf"),
+    ({"duration_ms": -5.0}, "duration_ms must be > 0, got -5"),
+    ({"duration_ms": 0.0}, "duration_ms must be > 0, got 0"),
+    ({"duration_ms": [1.0, 2.0, math.nan, 4.0]}, "duration_ms must be > 0, got nan"),
+    ({"onset_ms": [1.0, 2.0]}, "onset_ms must be one number, or"),
+    ({"onset_ms": np.arange(4) % 3 == 0}, "onset_ms"),
+    ({"amount_nats": np.arange(4) % 3 == 0}, "amount_nats"),
+    of=lambda wrong: with_input(evidence(4), **{"onset_ms": 10.0} | wrong),
 )
-def test_a_window_without_sense_is_refused(wrong, says):
-    with refused(says):
-        with_input(evidence(4), **{"onset_ms": 10.0} | wrong)
 
 
 @pytest.mark.parametrize("place", ["D2[0]", "STN"])
@@ -129,3 +137,114 @@ def test_an_input_after_the_trials_changes_nothing_and_is_warned_of():
     with unwarned():
         with_input(go, NEVER, -2.0)
         with_input(go, 50.0, 0.0)
+
+
+TRIALS, POSTERIOR = 300, 0.82
+MODEL = bg.BasalGanglia("macaque", seed=3)
+LEVEL = MODEL.threshold(None, POSTERIOR)
+
+
+EVIDENCE = bg.gaussian_evidence(TRIALS, d_prime=0.35, t_max=100, step_ms=10, seed=5)
+
+
+def delays(ms):
+    """Return one delay for all trials but the first, which is a go trial."""
+    return np.append(np.nan, np.full(TRIALS - 1, float(ms)))
+
+
+@pytest.mark.parametrize("amount", [0.2, 0.3, 0.5])
+def test_at_the_fixed_point_it_adds_its_nats_to_the_output_of_the_leader(amount):
+    """OUT_i = -ln P_i + A, for any evidence; where OUT is high its rate saturates."""
+    drive = np.log([[[0.8, 0.2], [0.9, 0.1], [0.1, 0.9]]])
+    drive -= drive.mean(axis=2, keepdims=True)
+    table = bg.load_circuit("macaque").with_inputs("STN")
+    stop = np.concatenate([drive, np.full((1, 3, 1), amount)], axis=2)
+    out, plain = (
+        engines.run(table, each, engine="algebra", step_ms=10.0).output_nats.min(axis=2)
+        for each in (stop, drive)
+    )
+    assert out - plain == pytest.approx(amount, abs=0.005)
+
+
+def test_the_response_to_a_signal_settles_at_its_nats():
+    time_ms, added = step_response(MODEL, StopSignal(amount_nats=1.0), time_ms=500)
+    assert added[time_ms > 300] == pytest.approx(1.0, abs=0.02)
+    assert 30 < time_ms[added >= 0.5][0] < 60
+
+
+@pytest.mark.parametrize("amount", [0.5, 1.0])
+@pytest.mark.parametrize("ssd", [200, 300])
+def test_the_closed_form_is_the_full_run_trial_by_trial(amount, ssd):
+    """The same noise: outcomes agree in 99 of 100 trials, by populations."""
+    signal = StopSignal(amount_nats=amount)
+    added = step_response(MODEL, signal, time_ms=1010)[1]
+    full = decide_with_stop(MODEL, EVIDENCE, delays(ssd), signal, threshold=LEVEL)
+    trace = closed_form(MODEL.run(EVIDENCE), delays(ssd), signal, added)
+    made = first_crossing(trace, LEVEL, forced=False, checked=False)
+    closed = stop_trials(made, delays(ssd), 2)
+    assert (full.responded == closed.responded).mean() >= 0.99
+    assert 0.05 < full.p_respond < 0.5
+
+
+def test_an_onset_between_two_steps_counts_in_proportion():
+    evidence = bg.gaussian_evidence(2, d_prime=0.5, t_max=3, step_ms=10, seed=1)
+    coarse = with_stop(evidence, [np.nan, 15.0], StopSignal()).inputs_nats
+    assert coarse[..., 0].tolist() == [[0, 0, 0, 0], [0, 0.5, 1, 1]]
+    fine = with_stop(evidence, [np.nan, 15.0], StopSignal(), every_ms=5).inputs_nats
+    assert fine[1, :, 0].tolist() == [0, 0, 0, 1, 1, 1, 1, 1]
+
+
+def stopping(nucleus):
+    return lambda: decide_with_stop(
+        MODEL, EVIDENCE, delays(200), StopSignal(nucleus), threshold=LEVEL
+    )
+
+
+def stopped_by(**changes):
+    asked = {"ssd_ms": delays(200), "signal": StopSignal()} | changes
+    return lambda: with_stop(EVIDENCE, **asked)
+
+
+test_a_signal_that_does_not_fit_or_is_cancelled_is_refused = refusing(
+    *(
+        (stopping(nucleus), f"nucleus behind cortex, got {re.escape(repr(nucleus))}")
+        for nucleus in ("ctx", "ctx_inh", "ctx_inh[0]", "GPe_ctx", "GPe_ctx[1]")
+    ),
+    (stopped_by(ssd_ms=np.full(TRIALS, 5000.0)), "ssd_ms before the end"),
+    (stopped_by(ssd_ms=[100.0]), "ssd_ms must be"),
+    (stopped_by(every_ms=3.0), "every_ms fraction"),
+)
+
+
+def test_with_the_observers_signal_in_stn_the_circuit_does_what_the_observer_does():
+    """Same evidence for go and stop: same outcome, corrected for chance, in most trials."""
+    some_ms = [200, 300, 400]
+    ssd, told = drawn_delays(TRIALS, some_ms, 0.5, 11), {"share": 0.3, "delays_ms": some_ms}
+    signals = gaussian_stop_evidence(EVIDENCE, ssd, d_prime=0.6, rng=12, **told)
+    test = StopMsprt(MODEL.gain).decide(signals, POSTERIOR, 1 - 1e-12)
+    model = replace(MODEL, circuit=MODEL.circuit.with_inputs("STN"))
+    circuit = model.decided(with_observed_stop(signals), LEVEL, forced=False)
+    made = [stop_trials(each, ssd, 2).responded for each in (test, circuit)]
+    same = (made[0] == made[1]).mean()
+    chance = np.prod([each.mean() for each in made]) + np.prod([1 - each.mean() for each in made])
+    assert (same - chance) / (1 - chance) > 0.8
+    both = made[0] & made[1] & (test.choice == circuit.choice)
+    assert np.corrcoef(test.time_ms[both], circuit.time_ms[both])[0, 1] > 0.85
+
+
+def test_it_warns_as_a_decision_without_a_stop_does():
+    """Noise of few cells crosses the threshold; a common fall leaves the circuit's range."""
+    few, some = replace(MODEL, circuit=MODEL.circuit.with_neurons(4)), EVIDENCE[:20]
+    for model, drawn, kind, says in (
+        (few, some, NoiseWarning, "noise takes OUT below"),
+        (MODEL, replace(some, baseline=0.1), RangeWarning, "macaque works from"),
+    ):
+        with pytest.warns(kind, match=says):
+            model.decide(drawn, LEVEL)
+        with pytest.warns(kind, match=says):
+            decide_with_stop(model, drawn, delays(200)[:20], StopSignal(), threshold=LEVEL)
+
+
+def test_a_signal_that_rings_is_warned_of():
+    with pytest.warns(RangeWarning, match="20 Hz"):
+        StopSignal(amount_nats=3.0)

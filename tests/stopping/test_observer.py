@@ -15,21 +15,22 @@ from bgmodel.stopping.observer import (
     log_odds_of_stop,
 )
 from bgmodel.stopping.trials import drawn_delays, stop_trials
-from tests.helpers import refused
+from tests.helpers import refusing
 
 STEP_MS, STEPS, SHARE = 10.0, 80, 0.3
 DELAYS = np.array([100.0, 200.0, 300.0])
 
 
-def task(trials, seed, *, d_prime=0.35, stop_d_prime=0.6, share=SHARE, channels=2):
-    go = bg.gaussian_evidence(
-        trials, d_prime=d_prime, t_max=STEPS, step_ms=STEP_MS, seed=seed, channels=channels
-    )
+def signals(go, ssd, d_prime=0.6, share=SHARE, **options):
+    return gaussian_stop_evidence(go, ssd, d_prime=d_prime, share=share, **options)
+
+
+def task(trials, seed, *, stop_d_prime=0.6, share=SHARE, channels=2):
+    timed = {"t_max": STEPS, "step_ms": STEP_MS}
+    go = bg.gaussian_evidence(trials, d_prime=0.35, seed=seed, channels=channels, **timed)
     rng = np.random.default_rng(seed + 1)
     ssd = drawn_delays(trials, DELAYS, share, rng)
-    return gaussian_stop_evidence(
-        go, ssd, d_prime=stop_d_prime, share=share, delays_ms=DELAYS, rng=rng
-    )
+    return signals(go, ssd, stop_d_prime, share, delays_ms=DELAYS, rng=rng)
 
 
 def brute_force(evidence, trial, t):
@@ -92,25 +93,16 @@ def test_an_extra_channel_stops_less_the_more_evidence_there_is_in_all():
     assert extra == pytest.approx(np.repeat(np.logaddexp(0, z - s)[..., None], 4, axis=2))
 
 
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ({"share": 1.0}, "share between"),
-        ({"begins": np.ones(STEPS)}, "begins sum to 1"),
-        ({"log_ratio": np.zeros((3, STEPS))}, "log_ratio shape"),
-        ({"ssd_ms": np.zeros(3)}, "ssd_ms shape"),
-    ],
+GO = bg.gaussian_evidence(2, d_prime=0.5, t_max=10, step_ms=10, seed=1)
+
+
+test_evidence_that_does_not_fit_is_refused = refusing(
+    (lambda: replace(task(2, 1), share=1.0), "share between"),
+    (lambda: replace(task(2, 1), begins=np.ones(STEPS)), "begins sum to 1"),
+    (lambda: replace(task(2, 1), log_ratio=np.zeros((3, STEPS))), "log_ratio shape"),
+    (lambda: replace(task(2, 1), ssd_ms=np.zeros(3)), "ssd_ms shape"),
+    (lambda: signals(GO, [np.nan, 50.0], delays_ms=[100.0], rng=1), "delays_ms before the end"),
 )
-def test_evidence_that_does_not_fit_is_refused(change, says):
-    good = task(2, 1)
-    with refused(says):
-        replace(good, **change)
-
-
-def test_a_delay_without_a_reading_left_is_refused():
-    go = bg.gaussian_evidence(2, d_prime=0.5, t_max=10, step_ms=10, seed=1)
-    with refused("delays_ms before the end"):
-        gaussian_stop_evidence(go, [np.nan, 50.0], d_prime=0.6, share=0.3, delays_ms=[100.0], rng=1)
 
 
 @given(

@@ -1,14 +1,22 @@
 """Stop-signal trials of people: the set that ships, estimates computed twice, and bad tables."""
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import bgmodel as bg
-from bgmodel.stopping.people import estimates_of, read_people
+from bgmodel.stopping.people import (
+    estimates_of,
+    read_people,
+    slowing,
+    slowing_of,
+    violations,
+    violations_of,
+)
+from bgmodel.stopping.trials import StopTrials, drawn_delays
 from circuits.errors import DataWarning
+from tests import stop_trials
 from tests.helpers import refused, unwarned
-from tests.stop_trials import table_of
+from tests.read import ROWS, silent, table_of
 
 
 @pytest.fixture(scope="module")
@@ -59,43 +67,14 @@ def test_the_guide_refuses_three_people(table):
     assert sorted(refusals) == ["failed", "no", "the"]
 
 
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        (
-            lambda t: t.drop(columns="ssd").assign(rt=[0.4, 0.5, 0.6] * 4, response=[0, 1, 1] * 4),
-            "ssd must have stop-signal delays",
-        ),
-        (lambda t: t.assign(rt=1000 * t["rt"]), "rt seconds"),
-        (lambda t: t.assign(ssd=[np.nan, np.nan, 250.0] * 4), "ssd seconds"),
-        (lambda t: t.assign(ssd=-0.1), "ssd 0 s or more, got .-0.1. in row 0"),
-        (lambda t: t.assign(correct="true"), "correct must be 0 or 1 in every trial, got 'true'"),
-        (lambda t: t.assign(ssd=0.2), "ssd must be empty in some trials of a"),
-    ],
-)
-def test_a_bad_table_is_refused_by_participant(change, says):
-    good = pd.DataFrame({"participant_id": "a", "rt": [0.4, 0.5, np.nan] * 4, "ssd": [np.nan] * 12})
-    assert list(read_people(good)) == ["a"]
-    with refused(says):
-        read_people(change(good))
+def test_a_table_needs_stop_signals():
+    with refused("ssd must have stop-signal delays"):
+        read_people(table_of("choices"))
 
 
-def stops(**changes):
-    """Return 12 trials of each of two people with a stop signal in every third."""
-    rt = np.tile([0.41, 0.523, np.nan, 0.456, 0.397, 0.61], 4)
-    ssd = np.tile([np.nan, np.nan, 0.2, np.nan, np.nan, 0.25], 4)
-    jitter = np.arange(24) / 1000
-    table = pd.DataFrame(
-        {"participant_id": np.repeat(["1", "2"], 12), "rt": rt + jitter, "ssd": ssd}
-    )
-    return table.assign(**changes)
-
-
-def test_words_of_stimulus_and_response_are_compared_whatever_their_type(tmp_path):
-    words = np.where(np.arange(24) % 2, "left", "right")
-    table = stops(stimulus=words, response=words)
-    kept = table["rt"].notna()
-    table["response"] = table["response"].where(kept)
+def test_words_of_stimulus_and_response_are_compared_whatever_their_type():
+    words = np.resize(["left", "right"], ROWS)
+    table = silent(table_of("stop signals", stimulus=words, response=words), range(2, ROWS, 6))
     for change in ({}, {"stimulus": "category", "response": "category"}):
         for trials in read_people(table.astype(change)).values():
             np.testing.assert_array_equal(trials.correct, trials.responded)
@@ -106,11 +85,78 @@ def test_words_of_stimulus_and_response_are_compared_whatever_their_type(tmp_pat
 def test_restoring_delays_hides_no_other_doubt_about_a_table():
     """It silences what it restores; delays in another unit are for the user to see."""
     restore = bg.Columns(restore_delays=True)
-    seconds = table_of().assign(ssd=lambda t: t["ssd"] / 1000)
+    seconds = stop_trials.table_of().assign(ssd=lambda t: t["ssd"] / 1000)
     with pytest.warns(DataWarning, match="in ms, not in seconds"):
         read_people(seconds, columns=restore)
     with unwarned():
-        read_people(table_of(), columns=restore)
+        read_people(stop_trials.table_of(), columns=restore)
+
+
+SSRT_MS = 220.0
+DELAYS = [150.0, 200.0, 250.0, 300.0]
+
+
+def raced(seed, trials=400, later_ms=0.0):
+    """Return an independent race whose failed stops are `later_ms` later than they should be."""
+    rng = np.random.default_rng(seed)
+    times = 380 + rng.gamma(2.0, 50.0, trials)
+    ssd = drawn_delays(trials, DELAYS, 0.4, rng)
+    times[times > np.nan_to_num(ssd + SSRT_MS, nan=np.inf)] = np.nan
+    return StopTrials(times + later_ms * ~np.isnan(ssd), ssd)
+
+
+@pytest.mark.parametrize("later_ms", [0.0, 30.0])
+def test_violations_are_what_was_added_to_an_independent_race(later_ms):
+    table = violations(raced(1, 100_000, later_ms), SSRT_MS)
+    assert table["ssd_ms"].tolist() == DELAYS
+    # At 150 ms all go times are above the limit: no failed stop, so nothing to compare.
+    assert table["violation_ms"].iloc[1:].to_numpy() == pytest.approx(later_ms, abs=1.5)
+    assert np.isnan(table["violation_ms"].iloc[0])
+    assert table["failed"].iloc[0] == 0
+
+
+def test_violations_over_people_are_means_with_standard_errors():
+    # The guide accepts estimates of all: more trials at delays that half of them fail.
+    people = {str(seed): raced(seed, 600) for seed in range(30)}
+    table = violations_of(people).set_index("ssd_ms")
+    late = table.loc[[250.0, 300.0]]
+    assert (late["people"] > 20).all()
+    assert (late["violation_ms"].abs() < 4 * late["violation_se_ms"]).all()
+    assert (late["violation_se_ms"] < 10).all()
+
+
+def test_failed_stops_that_no_race_explains_are_counted():
+    trials = StopTrials([400.0, 500.0, 450.0, 420.0], [np.nan, np.nan, 0.0, 300.0])
+    table = violations(trials, 200.0)
+    assert table["impossible"].tolist() == [1, 0]
+    assert table["violation_ms"].tolist()[1] == 420.0 - 450.0
+
+
+def test_slowing_compares_go_responses_by_the_trial_before():
+    #        go   stop   go  stop   go    go   missed  go
+    rt = [400.0, 350.0, 470, np.nan, 460, 410, np.nan, 600]
+    ssd = [np.nan, 200.0, np.nan, 200.0, np.nan, np.nan, np.nan, np.nan]
+    slowed_ms = slowing(StopTrials(rt, ssd))
+    # After a go response: only 410. After the omission, 600 counts nowhere.
+    assert slowed_ms == {
+        "after_go_ms": 410.0,
+        "after_failed_stop_ms": 60.0,
+        "after_successful_stop_ms": 50.0,
+    }
+
+
+def test_a_delay_belongs_to_the_nearest_centre_and_half_way_to_the_later():
+    ssd = np.array([np.nan, 126.0, 174.0, 175.0, 224.0, 226.0])
+    table = violations(StopTrials([300.0, *[np.nan] * 5], ssd), SSRT_MS)
+    assert table["ssd_ms"].tolist() == [150.0, 200.0, 250.0]
+    assert table["trials"].tolist() == [2, 2, 1]
+
+
+def test_slowing_over_people_leaves_out_those_without_such_trials():
+    one = StopTrials([400.0, 350.0, 470.0, 410.0], [np.nan, 200.0, np.nan, np.nan])
+    table = slowing_of({"a": one, "b": one}).set_index("measure")
+    assert table.loc["after_failed_stop_ms", ["value", "se", "people"]].tolist() == [60, 0, 2]
+    assert table.loc["after_successful_stop_ms", "people"] == 0
 
 
 def test_go_responses_that_become_slower_are_told_in_three_people_of_the_set(people):

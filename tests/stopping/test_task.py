@@ -1,7 +1,6 @@
 """The stop-signal task as a record: in experiments, in sweeps, and what is refused."""
 
 import json
-import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -17,19 +16,18 @@ from bgmodel.deciding.measures import OF_STOP, Behaviour
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.stopping.estimates import estimate_ssrt, inhibition_function, ssrt_by_delay
 from bgmodel.stopping.inputs import StopSignal, decide_with_stop, receiving, with_input, with_stop
-from bgmodel.stopping.task import StopTask, decided
-from bgmodel.stopping.trials import StopTrials
+from bgmodel.stopping.task import StopTask, decided, walk
+from bgmodel.stopping.trials import StopTrials, drawn_delays
 from bgmodel.sweeps.plan import Plan
 from bgmodel.sweeps.sweep import Sweep
 from bgmodel.task import Gaussian
 from circuits.errors import DataWarning, EditWarning
-from tests.helpers import refused, unwarned
+from tests.helpers import refused, refusing, unwarned
 
 TASK = Gaussian(d_prime=0.35, step_ms=10.0, t_max=100, trials=600)
 MODEL = bg.BasalGanglia("macaque", seed=3)
 LEVEL = MODEL.threshold(None, 0.82)
 RUN = ("circuit", "run")
-SHORT = ("--task", "step_ms=10", "t_max=60", "trials=100", "--stop", "share=0.5")
 
 
 @pytest.fixture(scope="module")
@@ -55,9 +53,8 @@ def test_drawn_delays_are_a_stop_signal_of_that_delay(evidence):
     """The record and the function of Python give the same trials."""
     task = StopTask(amount_nats=0.5, delay_ms=40.0)
     decision, ssd = decided(task, MODEL, evidence, LEVEL, rng())
-    same = decide_with_stop(
-        MODEL, evidence, ssd, StopSignal(amount_nats=0.5, delay_ms=40.0), threshold=LEVEL
-    )
+    signal = StopSignal(amount_nats=0.5, delay_ms=40.0)
+    same = decide_with_stop(MODEL, evidence, ssd, signal, threshold=LEVEL)
     np.testing.assert_array_equal(~decision.forced, same.responded)
     assert set(ssd[~np.isnan(ssd)]) <= set(task.delays_ms)
 
@@ -107,21 +104,16 @@ def test_a_cancelled_trial_is_back_at_its_prior():
     for trial, first in enumerate(at):
         after = stops.posterior[trial, first:]
         assert after == pytest.approx(np.broadcast_to(prior, after.shape))
-        np.testing.assert_array_equal(
-            stops.log_likelihood[trial, : first - 1], drawn.log_likelihood[trial, : first - 1]
-        )
-
-
-def of_lengths(drawn, lengths, **changes):
-    """Return evidence whose trials end after their own number of readings."""
-    read = np.arange(drawn.steps) < np.asarray(lengths)[:, None]
-    values = np.where(read[:, :, None], drawn.log_likelihood, 0.0)
-    return replace(drawn, log_likelihood=values, lengths=lengths, **changes)
+        kept, known = (each.log_likelihood[trial, : first - 1] for each in (stops, drawn))
+        np.testing.assert_array_equal(kept, known)
 
 
 def test_a_signal_after_the_end_of_its_own_trial_is_refused(evidence):
     """Otherwise a trial that was over counts as a successful stop."""
-    short = of_lengths(evidence, np.where(np.arange(400) % 2, 100, 20))
+    lengths = np.where(np.arange(400) % 2, 100, 20)
+    read = np.arange(evidence.steps) < lengths[:, None]
+    values = np.where(read[:, :, None], evidence.log_likelihood, 0.0)
+    short = replace(evidence, log_likelihood=values, lengths=lengths)
     with refused("delays_ms must be before the deadline of every trial, 200 ms"):
         StopTask().decide(MODEL, short, posterior=0.82)
     StopTask(delays_ms=(100.0,)).decide(MODEL, short, posterior=0.82)
@@ -190,9 +182,7 @@ def test_pooling_wide_delays_is_biased_where_each_delay_is_not():
     """A race of known stop-signal reaction time, with go times as skewed as the circuit's."""
     draws = np.random.default_rng(8)
     go_ms = 100 + draws.gamma(1.5, 250, 60_000)
-    ssd_ms = np.where(
-        draws.random(60_000) < 0.5, draws.choice(np.arange(100, 501, 50), 60_000), np.nan
-    )
+    ssd_ms = drawn_delays(60_000, np.arange(100, 501, 50), 0.5, draws)
     escaped = ~(go_ms > ssd_ms + 70)
     trials = StopTrials(np.where(escaped, go_ms, np.nan), ssd_ms)
     assert ssrt_by_delay(inhibition_function(trials)) == pytest.approx(70, abs=4)
@@ -214,34 +204,28 @@ def test_workers_and_blocks_draw_their_own_signals(monkeypatch):
     assert (np.isnan(first) != np.isnan(second)).any()
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("share = 0", "share must be between 0 and 1"),
-        ("share = 1.0", "share must be between 0 and 1"),
-        ("delays_ms = []", "delays_ms must be numbers >= 0"),
-        ("delays_ms = [-5]", "delays_ms must be numbers >= 0"),
-        (
-            "delays_ms = [100, 2000]",
-            "delays_ms must be before the deadline of every trial, 1000 ms",
-        ),
-        ("failures = 1.5", "failures must be within 0..1"),
-        ("delay_sd_ms = -1", "delay_sd_ms must be"),
-        ("staircases = 1\ndelays_ms = [200]", "delays_ms must be two rising numbers"),
-        ("staircases = -1", "staircases must be"),
-        ("cancel_ms = -1", "cancel_ms must be >= 0"),
-        ("strength = 1", "stop.strength key 'stop.strength'; there are .*share"),
-        ("nucleus = 'ctx'", "nucleus must be one that the signal can act through"),
-        ("nucleus = 'STM'", "more_inputs must be among .*STN"),
-    ],
+FILE = "name='x'\nnote=''\n{}\n[manipulation]\nedits=['lesion STN 5%']\n"
+SHORT = "[task]\nd_prime=0.35\nstep_ms=10.0\nt_max=100\ntrials=100\n[stop]\n"
+MEASURE = "[[predictions]]\nmeasure='p_respond'\ndirection='up'\nat_least=0.05\n"
+
+
+test_a_bad_stop_task_gets_one_clear_sentence = refusing(
+    (SHORT + "share = 0", "share must be between 0 and 1"),
+    (SHORT + "share = 1.0", "share must be between 0 and 1"),
+    (SHORT + "delays_ms = []", "delays_ms must be numbers >= 0"),
+    (SHORT + "delays_ms = [-5]", "delays_ms must be numbers >= 0"),
+    (SHORT + "delays_ms = [100, 2000]", "delays_ms before the deadline of every trial, 1000 ms"),
+    (SHORT + "failures = 1.5", "failures must be within 0..1"),
+    (SHORT + "delay_sd_ms = -1", "delay_sd_ms must be"),
+    (SHORT + "staircases = 1\ndelays_ms = [200]", "delays_ms must be two rising numbers"),
+    (SHORT + "staircases = -1", "staircases must be"),
+    (SHORT + "cancel_ms = -1", "cancel_ms must be >= 0"),
+    (SHORT + "strength = 1", "stop.strength key 'stop.strength'; there are .*share"),
+    (SHORT + "nucleus = 'ctx'", "nucleus must be one that the signal can act through"),
+    (SHORT + "nucleus = 'STM'", "more_inputs must be among .*STN"),
+    (MEASURE, r"measure one of a task without stop signals: there is no \[stop\]"),
+    of=lambda text: Experiment.from_text(FILE.format(text)).run(),
 )
-def test_a_bad_stop_task_gets_one_clear_sentence(tmp_path, text, says):
-    path = tmp_path / "x.toml"
-    start = "name='x'\nnote=''\n[task]\nd_prime=0.35\nstep_ms=10.0\nt_max=100\ntrials=100\n"
-    path.write_text(f"{start}[stop]\n{text}\n[manipulation]\nedits=['lesion STN 5%']\n")
-    assert tomllib.loads(path.read_text())
-    with refused(says):
-        Experiment.from_toml(path).run()
 
 
 def test_what_is_doubtful_is_warned_of():
@@ -249,16 +233,10 @@ def test_what_is_doubtful_is_warned_of():
         StopTask(delays_ms=(0.2, 0.3))
     with pytest.warns(EditWarning, match="does not cancel"):
         StopTask(duration_ms=100.0)
-
-
-def test_measures_of_stopping_need_stop_signals(tmp_path):
-    path = tmp_path / "x.toml"
-    path.write_text(
-        "name='x'\nnote=''\n[manipulation]\nedits=['lesion STN 5%']\n[[predictions]]\n"
-        "measure='p_respond'\ndirection='up'\nat_least=0.05\n"
-    )
-    with refused(r"measure must be one of a task without stop signals: there is no \[stop\]"):
-        Experiment.from_toml(path)
+    with pytest.warns(EditWarning, match="no effect"):
+        StopTask(amount_nats=0.0)
+    with unwarned():
+        StopTask(amount_nats=0.0, cancel_ms=50.0)
 
 
 def test_the_command_and_python_decide_alike(tmp_path, capsys):
@@ -284,27 +262,17 @@ def test_the_command_and_python_decide_alike(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (["--stop", "duration_ms=0"], "duration_ms"),
-        (
-            ["--stop", "delays_ms=700"],
-            "delays_ms must be before the deadline of every trial, 600 ms",
-        ),
-        (["--stop", "nucleus=ctx_inh"], "nucleus must be one that the signal can act through"),
-        (["--workers", "0"], "workers must be"),
-        (["--plot", "x.doc"], "plot must end in"),
+        ("--stop duration_ms=0", "duration_ms"),
+        ("--stop delays_ms=700", "delays_ms must be before the deadline of every trial, 600 ms"),
+        ("--stop nucleus=ctx_inh", "nucleus must be one that the signal can act through"),
+        ("--workers 0", "workers must be"),
+        ("--plot x.doc", "plot must end in"),
     ],
 )
-def test_the_command_refuses_in_one_sentence(options, says, capsys, tmp_path):
-    assert main([*RUN, "--save", str(tmp_path / "x.csv"), *SHORT, *options]) == 2
-    assert says in capsys.readouterr().err
+def test_the_command_refuses_in_one_sentence(options, says, refusal, tmp_path):
+    few = ("--task", "step_ms=10", "t_max=60", "trials=100", "--stop", "share=0.5")
+    assert says in refusal(*RUN, "--save", tmp_path / "x.csv", *few, *options.split())
     assert not list(tmp_path.iterdir())
-
-
-def test_a_signal_of_nothing_is_warned_of():
-    with pytest.warns(EditWarning, match="no effect"):
-        StopTask(amount_nats=0.0)
-    with unwarned():
-        StopTask(amount_nats=0.0, cancel_ms=50.0)
 
 
 def test_the_command_says_why_there_is_no_estimate(capsys):
@@ -318,3 +286,45 @@ def test_the_command_says_why_there_is_no_estimate(capsys):
     assert main([*RUN, "--json", *options]) == 0
     printed = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
     assert printed["ssrt_by_delay_ms"] is None
+
+
+DELAYS = np.arange(0.0, 1001.0, 50.0)
+
+
+def test_a_staircase_moves_up_after_a_stop_and_down_after_a_response():
+    delays = [100.0, 200.0, 300.0]
+    stops = np.zeros((3, 6), bool)
+    stops[:, [2, 3, 4, 5]] = True
+    # Two successes reach the end and stay; then four failures reach the other one and stay.
+    assert walk(stops, delays, 200.0).tolist() == [1, 2, 2, 1, 0, 0]
+
+
+def test_interleaved_staircases_each_see_only_their_own_trials():
+    table = np.random.default_rng(1).random((len(DELAYS), 200)) < 0.5
+    both = walk(table, DELAYS, [200.0, 400.0])
+    for which, start in enumerate((200.0, 400.0)):
+        assert (both[which::2] == walk(table[:, which::2], DELAYS, start)).all()
+
+
+@pytest.mark.parametrize(("outcome", "kind"), [(True, "failed"), (False, "successful")])
+def test_a_staircase_that_never_reverses_is_warned_of(outcome, kind):
+    table = np.full((len(DELAYS), 30), outcome)
+    with pytest.warns(DataWarning, match=f"never reverses: all of its 30 stop trials are {kind}"):
+        walk(table, DELAYS, 250.0)
+    table[:, 7] = not outcome
+    with unwarned():
+        walk(table, DELAYS, 250.0)
+
+
+TABLE = np.ones((2, 5), bool)
+
+
+test_tables_and_starts_that_do_not_fit_are_refused = refusing(
+    ((np.ones((2, 5)), [100, 200], 100), "responded True or False"),
+    ((np.ones((3, 5), bool), [100, 200], 100), "responded each of 2 delays"),
+    ((TABLE, [200, 100], 100), "delays_ms increasing"),
+    ((TABLE, [-100, 100], 100), "delays_ms >= 0"),
+    ((TABLE, [100, 200], [100, 150]), "starts_ms among"),
+    ((TABLE[:, :1], [100, 200], [100, 200]), "starts_ms at most one per"),
+    of=lambda asked: walk(*asked),
+)

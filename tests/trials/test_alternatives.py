@@ -1,14 +1,12 @@
 """Tables of choices between more than two alternatives."""
 
-import warnings
-
 import numpy as np
 import pandas as pd
 import pytest
 
 from bgmodel.trials.reader import Columns, read_trials
 from circuits.errors import DataWarning
-from tests.helpers import refused, unwarned
+from tests.helpers import refused, refusing, unwarned
 from tests.read import read
 
 NAMES = np.array(["up", "left", "down", "right"])
@@ -53,31 +51,22 @@ def test_missing_responses_are_neither_correct_nor_a_name():
     assert trials.alternatives == 3
 
 
-@pytest.mark.parametrize(
-    ("some", "options", "field"),
-    [
-        (table(), {}, "response"),
-        (table(), {"stimulus": "side"}, "side"),
-        (table(), {"stimulus": "shown", "alternatives": 2}, "response at most 2"),
-        (table(), {"stimulus": "shown", "alternatives": 4}, "response only"),
-        (table(), {"stimulus": "shown", "upper": "up"}, "upper"),
-        (table(shown="back"), {"stimulus": "shown"}, "response and back"),
-        (coded(), {"alternatives": 13}, "alternatives"),
-        (coded(), {"alternatives": 1}, "alternatives"),
-        (coded(), {"alternatives": 2.5}, "alternatives"),
-        (coded(alternatives=[3, 4] * 30), {}, "alternatives 3 and 4"),
-        (coded(alternatives=4), {"alternatives": 3}, "alternatives"),
-        (coded(alternatives="many"), {}, "alternatives"),
-        (coded(alternatives=20), {}, "alternatives"),
-        (coded().assign(response=1), {"alternatives": 3}, "response"),
-        (coded(contrast=[-0.1, 0.1] * 30), {"alternatives": 3, "strength": "contrast"}, "strength"),
-    ],
-)  # fmt: skip
-def test_what_is_wrong_is_named(some, options, field):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        with refused(field):
-            read(some, **options)
+test_what_is_wrong_is_named = pytest.mark.filterwarnings("ignore")(
+    refusing(
+        (lambda: read(table()), "response"),
+        (lambda: read(table(), stimulus="side"), "side"),
+        (lambda: read(table(), stimulus="shown", alternatives=2), "response at most 2"),
+        (lambda: read(table(), stimulus="shown", alternatives=4), "response only"),
+        (lambda: read(table(), stimulus="shown", upper="up"), "upper"),
+        (lambda: read(table(shown="back"), stimulus="shown"), "response and back"),
+        *((lambda n=n: read(coded(), alternatives=n), "alternatives") for n in (13, 1, 2.5)),
+        (lambda: read(coded(alternatives=[3, 4] * 30)), "alternatives 3 and 4"),
+        (lambda: read(coded(alternatives=4), alternatives=3), "alternatives"),
+        *((lambda n=n: read(coded(alternatives=n)), "alternatives") for n in ("many", 20)),
+        (lambda: read(coded().assign(response=1), alternatives=3), "response"),
+        (lambda: read(coded(x=[-0.1, 0.1] * 30), alternatives=3, strength="x"), "strength"),
+    )
+)
 
 
 def test_a_stimulus_of_another_accuracy_is_warned_of():

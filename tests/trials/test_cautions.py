@@ -20,7 +20,7 @@ from bgmodel.trials.files import shipped
 from bgmodel.trials.reader import read_trials
 from circuits.errors import DataWarning
 from tests.helpers import refused, told, unwarned
-from tests.read import read
+from tests.read import at, read, silent
 
 TRIALS = 400
 
@@ -43,7 +43,6 @@ NAMED = {"strength": "coherence"}
 
 
 def texts(source, **options):
-    """Return the warnings of reading a table."""
     return told(read, source, **options)
 
 
@@ -53,19 +52,10 @@ def test_good_tables_and_the_published_ones_are_read_without_a_word():
         assert texts(name, strength=one.strength, conditions=one.conditions) == []
 
 
-def missed(deadline_s, rows=(3, 40)):
-    """Return a table some of whose trials have no response, and the options that read it."""
-    at = GOOD.index.isin(rows)
-    bad = GOOD.assign(rt=GOOD["rt"].where(~at), response=GOOD["response"].where(~at))
-    return bad, {**NAMED, "deadline_s": deadline_s}
-
-
 @pytest.mark.parametrize("deadline_s", [120.0, 1200.0])
 def test_a_deadline_in_another_unit_is_refused(deadline_s):
-    bad, options = missed(deadline_s)
-    with refused("deadline_s") as raised:
-        read(bad, **options)
-    assert f"got {deadline_s:g}," in str(raised.value)
+    with refused(f"deadline_s got {deadline_s:g},"):
+        read(silent(GOOD, [3, 40]), **NAMED, deadline_s=deadline_s)
 
 
 @given(st.floats(0.1, 100), st.floats(0.1, 100))
@@ -110,22 +100,18 @@ def test_many_times_that_are_exactly_the_longest_are_doubted():
 def test_a_strength_far_beyond_all_others_is_doubted_in_few_trials():
     """A slip of the pen, or 999 for none, would set the sensitivity of all trials."""
     for wrong in (40.0, -999.0):
-        (text,) = texts(table(coherence=GOOD["coherence"].where(GOOD.index > 0, wrong)), **NAMED)
-        assert text.startswith(
-            f"1 of 400 trials have a strength of {abs(wrong):g} or more, and all "
-        )
-    assert texts(table(coherence=GOOD["coherence"].where(GOOD.index > 0, 3.9)), **NAMED) == []
+        (text,) = texts(at("coherence", 0, wrong)(GOOD), **NAMED)
+        assert text.startswith(f"1 of 400 trials have a strength of {abs(wrong):g} or more, and ")
+    assert texts(at("coherence", 0, 3.9)(GOOD), **NAMED) == []
     weak = np.where(np.abs(GOOD["coherence"]) < 0.2, GOOD["coherence"] / 100, GOOD["coherence"])
     assert texts(table(coherence=weak), **NAMED) == []
 
 
 def test_trials_that_are_all_there_twice_are_doubted():
-    (text,) = texts(pd.concat([GOOD, GOOD]), **NAMED)
-    assert text.startswith("400 of 800 rows are duplicates of earlier ones")
-    # Neither new numbers nor columns that a merge has added make them other trials.
-    numbered = pd.concat([GOOD, GOOD]).assign(trial=np.arange(800))
+    """Neither new numbers nor columns that a merge has added make them other trials."""
+    both = pd.concat([GOOD, GOOD])
     merged = GOOD.merge(pd.DataFrame({"block": [1, 2]}), how="cross")
-    for twice in (numbered, merged):
+    for twice in (both, both.assign(trial=np.arange(800)), merged):
         (text,) = texts(twice, **NAMED)
         assert text.startswith("400 of 800 rows are duplicates of earlier ones")
 
@@ -146,6 +132,13 @@ def test_trials_some_of_which_are_there_twice_are_doubted_where_chance_is_no_rea
             copied = pd.concat([some, some.sample(frac=0.3, random_state=seed)])
             (text,) = (text for text in texts(copied, **NAMED) if "duplicates" in text)
             assert f"of {len(copied)} rows" in text
+
+
+@pytest.mark.parametrize("step_s", [0.01, 1 / 60, 0.1, 0.5])
+def test_times_in_coarse_steps_are_no_copies(step_s):
+    for many in (shuffled(2000, seed) for seed in range(5)):
+        rounded = ((many["rt"] / step_s).round() * step_s).clip(lower=step_s).round(3)
+        assert not any("duplicates" in text for text in texts(many.assign(rt=rounded), **NAMED))
 
 
 def shuffled(rows, seed):
@@ -228,34 +221,18 @@ def test_strengths_without_a_sign_are_refused_by_20_or_more_responses_to_the_lar
         check_signs(np.array([0.4] * 19 + [other]), answered(11, 9))
 
 
-@pytest.mark.parametrize(("right", "doubted"), [(240, False), (239, True)])
-def test_response_1_is_doubted_where_it_is_less_than_three_fifths_of_responses(right, doubted):
-    without = table(response=np.repeat([1, 0], [right, TRIALS - right])).drop(columns="coherence")
-    doubts = texts(without)
-    assert len(doubts) == doubted
-    if doubted:
-        assert "it is 60% of responses" in doubts[0]
-
-
-def test_few_times_say_nothing_of_their_steps():
-    with unwarned():
-        check_times(np.full(9, 8.0))
-
-
 @pytest.mark.parametrize("step_s", [0.01, 0.005, 0.002, 0.001])
-def test_finer_steps_are_not_worth_a_word(step_s):
+def test_finer_steps_and_few_times_are_not_worth_a_word(step_s):
     assert texts(table(rt=step_s * np.round(GOOD["rt"] / step_s)), **NAMED) == []
+    assert told(check_times, np.full(9, 8.0)) == []
 
 
-@pytest.mark.parametrize("step_s", [0.01, 1 / 60, 0.1, 0.5])
-def test_times_in_coarse_steps_are_no_copies(step_s):
-    for seed in range(5):
-        many = shuffled(2000, seed)
-        rounded = ((many["rt"] / step_s).round() * step_s).clip(lower=step_s).round(3)
-        assert not any("duplicates" in text for text in texts(many.assign(rt=rounded), **NAMED))
+@pytest.mark.parametrize("right", [240, 239])
+def test_response_1_is_doubted_where_it_is_less_than_three_fifths_of_responses(right):
+    without = table(response=np.repeat([1, 0], [right, TRIALS - right])).drop(columns="coherence")
+    assert ["it is 60% of responses" in text for text in texts(without)] == [True] * (right == 239)
 
 
 def test_trials_without_a_response_are_no_copies():
-    late = shuffled(TRIALS, 1)
-    late.loc[late.index % 4 == 0, ["rt", "response"]] = np.nan
+    late = silent(shuffled(TRIALS, 1), range(0, TRIALS, 4))
     assert texts(late, **NAMED, deadline_s=3.0) == []

@@ -12,20 +12,12 @@ from tests.helpers import refused, some_evidence
 
 @pytest.mark.parametrize("condition", ["", "lesion"])
 def test_a_users_columns_stay_and_those_that_a_result_replaces_are_called_given(condition):
-    columns = pd.DataFrame(
-        {
-            "participant_id": ["p", "q", "r"],
-            "trial": [7, 8, 9],
-            "rt": [1.5, 2.5, 3.5],
-            "condition": ["easy", "hard", "easy"],
-            "block": [1, 1, 2],
-        }
-    )
+    columns = pd.DataFrame({"participant_id": list("pqr"), "trial": [7, 8, 9], "block": [1, 1, 2]})
+    columns = columns.assign(rt=[1.5, 2.5, 3.5], condition=["easy", "hard", "easy"])
     evidence = some_evidence(trials=3, steps=4)
     decision = first_crossing(Msprt().run(evidence), 0.1)
-    table = trial_table(
-        decision, NamedEvidence(evidence, list("abc"), columns), model="m", condition=condition
-    )
+    named = NamedEvidence(evidence, list("abc"), columns)
+    table = trial_table(decision, named, model="m", condition=condition)
     for name in ("participant_id", "trial", "block"):
         assert table[name].tolist() == columns[name].tolist()
     assert table["given_rt"].tolist() == columns["rt"].tolist()
@@ -33,9 +25,7 @@ def test_a_users_columns_stay_and_those_that_a_result_replaces_are_called_given(
     theirs = "given_condition" if condition else "condition"
     assert table[theirs].tolist() == columns["condition"].tolist()
     assert (table["condition"] == (condition or columns["condition"])).all()
-    assert [name for name in table if name.startswith("given_")] == (
-        ["given_rt", "given_condition"] if condition else ["given_rt"]
-    )
+    assert ("given_condition" in table) == bool(condition)
 
 
 @pytest.mark.parametrize("known", [True, False])

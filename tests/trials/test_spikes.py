@@ -7,8 +7,9 @@ import pytest
 from bgmodel.trials.reader import Columns, read_trials
 from bgmodel.trials.record import joined
 from bgmodel.trials.spikes import joined_spikes, read_nwb, spikes_of, without_silent
-from circuits.errors import DataWarning, InputError
-from tests.helpers import refused
+from circuits.errors import DataWarning
+from tests.helpers import refused, refusing
+from tests.read import changed, without
 
 NAMED = Columns(rt="stimulus_s", response="chose_right", upper="right")
 
@@ -33,7 +34,6 @@ def tables(trials=60, seed=1):
 
 @pytest.fixture
 def read():
-    """Trials with spikes."""
     table, spikes = tables()
     return read_trials(table, columns=NAMED, spikes=spikes)
 
@@ -73,19 +73,19 @@ def test_times_in_ms_or_samples_are_refused(factor):
             read_trials(table, columns=NAMED, spikes=some.assign(time_s=some["time_s"] * factor))
 
 
-def test_spikes_need_clicks_and_names_of_their_own_trials():
-    table, spikes = tables()
-    with refused("evidence"):
-        read_trials(table.drop(columns=["left_s"]), columns=NAMED, spikes=spikes)
-    with refused("trial"):
-        read_trials(table, columns=NAMED, spikes=spikes.drop(columns=["session"]))
-    texts = table.assign(left_s=table["left_s"].map(str))  # as in a .csv
-    with refused("evidence of a .parquet, since a .csv holds text"):
-        read_trials(texts, columns=NAMED, spikes=spikes)
-    with pytest.raises(InputError):
-        read_trials(table, columns=NAMED, spikes=spikes.drop(columns=["cell"]))
-    with refused("trial"):
-        read_trials(pd.concat([table, table.iloc[:1]]), columns=NAMED, spikes=spikes)
+def choosing(change=lambda table: table, spikes=lambda table: table, trials=60):
+    table, times = tables(trials)
+    return lambda: read_trials(change(table), columns=NAMED, spikes=spikes(times))
+
+
+test_spikes_need_clicks_choices_and_names_of_their_own_trials = refusing(
+    (choosing(without("left_s")), "evidence"),
+    (choosing(changed(left_s=lambda t: t["left_s"].map(str))), "evidence of a .parquet, since a"),
+    (choosing(spikes=without("session")), "trial"),
+    (choosing(spikes=without("cell")), "cell"),
+    (choosing(lambda table: pd.concat([table, table[:1]])), "trial"),
+    (choosing(changed(chose_right=lambda t: 1 - t["chose_right"]), trials=200), "response"),
+)
 
 
 def test_spikes_of_unknown_trials_and_silent_cells_are_left_out_with_a_warning():
@@ -101,16 +101,7 @@ def test_spikes_of_unknown_trials_and_silent_cells_are_left_out_with_a_warning()
         without_silent(read.spikes, 10_000)
 
 
-def test_reversed_choices_are_refused():
-    table, spikes = tables(trials=200)
-    with refused("response"):
-        read_trials(
-            table.assign(chose_right=1 - table["chose_right"]), columns=NAMED, spikes=spikes
-        )
-
-
 def nwb(path, *, overlap=False, late=False, trials=True):
-    """Write a file with two trials and one unit."""
     h5py = pytest.importorskip("h5py")
     with h5py.File(path, "w") as file:
         if trials:
@@ -137,17 +128,12 @@ def test_a_file_of_nwb_holds_trials_and_spikes(tmp_path):
     assert read.readings.lengths.tolist() == [3, 3]
 
 
-@pytest.mark.parametrize(
-    ("change", "field"),
-    [
-        ({"overlap": True}, "start_time"),
-        ({"late": True}, "spike_times"),
-        ({"trials": False}, "source"),
-    ],
-)
-def test_a_wrong_file_of_nwb_is_refused(tmp_path, change, field):
-    with refused(field):
-        read_nwb(nwb(tmp_path / "one.nwb", **change))
+def test_a_wrong_file_of_nwb_is_refused(tmp_path):
+    for change, field in (("overlap", "start_time"), ("late", "spike_times")):
+        with refused(field):
+            read_nwb(nwb(tmp_path / "one.nwb", **{change: True}))
+    with refused("source"):
+        read_nwb(nwb(tmp_path / "one.nwb", trials=False))
 
 
 def test_spikes_are_matched_by_the_names_of_trials():

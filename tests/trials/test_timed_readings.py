@@ -8,20 +8,16 @@ from bgmodel.fitting.known.trials import known_trials
 from bgmodel.trials.reader import Columns, read_trials
 from bgmodel.trials.timed_readings import readings_of
 from circuits.errors import DataWarning
-from tests.helpers import refused, told
+from tests.helpers import refused, refusing, told
 from tests.known_trials import few
+from tests.read import at, written
 
 
 def tables(trials=None):
     """Return trials and readings with times, as users' tables."""
     trials = few(alternatives=2) if trials is None else trials
-    data = pd.DataFrame(
-        {
-            "trial": trials.ids,
-            "rt": trials.rt_s,
-            "response": [trials.names[k] for k in trials.choice],
-        }
-    )
+    response = [trials.names[k] for k in trials.choice]
+    data = pd.DataFrame({"trial": trials.ids, "rt": trials.rt_s, "response": response})
     rows, readings = np.nonzero(np.isfinite(trials.time_s))
     evidence = pd.DataFrame({"trial": rows, "time": trials.time_s[rows, readings]})
     for k, name in enumerate(trials.names):
@@ -30,7 +26,6 @@ def tables(trials=None):
 
 
 def read_known(data, evidence, **options):
-    """Return the trials of one person with the readings of each."""
     return known_trials(read_trials(data, evidence=evidence, **options))
 
 
@@ -56,21 +51,14 @@ def test_files_keep_ids_as_they_are_written(tmp_path):
     data, evidence = tables()
     for table in (data, evidence):
         table["trial"] = [f"t{int(k):03d}" for k in table["trial"]]
-    data.to_csv(tmp_path / "trials.csv", index=False)
-    evidence.to_csv(tmp_path / "evidence.csv", index=False)
-    again = read_known(tmp_path / "trials.csv", tmp_path / "evidence.csv")
+    again = read_known(written(data, tmp_path / "t.csv"), written(evidence, tmp_path / "e.csv"))
     assert again.ids[3] == "t003"
     np.testing.assert_allclose(again.log_likelihood, few(alternatives=2).log_likelihood)
 
 
 def test_clicks_favour_their_side_and_simultaneous_ones_are_one_reading():
-    clicks = pd.DataFrame(
-        {
-            "trial": [1, 1, 1, 1],
-            "time": [0.2, 0.1, 0.2, 0.2],
-            "side": ["left", "left", "right", "left"],
-        }
-    )
+    sides = ["left", "left", "right", "left"]
+    clicks = pd.DataFrame({"trial": 1, "time": [0.2, 0.1, 0.2, 0.2], "side": sides})
     readings = readings_of(clicks)
     assert readings.names == ("left", "right")
     np.testing.assert_allclose(readings.time_s, [[0.1, 0.2]])
@@ -90,12 +78,8 @@ def test_signed_cues_favour_response_1():
 def test_participants_may_share_ids_of_trials():
     data, evidence = tables()
     two = pd.concat([data.assign(participant_id=p) for p in "ab"], ignore_index=True)
-    by_person = pd.concat(
-        [
-            evidence.assign(participant_id=p, ll_a=evidence["ll_a"] * f)
-            for p, f in (("a", 1), ("b", 2))
-        ]
-    )
+    one, other = (evidence.assign(participant_id=p) for p in "ab")
+    by_person = pd.concat([one, other.assign(ll_a=2 * other["ll_a"])])
     assert read_trials(two, evidence=by_person).people() == ["a", "b"]
     first, second = (read_known(two, by_person, participant=p) for p in "ab")
     np.testing.assert_allclose(2 * first.log_likelihood[..., 0], second.log_likelihood[..., 0])
@@ -121,30 +105,23 @@ def test_a_trial_without_a_response_is_kept():
     assert again.seen[2] == 3
 
 
-@pytest.mark.parametrize(
-    ("change", "field"),
-    [
-        (lambda d, e: (d, e[e["trial"] != 3]), "evidence"),
-        (lambda d, e: (pd.concat([d, d[:1]]), e), "trial"),
-        (lambda d, e: (d, e.assign(time=-e["time"])), "time"),
-        (lambda d, e: (d, e.assign(time=0.1)), "time"),
-        (lambda d, e: (d, e.assign(time=e["time"] + 60)), "time"),
-        (lambda d, e: (d, e.assign(ll_a=np.inf)), "ll_a"),
-        (lambda d, e: (d, e.drop(columns="time")), "evidence"),
-        (lambda d, e: (d, e.drop(columns=["ll_a", "ll_b"])), "evidence"),
-        (lambda d, e: (d, e.assign(side="a").drop(columns=["ll_a", "ll_b"])), "side"),
-        (lambda d, e: (d, e.rename(columns={"time": "step"})), "step_ms"),
-        (lambda d, e: (d.drop(columns="trial"), e), "trial"),
-        (lambda d, e: (d.assign(response="z"), e), "response"),
-        (lambda d, e: (d.assign(rt=d["rt"] * 1000), e), "rt"),
-    ],
+test_each_mistake_has_a_field = refusing(
+    (lambda d, e: read_known(d, e[e["trial"] != 3]), "evidence"),
+    (lambda d, e: read_known(pd.concat([d, d[:1]]), e), "trial"),
+    (lambda d, e: read_known(d, e.assign(time=-e["time"])), "time"),
+    (lambda d, e: read_known(d, e.assign(time=0.1)), "time"),
+    (lambda d, e: read_known(d, e.assign(time=e["time"] + 60)), "time"),
+    (lambda d, e: read_known(d, e.assign(ll_a=np.inf)), "ll_a"),
+    (lambda d, e: read_known(d, e.drop(columns="time")), "evidence"),
+    (lambda d, e: read_known(d, e.drop(columns=["ll_a", "ll_b"])), "evidence"),
+    (lambda d, e: read_known(d, e.assign(side="a").drop(columns=["ll_a", "ll_b"])), "side"),
+    (lambda d, e: read_known(d, e.rename(columns={"time": "step"})), "step_ms"),
+    (lambda d, e: read_known(d, e, step_ms=50.0), "step_ms"),
+    (lambda d, e: read_known(d.drop(columns="trial"), e), "trial"),
+    (lambda d, e: read_known(d.assign(response="z"), e), "response"),
+    (lambda d, e: read_known(d.assign(rt=d["rt"] * 1000), e), "rt"),
+    of=lambda reads: reads(*tables()),
 )
-def test_each_mistake_has_a_field(change, field):
-    with refused(field) as error:
-        read_known(*change(*tables()))
-    assert "\n" not in str(error.value)
-    with refused("step_ms"):
-        read_known(*tables(), step_ms=50.0)
 
 
 def clicked(swapped, seed=1, trials=80):
@@ -172,15 +149,12 @@ def test_ids_are_text_as_written_and_blanks_are_refused(tmp_path):
     people = np.repeat(["01", "1"], 40)
     data = data.assign(participant_id=people, trial=np.arange(80) % 40)
     clicks = clicks.assign(participant_id=np.repeat(people, 5), trial=clicks["trial"] % 40)
-    for name, table in (("trials", data), ("clicks", clicks)):
-        table.to_csv(tmp_path / f"{name}.tsv", index=False, sep="\t")
-    files = tmp_path / "trials.tsv", tmp_path / "clicks.tsv"
+    files = written(data, tmp_path / "trials.tsv"), written(clicks, tmp_path / "clicks.tsv")
     with pytest.warns(DataWarning, match="in how a number is written"):
         both = read_trials(files[0], evidence=files[1])
     assert [one.trials for one in both.by_participant().values()] == [40, 40]
     with refused("participant_id trials.*got nothing in row 3"):
-        data.loc[3, "participant_id"] = ""
-        data.to_csv(files[0], index=False, sep="\t")
+        written(at("participant_id", 3, "")(data), files[0])
         read_trials(files[0], evidence=files[1])
 
 

@@ -41,7 +41,6 @@ def session(trials=6, bins=8, cells=2, seed=3):
 
 
 def numbers(count, gain, seed=5):
-    """Return the numbers of some cells."""
     rng = np.random.default_rng(seed)
     course = rng.normal(2.5, 0.3, (count, KNOTS))
     return [np.r_[each, 0.4, gain * (1 + k)] for k, each in enumerate(course)]

@@ -35,7 +35,6 @@ def clicked(trials=300, cells=3, seed=2):
 
 
 def likelihood_of(trials, model="exponential", **options):
-    """Return the likelihood of trials under a model."""
     one = question(settings_of(**options), trials, [model], alone=True)
     return one.likelihoods(model)["all"]
 
@@ -86,12 +85,17 @@ def test_scores_are_derivatives_of_each_trial(simulated):
         assert np.allclose(scores[:, k], apart, atol=5e-3)
 
 
-def test_simulated_numbers_are_recovered(simulated):
-    vector, likelihood, _ = simulated
+def fitted(likelihood):
+    """Return the optimum and the standard errors there."""
     with quiet():
         peak = optimum(likelihood)
+    return peak, np.sqrt(np.diag(np.linalg.inv(likelihood.information(peak.vector)[0])))
+
+
+def test_simulated_numbers_are_recovered(simulated):
+    vector, likelihood, _ = simulated
+    peak, error = fitted(likelihood)
     assert peak.log_likelihood > likelihood(vector)
-    error = np.sqrt(np.diag(np.linalg.inv(likelihood.information(peak.vector)[0])))
     names = likelihood.freedom.names
     some = [k for k, name in enumerate(names) if "gain" in name or name in ("noise", "bias")]
     assert (np.abs(peak.vector - vector)[some] < 3.5 * error[some]).all()
@@ -104,8 +108,7 @@ def test_spikes_of_other_trials_have_no_gain_by_clicks(simulated):
     shuffled = replace(trials, spikes=replace(trials.spikes, trial=order[trials.spikes.trial]))
     fixed = {"noise": 0.02, "start_noise": 0.02, "leak_per_s": 1.0}
     likelihood = likelihood_of(shuffled, fix=fixed, free=["+choice_noise"])
-    peak = optimum(likelihood)
-    error = np.sqrt(np.diag(np.linalg.inv(likelihood.information(peak.vector)[0])))
+    peak, error = fitted(likelihood)
     gains = [k for k, name in enumerate(likelihood.freedom.names) if "gain" in name]
     assert (np.abs(peak.vector)[gains] < 3 * error[gains]).all()
 
@@ -117,13 +120,9 @@ def test_the_front_door_returns_a_fit(simulated):
     assert {"noise", "lapse", "0 gain", "2 past"} <= set(fit.parameters()["parameter"])
     assert np.isfinite(fit.log_likelihood)
     assert fit.cells().shape[0] == 1
-
-
-def test_settings_without_effect_are_refused(simulated):
-    _, _, trials = simulated
-    for option in ({"runs": 4}, {"noise_nats": 3.0}, {"seed": 3}):
-        with refused(next(iter(option))):
-            bg.fit(trials, "linear", **option)
+    for name in ("runs", "noise_nats", "seed"):  # settings without an effect
+        with refused(name):
+            bg.fit(trials, "linear", **{name: 3})
 
 
 def test_a_fit_starts_with_and_without_a_leak_and_ends_at_the_higher_peak():

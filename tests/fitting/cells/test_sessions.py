@@ -1,5 +1,7 @@
 """Sessions of recorded cells: sums of clicks, counts in bins, recent rates."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,6 @@ from tests.trials.test_spikes import NAMED, tables
 
 @pytest.fixture
 def trials():
-    """Trials of two sessions, with enough spikes per cell."""
     table, spikes = tables(trials=80)
     return read_trials(table, columns=NAMED, spikes=spikes)
 
@@ -34,10 +35,8 @@ def test_a_sum_of_clicks_leaks_and_adapts(trials):
     assert np.allclose(plain[:, -1], session.click.sum(axis=1))
     k, first = 4, session.click_s[4]
     seen = first < session.middles_s[3]
-    decay = np.exp(-2.0 * (session.middles_s[3] - first[seen]))
-    assert session.sums(2.0, 1.0, 0.1)[k, 3] == pytest.approx(
-        (session.click[k][seen] * decay).sum()
-    )
+    left = session.click[k][seen] * np.exp(-2.0 * (session.middles_s[3] - first[seen]))
+    assert session.sums(2.0, 1.0, 0.1)[k, 3] == pytest.approx(left.sum())
     two = 1 - 0.9 * np.exp(-(first[1] - first[0]) / 0.1)
     early = np.searchsorted(session.middles_s, first[1])
     if session.middles_s[early] < first[2]:
@@ -62,10 +61,8 @@ def test_courses_are_a_partition_of_unity():
 
 def test_a_subset_has_the_same_sums(trials):
     session = sessions_of(trials)[1]
-    kept = np.arange(len(session.trials)) % 3 == 0
-    assert np.array_equal(
-        session.where(kept).sums(1.0, 0.1, 0.1), session.sums(1.0, 0.1, 0.1)[kept]
-    )
+    kept, told = np.arange(len(session.trials)) % 3 == 0, (1.0, 0.1, 0.1)
+    assert np.array_equal(session.where(kept).sums(*told), session.sums(*told)[kept])
 
 
 def test_trials_without_spikes_and_cells_with_few_are_refused(trials):
@@ -73,7 +70,5 @@ def test_trials_without_spikes_and_cells_with_few_are_refused(trials):
     some = read_trials(table, columns=NAMED, spikes=spikes.iloc[::6])
     with pytest.warns(DataWarning), refused("spikes"):
         sessions_of(some)
-    from dataclasses import replace
-
     with refused("spikes"):
         sessions_of(replace(trials, spikes=None))

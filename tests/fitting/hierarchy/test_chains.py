@@ -65,12 +65,12 @@ def test_chains_that_mix_slowly_are_discarded_and_their_surrogate_is_learned_aga
 ):
     monkeypatch.setattr(chains, "REMADE", (2 * FEW,))
     monkeypatch.setattr(chains, "POOR", 0.0)
-    told: list[str] = []
-    sampled(SAMPLER, START, seed=SEED, most=3 * FEW, tell=told.append)
+    asked, told = {"seed": SEED, "most": 3 * FEW}, []
+    sampled(SAMPLER, START, **asked, tell=told.append)
     assert not any("again" in each for each in told)
     monkeypatch.setattr(chains, "POOR", np.inf)
     told, kept = [], chains_entry(tmp_path, "a", {})
-    once = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, tell=told.append)
+    once = sampled(SAMPLER, START, **asked, tell=told.append)
     assert sum("again" in each for each in told) == 1
     # Draws before are left out.
     assert sum("draws in each" in each for each in told) == 5
@@ -86,8 +86,8 @@ def test_chains_that_mix_slowly_are_discarded_and_their_surrogate_is_learned_aga
 
         kept.path.unlink(missing_ok=True)
         with pytest.raises(KeyboardInterrupt):
-            sampled(SAMPLER, START, seed=SEED, most=3 * FEW, kept=kept, tell=stop)
-        rest = sampled(SAMPLER, START, seed=SEED, most=3 * FEW, kept=kept)
+            sampled(SAMPLER, START, **asked, kept=kept, tell=stop)
+        rest = sampled(SAMPLER, START, **asked, kept=kept)
         assert [each.scaled.tobytes() for each in rest] == [each.scaled.tobytes() for each in once]
 
 
@@ -103,17 +103,10 @@ class Two(Gaussian):
         return super().__call__(np.array([first, second]))
 
 
+BOTH = Expansion(np.tile(MIDDLES[:, None], 2), np.zeros((4, 2)), np.tile(4 * np.eye(2), (4, 1, 1)))
 OTHERS = {
     "data": (replace(SAMPLER, people=[Gaussian(each + 0.01) for each in MIDDLES]), START),
-    "parameters": (
-        Sampler(
-            [Two(each) for each in MIDDLES],
-            Expansion(
-                np.tile(MIDDLES[:, None], 2), np.zeros((4, 2)), np.tile(4 * np.eye(2), (4, 1, 1))
-            ),
-        ),
-        Group(np.zeros(2), np.ones(2)),
-    ),
+    "parameters": (Sampler([Two(each) for each in MIDDLES], BOTH), Group(np.zeros(2), np.ones(2))),
 }
 
 
@@ -130,9 +123,8 @@ def test_an_interrupted_run_goes_on_with_the_same_bytes(short, tmp_path, sampler
     rest = sampled(sampler, start, seed=SEED, most=3 * FEW, kept=kept, tell=told.append)
     assert not any("warm-up" in each for each in told)
     for name in ("scaled", "correlation"):
-        assert [getattr(each, name).tobytes() for each in rest] == [
-            getattr(each, name).tobytes() for each in whole
-        ]
+        both = [[getattr(each, name).tobytes() for each in some] for some in (rest, whole)]
+        assert both[0] == both[1]
 
 
 @pytest.mark.parametrize("what", OTHERS)

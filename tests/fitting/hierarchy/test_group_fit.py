@@ -1,5 +1,7 @@
 """The record of a hierarchical fit, and what it refuses."""
 
+from itertools import combinations
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,9 +13,9 @@ from bgmodel.fitting.hierarchy.chains import CHAINS, LARGEST_RHAT
 from bgmodel.fitting.hierarchy.group_fit import fit_group
 from bgmodel.fitting.person_fit import cells_of
 from circuits.errors import FitWarning
-from tests.drawn import drawn
+from tests.drawn import drawn, rows_of
 from tests.fitting.conftest import FIXED, MOST, SEED, short_chains, table
-from tests.helpers import refused
+from tests.helpers import refused, refusing
 
 GAP = {"model": "constant_gap", "strength": "strength", "fix": FIXED}
 
@@ -69,28 +71,33 @@ def test_guesses_are_warned_of():
     assert [str(each.message) for each in warned if "does not fit" in str(each.message)]
 
 
-TRIALS_OF = {"ben": 12, "cleo": 16}
+def few(rows):
+    """Return all trials of two people and the first of the others."""
+    most = rows["participant_id"].map({"ben": 12, "cleo": 16}).fillna(60)
+    return rows[rows.groupby("participant_id").cumcount() < most]
 
 
-@pytest.mark.parametrize(
-    ("change", "options", "says"),
-    [
-        (lambda t: t[t["participant_id"].isin(["anna", "ben"])], {}, "participant"),
-        (lambda t: t[t.groupby("participant_id").cumcount() < t["participant_id"].map(TRIALS_OF)
-                     .fillna(60)], {}, r"data .*ben \(12\), cleo \(16\)"),
-        (lambda t: t[(t["participant_id"] != "dora") | (t["block"] == "early")],
-         {"vary": {"bound": "block"}}, "vary .*dora"),
-    ],
-)  # fmt: skip
-def test_people_who_do_not_fit_into_a_hierarchy_are_refused(change, options, says):
-    with refused(says):
-        fit(change(table(trials=60)), **GAP, **options, people="hierarchical")
+def early(rows):
+    return rows[(rows["participant_id"] != "dora") | (rows["block"] == "early")]
 
 
-def test_what_people_cannot_share_is_refused(group):
+def grouped(change, **options):
+    return lambda: fit(change(table()), **GAP, **options, people="hierarchical")
+
+
+test_people_who_do_not_fit_into_a_hierarchy_are_refused = refusing(
+    (grouped(lambda rows: rows[rows["participant_id"].isin(["anna", "ben"])]), "participant"),
+    (grouped(few), r"data .*ben \(12\), cleo \(16\)"),
+    (grouped(early, vary={"bound": "block"}), "vary .*dora"),
+)
+
+
+def test_what_people_cannot_share_or_correlate_is_refused(group):
     for name in ("t0_sd_s", "gap"):  # one is fixed, the other is no parameter
         with refused("shared"):
             fit_group(group.likelihoods, shared=[name])
+    with refused("correlated"):
+        fit_group(group.likelihoods, correlated=True, shared=["bound", "t0_s"])
 
 
 def two_groups(shift, seed=11):
@@ -101,15 +108,13 @@ def two_groups(shift, seed=11):
         kind = "patient" if k % 2 else "control"
         bound = 0.8 + shift * (kind == "patient") + 0.06 * rng.standard_normal()
         some = drawn(GapModel(), [0.2], 60, 500 + k, seconds=2.0, sensitivity=8.0, bound=bound)
-        columns = {"rt": some.rt_s, "response": some.response, "strength": some.strength}
-        parts.append(pd.DataFrame(columns).assign(participant_id=f"p{k}", kind=kind))
+        parts.append(rows_of(some, participant_id=f"p{k}", kind=kind))
     return pd.concat(parts, ignore_index=True)
 
 
 def test_a_predictor_between_people_finds_the_difference_of_their_groups():
-    table = two_groups(0.3)
-    settings = {"strength": "strength", "fix": FIXED, "people": "hierarchical"}
-    fitted = fit(table, "constant_gap", formula=["bound ~ kind", "sensitivity ~ kind"], **settings)
+    formula = ["bound ~ kind", "sensitivity ~ kind"]
+    fitted = fit(two_groups(0.3), **GAP, formula=formula, people="hierarchical")
     assert fitted.agreement.reached
     effects = fitted.effects()
     bound = effects.loc["bound by kind[T.patient]"]
@@ -120,28 +125,31 @@ def test_a_predictor_between_people_finds_the_difference_of_their_groups():
     assert "bound by kind[T.patient]" in fitted.to_datatree()["posterior"]
 
 
-@pytest.mark.parametrize(
-    ("settings", "field"),
-    [
-        ({"formula": "bound ~ kind", "people": "each"}, "kind"),
-        ({"vary": {"bound": "kind"}, "people": "hierarchical"}, "kind"),
-        ({"formula": "bound ~ kind * block", "people": "hierarchical"}, "formula"),
-        ({"formula": "bound ~ 0 + kind", "people": "hierarchical"}, "formula"),
-    ],
+def predicted(people="hierarchical", **options):
+    def fitted():
+        rows = two_groups(0.3).assign(block=lambda t: np.where(t.index % 2, "a", "b"))
+        fit(rows, **GAP, people=people, **options)
+
+    return fitted
+
+
+test_predictors_between_people_that_cannot_be_fitted_are_refused = refusing(
+    (predicted("each", formula="bound ~ kind"), "kind"),
+    (predicted(vary={"bound": "kind"}), "kind"),
+    (predicted(formula="bound ~ kind * block"), "formula"),
+    (predicted(formula="bound ~ 0 + kind"), "formula"),
 )
-def test_predictors_between_people_that_cannot_be_fitted_are_refused(settings, field):
-    table = two_groups(0.3).assign(block=lambda t: np.where(np.arange(len(t)) % 2, "a", "b"))
-    with refused(field):
-        fit(table, "constant_gap", strength="strength", fix=FIXED, **settings)
 
 
 @pytest.fixture(scope="module")
 def related():
     """Return a fit with correlations and a prior that is much narrower than the data."""
+    return short(prior={"t0_s": (0.2, 0.204)}, people="correlated")
+
+
+def short(**options):
     with short_chains(), pytest.warns(FitWarning):
-        return fit(
-            table(), **GAP, prior={"t0_s": (0.2, 0.204)}, people="correlated", most_draws=MOST,
-        )  # fmt: skip
+        return fit(table(), **GAP, most_draws=MOST, **options)
 
 
 def test_a_narrow_prior_outweighs_the_data_and_a_wide_one_changes_nothing(group, related):
@@ -150,10 +158,7 @@ def test_a_narrow_prior_outweighs_the_data_and_a_wide_one_changes_nothing(group,
 
     assert abs(np.median(t0_s(related)) - 0.202) < 0.002
     assert np.median(t0_s(group)) > 0.25
-    with short_chains(), pytest.warns(FitWarning):
-        wide = fit(
-            table(), **GAP, prior={"t0_s": (0.05, 1.5)}, most_draws=MOST, people="hierarchical"
-        )
+    wide = short(prior={"t0_s": (0.05, 1.5)}, people="hierarchical")
     assert abs(np.median(t0_s(wide)) - np.median(t0_s(group))) < t0_s(group).std()
     assert t0_s(wide).std() == pytest.approx(t0_s(group).std(), rel=0.5)
     # As in the fit of one person, where the prior is of that person.
@@ -168,8 +173,7 @@ def test_priors_and_correlations_are_in_the_result_and_its_file(group, related, 
     assert "t0_s 0.2 to 0.204" in told
     assert "correlations between people" in told
     assert "correlations between people" in related.summary()._repr_html_()
-    assert pairs.index.tolist() == [
-        ("sensitivity", "bound"), ("sensitivity", "t0_s"), ("bound", "t0_s")]  # fmt: skip
+    assert pairs.index.tolist() == list(combinations(("sensitivity", "bound", "t0_s"), 2))
     draws = np.stack([each.correlation for each in related.chains])[..., 1, 0]
     assert pairs["low_95"].iloc[0] == np.quantile(draws, 0.025)
     assert (pairs["low_95"] < pairs["median"]).all()
@@ -185,8 +189,3 @@ def test_correlated_draws_do_not_depend_on_the_number_of_workers(related):
         again = fit_group(related.likelihoods, most_draws=MOST, correlated=True, workers=2)
     assert again.individual.tobytes() == related.individual.tobytes()
     assert again.correlations().equals(related.correlations())
-
-
-def test_one_parameter_has_no_correlations(group):
-    with refused("correlated"):
-        fit_group(group.likelihoods, correlated=True, shared=["bound", "t0_s"])

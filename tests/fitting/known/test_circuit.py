@@ -44,12 +44,13 @@ def test_an_exact_circuit_without_noise_is_the_test(trials):
     np.testing.assert_allclose(out_nats[below], expected[0][below], atol=2e-3)
 
 
-def test_readings_on_a_grid_are_the_readings(trials):
-    evidence, step_s = on_grid(trials)
+@pytest.mark.parametrize("leak_hz", [0.0, 2.0])
+def test_readings_on_a_grid_are_the_readings_and_leak(trials, leak_hz):
+    evidence, step_s = on_grid(trials, leak_hz)
     assert step_s == pytest.approx(0.05)
-    totals = Msprt().run(evidence).out_nats
-    exact = EXACT["msprt"].on(trials, SPAN).out({"gain": 1.0, "leak_hz": 0.0})[0]
-    np.testing.assert_allclose(totals[trials.seen_places[0], 1 + trials.seen_places[1]], exact)
+    totals = Msprt().run(evidence).out_nats[trials.seen_places[0], 1 + trials.seen_places[1]]
+    exact = EXACT["msprt"].on(trials, SPAN).out({"gain": 1.0, "leak_hz": leak_hz})[0]
+    np.testing.assert_allclose(totals, exact, rtol=1e-7, atol=1e-8)
 
 
 def test_times_without_a_common_step_are_rounded():
@@ -58,13 +59,6 @@ def test_times_without_a_common_step_are_rounded():
     assert step_s == 0.01
     place = np.flatnonzero(evidence.log_likelihood[0].any(axis=1))
     np.testing.assert_array_equal(place, [0, 9, 25])
-
-
-def test_a_leak_is_in_the_evidence(trials):
-    evidence, _ = on_grid(trials, 2.0)
-    out = EXACT["msprt"].on(trials, SPAN).out({"gain": 1.0, "leak_hz": 2.0})[0]
-    of_test = Msprt().run(evidence).out_nats[trials.seen_places[0], 1 + trials.seen_places[1]]
-    np.testing.assert_allclose(of_test, out, atol=1e-8)
 
 
 @pytest.fixture(scope="module")
@@ -109,15 +103,15 @@ def test_a_fit_has_the_error_of_its_runs(trials):
 
 
 def test_what_a_circuit_can_not_do_is_refused(trials):
-    for asked, field in (
-        (lambda: known_likelihood(KnownCircuit(MACAQUE), few()), "circuit"),
-        (lambda: known_likelihood(KnownCircuit(MACAQUE), trials, free=["+leak_hz"]), "free"),
-    ):
-        with refused(field):
-            asked()
     strong = replace(trials, log_likelihood=1e3 * trials.log_likelihood)
-    with refused("evidence"):
-        known_likelihood(KnownCircuit(MACAQUE), strong)
+    cases = (
+        (few(), {}, "circuit"),
+        (trials, {"free": ["+leak_hz"]}, "free"),
+        (strong, {}, "evidence"),
+    )
+    for some, options, field in cases:
+        with refused(field):
+            known_likelihood(KnownCircuit(MACAQUE), some, **options)
 
 
 def test_runs_differ_in_their_noise_and_repeat_with_the_seed(trials, outputs):

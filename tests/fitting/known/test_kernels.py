@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.known.kernels import kernel, kernels
+from bgmodel.fitting.known.kernels import hazards, kernel, kernels
 from bgmodel.fitting.known.likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
 from bgmodel.fitting.known.trials import KnownTrials
+from bgmodel.fitting.optimum import optimum
 from tests.helpers import refused
 from tests.known_trials import TRUTH, simulated
 
@@ -37,6 +38,8 @@ def test_from_the_response_positions_count_backward():
     trials = weighted(true)
     onset, response = (kernel(trials, positions=4, align=a) for a in ("onset", "response"))
     np.testing.assert_allclose(onset["weight"], response["weight"][::-1], rtol=1e-6)
+    with refused("align"):
+        kernel(trials, align="middle")
 
 
 def test_a_model_has_the_kernel_of_its_probabilities():
@@ -46,13 +49,21 @@ def test_a_model_has_the_kernel_of_its_probabilities():
     np.testing.assert_allclose(kernel(trials, chosen, positions=2)["weight"], [0.3, 0.9], atol=0.01)
 
 
-def test_an_unknown_alignment_is_refused():
-    with refused("align"):
-        kernel(weighted(np.ones(2), trials=40), align="middle")
+@pytest.fixture(scope="module")
+def likelihood():
+    return known_likelihood(EXACT["msprt"], simulated(400, 41))
 
 
-def test_kernels_of_data_and_of_the_true_model_agree():
-    likelihood = known_likelihood(EXACT["msprt"], simulated(400, 41))
+def test_hazards_of_the_true_model_are_calibrated(likelihood):
+    table = hazards(likelihood, optimum(likelihood).vector)
+    assert (table["running"].diff().dropna() <= 0).all()
+    z = (table["observed"] - table["predicted"]) / table["standard_error"]
+    z = z[np.isfinite(z)]
+    assert abs(z.mean()) < 0.5
+    assert 0.6 < z.std() < 1.5
+
+
+def test_kernels_of_data_and_of_the_true_model_agree(likelihood):
     true = np.array([TRUTH.get(name, 0.0) for name in likelihood.freedom.names])
     table = kernels(likelihood, true)
     data, model = (table[table["of"] == of].reset_index(drop=True) for of in ("data", "msprt"))

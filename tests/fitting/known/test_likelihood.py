@@ -3,17 +3,23 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.stats import norm
 
+import bgmodel as bg
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.fitting.known.likelihood import known_likelihood
+from bgmodel.fitting.known.likelihood import OnTrials, known_likelihood
 from bgmodel.fitting.known.models import EXACT, runs_of_cues
+from bgmodel.fitting.known.trials import known_design, known_trials
 from bgmodel.fitting.misfit import misfit
 from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.posterior import directions
+from bgmodel.fitting.settings import settings_of
+from bgmodel.trials.record import joined
 from circuits.errors import InputError
 from tests.known_trials import TRUTH, few, simulated
+from tests.trials.test_timed_readings import tables
 
 VALUES = {
     "gain": 0.8, "leak_hz": 0.0, "threshold": 0.5, "noise": 0.2, "urgency": 0.3, "run_effect": 0.1,
@@ -46,11 +52,9 @@ def test_it_is_the_sum_over_readings_of_hazard_and_non_decision_time():
 
 def test_a_trial_without_a_response_is_one_without_a_decision():
     trials = few()
-    silent = replace(
-        trials,
-        choice=np.where(np.arange(20) < 5, -1, trials.choice),
-        rt_s=np.where(np.arange(20) < 5, np.nan, trials.rt_s),
-    )
+    none = np.arange(20) < 5
+    choice, rt_s = np.where(none, -1, trials.choice), np.where(none, np.nan, trials.rt_s)
+    silent = replace(trials, choice=choice, rt_s=rt_s)
     likelihood = known_likelihood(EXACT["msprt"], silent, free=list(VALUES))
     vector = vector_of(likelihood, VALUES)
     _, left = likelihood.decisions(VALUES)
@@ -72,15 +76,19 @@ def test_two_alternatives_without_leak_and_noise_decide_alike_in_test_and_leaky_
     np.testing.assert_allclose(first, second, atol=1e-6)
 
 
+def at_start(trials, model="msprt"):
+    """Return log densities of trials with the start of each parameter."""
+    likelihood = known_likelihood(EXACT[model], trials)
+    return likelihood.each(likelihood.freedom.start)
+
+
 @pytest.mark.parametrize("model", list(EXACT))
 def test_evidence_common_to_all_alternatives_changes_nothing(model):
     trials = simulated(60)
     values = trials.log_likelihood + np.random.default_rng(1).normal(size=(60, 40, 1))
     moved = replace(trials, log_likelihood=values)
-    first, second = (known_likelihood(EXACT[model], each) for each in (trials, moved))
-    np.testing.assert_allclose(
-        first.each(first.freedom.start), second.each(first.freedom.start), atol=1e-8
-    )
+    first, second = (at_start(each, model) for each in (trials, moved))
+    np.testing.assert_allclose(first, second, atol=1e-8)
 
 
 def test_readings_after_the_response_change_nothing():
@@ -88,8 +96,7 @@ def test_readings_after_the_response_change_nothing():
     values = trials.log_likelihood.copy()
     values[np.arange(40) >= trials.seen[:, None]] = 9.0
     moved = replace(trials, log_likelihood=values)
-    first, second = (known_likelihood(EXACT["msprt"], each) for each in (trials, moved))
-    np.testing.assert_array_equal(first.each(first.freedom.start), second.each(first.freedom.start))
+    np.testing.assert_array_equal(at_start(trials), at_start(moved))
 
 
 def test_the_choice_given_the_time_is_a_probability():
@@ -141,12 +148,8 @@ def test_the_probability_of_a_response_by_a_time_is_the_integral_of_its_density(
     likelihood, step_s = known_likelihood(EXACT["msprt"], few()), 2e-3
     span, total = likelihood.trials.span_s, 0.0
     for at_s in np.arange(0.3 + step_s / 2, span, step_s):
-        rt_s = np.append(np.full(19, at_s), span)
-        total = (
-            total
-            + step_s
-            * replace(likelihood, trials=replace(likelihood.trials, rt_s=rt_s)).responses(VALUES)[0]
-        )
+        trials = replace(likelihood.trials, rt_s=np.append(np.full(19, at_s), span))
+        total = total + step_s * replace(likelihood, trials=trials).responses(VALUES)[0]
     ends = likelihood.answered(VALUES, np.tile([0.3, span], (20, 1)))
     np.testing.assert_allclose(total[:19], np.diff(ends, axis=1)[:19, 0], atol=1e-3)
 
@@ -166,7 +169,6 @@ def misfits(channels, ended, threshold=0.12):
 
 
 def shortened(trials):
-    """Return trials without the readings after the response."""
     read = np.arange(trials.time_s.shape[1]) < np.maximum(trials.seen, 1)[:, None]
     return replace(
         trials, lengths=read.sum(axis=1), forced=False,
@@ -200,3 +202,135 @@ def test_new_trials_have_the_times_that_are_predicted():
     assert np.isfinite(rt_s).all()
     assert rt_s.mean() == pytest.approx(mean_s, abs=3 * rt_s.std() / 20)
     assert response.mean() == pytest.approx(density[1].sum() / density.sum(), abs=0.075)
+
+
+OBSERVER = {
+    "gain": 0.9, "leak_hz": 0.5, "threshold": 0.5, "noise": 0.2, "urgency": 0.1, "run_effect": 0.05,
+    "bias_1": 0.1, "t0_s": 0.3, "t0_sd_s": 0.05, "lapse": 0.02,
+}  # fmt: skip
+FIXED = {name: OBSERVER[name] for name in ("leak_hz", "noise", "t0_s", "t0_sd_s", "lapse")}
+FIXED |= {"bias_1": 0.0}
+
+
+def read(trials=60, seed=51, who="all", **conditions):
+    """Return trials with conditions that change nothing, by default c, which alternates."""
+    data, evidence = tables(simulated(trials, seed))
+    conditions = conditions or {"c": np.resize(["a", "b"], trials)}
+    data, evidence = (each.assign(participant_id=who) for each in (data, evidence))
+    return bg.read_trials(
+        data.assign(**conditions), evidence=evidence, forced=True, conditions=list(conditions)
+    )
+
+
+def likelihood_of(model, trials, by=(), **options):
+    known = OnTrials(EXACT[model], known_trials(trials))
+    return settings_of(**options).likelihood(known_design(trials, by), known)
+
+
+@pytest.mark.parametrize("timed", [True, False])
+@pytest.mark.parametrize("model", list(EXACT))
+def test_each_trial_has_the_parameters_of_its_condition(model, timed):
+    data, evidence = tables(simulated(60, 51))
+    data = data.assign(c=np.resize(["a", "b", "b"], 60))
+    data = data if timed else data.drop(columns="rt")
+    trials = bg.read_trials(data, evidence=evidence, forced=True, conditions="c")
+    names = [each.name for each in OnTrials(EXACT[model], known_trials(trials)).parameters]
+    names = names if timed else [name for name in names if not name.startswith("t0")]
+    alone = likelihood_of(model, trials, free=names)
+    both = likelihood_of(model, trials, ["c"], vary=dict.fromkeys(names, "c"))
+    at = np.array([OBSERVER[name] for name in names])
+    values = {"a": at, "b": at * np.linspace(1.1, 1.4, len(at))}
+    vector = np.array([values[name[-2]][names.index(name[:-5])] for name in both.freedom.names])
+    each, density, cell = both.each(vector), both.density(vector), both.design.observed.cell
+    assert both.design.conditions == {"c": ["a", "b"]}
+    for k, level in enumerate("ab"):
+        some = np.flatnonzero(cell == k)
+        assert len(some) == (20, 40)[k]
+        np.testing.assert_allclose(each[some], alone.each(values[level])[some])
+        expected = alone.part(some).density(values[level])[0]
+        np.testing.assert_allclose(density[k], expected, atol=1e-12)
+        np.testing.assert_allclose(both.part(some).each(vector), each[some])
+
+
+def test_two_conditions_without_a_common_parameter_are_two_fits():
+    data, evidence = tables(simulated(80, 52))
+    data = data.assign(c=np.resize(["a", "b"], 80))
+    slowest = data.groupby("c")["rt"].idxmax()
+    data.loc[slowest, "rt"] = data["rt"].max()  # lapses extend up to it
+    asked = {"evidence": evidence, "forced": True, "fix": {"t0_sd_s": 0.05, "lapse": 0.02}}
+    free = ("threshold", "noise", "bias_1", "t0_s")
+    both = bg.fit(data, "msprt", vary=dict.fromkeys(free, "c"), **asked)
+    total = 0.0
+    for level, part in data.groupby("c"):
+        seen = evidence["trial"].isin(part["trial"].astype(int))
+        alone = bg.fit(part, "msprt", **{**asked, "evidence": evidence[seen]})
+        total += alone.log_likelihood
+        for name in free:
+            error = alone.summary().loc[name, "standard_error"]
+            off = alone.optimum.values[name] - both.optimum.values[f"{name}[c={level}]"]
+            assert abs(off) < 0.05 * error
+    assert both.log_likelihood == pytest.approx(total, abs=0.01)
+
+
+def test_a_condition_with_one_level_changes_nothing():
+    data, evidence = tables(simulated(60, 51))
+    asked = {"evidence": evidence, "forced": True, "fix": {"lapse": 0.02}}
+    plain = bg.fit(data, "msprt", **asked)
+    same = bg.fit(data.assign(c="a"), "msprt", vary={"threshold": "c"}, **asked)
+    assert same.log_likelihood == plain.log_likelihood
+    np.testing.assert_array_equal(same.optimum.vector, plain.optimum.vector)
+    assert "threshold[c=a]" in same.summary().index
+
+
+def test_people_who_are_pooled_are_fitted_as_one():
+    people = np.resize(["p", "q"], 40)
+    data, evidence = tables(simulated(40, 53))
+    data = data.assign(c=np.resize(["a", "a", "b", "b"], 40), participant_id=people)
+    evidence["participant_id"] = people[evidence["trial"]]
+    asked = {"forced": True, "vary": {"threshold": "c"}, "fix": {**FIXED, "leak_hz": 0.0}}
+    pooled = bg.fit(data, "msprt", people="pooled", evidence=evidence, **asked)
+    one, other = (each.drop(columns="participant_id") for each in (data, evidence))
+    assert pooled.log_likelihood == bg.fit(one, "msprt", evidence=other, **asked).log_likelihood
+
+
+def test_a_threshold_of_each_condition_is_found_again():
+    true = {"threshold[c=a]": 0.8, "threshold[c=b]": 1.2}
+    made = bg.simulate("leaky_sum", true, read(200), seed=2, vary={"threshold": "c"}, fix=FIXED)
+    fit = bg.fit(made, "leaky_sum", vary={"threshold": "c"}, fix=FIXED)
+    table = fit.summary()
+    off = table["value"] - pd.Series(true)
+    assert (abs(off) < 2 * table["standard_error"]).all()
+    assert (table["standard_error"] < 0.1).all()
+    cells = fit.cells()
+    assert cells["c"].tolist() == ["a", "b"]
+    assert cells["model_mean_s"].diff()[1] > 0.1
+    assert (abs(cells[["z_accuracy", "z_mean_rt"]]) < 3).all(axis=None)
+
+
+def test_the_slope_of_a_covariate_is_found_again_and_that_of_another_is_0():
+    signal, other = np.random.default_rng(3).normal(size=(2, 200))
+    trials = read(200, signal=signal, other=other)
+    true = {"threshold[Intercept]": 1.0, "threshold[signal]": 0.15}
+    asked = {"formula": "threshold ~ signal + other", "fix": FIXED}
+    made = bg.simulate("leaky_sum", true, trials, seed=4, **asked)
+    table = bg.fit(made, "leaky_sum", **asked).summary()
+    z = (table["value"] - pd.Series({**true, "threshold[other]": 0.0})) / table["standard_error"]
+    assert (abs(z) < 2).all()
+    assert (table["standard_error"] < 0.05).all()
+
+
+@pytest.mark.filterwarnings("ignore::circuits.errors.FitWarning")
+def test_the_effect_of_a_condition_is_found_again_in_a_group():
+    fixed = {**FIXED, "leak_hz": 0.0, "noise": 0.05}
+    rng, asked = np.random.default_rng(4), {"formula": "threshold ~ c", "fix": fixed}
+    people = []
+    for k in range(8):
+        effect = 0.1 + 0.02 * rng.normal()
+        true = {"threshold[Intercept]": 0.2 + 0.03 * rng.normal(), "threshold[c[T.b]]": effect}
+        trials = read(40, 700 + k, who=f"p{k}")
+        people.append(bg.simulate("msprt", true, trials, seed=k, **asked))
+    asked = {**asked, "people": "hierarchical", "most_draws": 100}
+    group = bg.fit(joined(people), "msprt", **asked)
+    row = group.summary().loc["threshold[c[T.b]]"]
+    assert 0 < row["low"] < 0.1 < row["high"]
+    assert group.cells()["c"].tolist() == 8 * ["a", "b"]

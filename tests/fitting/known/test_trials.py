@@ -7,7 +7,7 @@ import pytest
 
 from bgmodel.fitting.known.trials import intervals
 from circuits.errors import DataWarning
-from tests.helpers import refused
+from tests.helpers import refusing
 from tests.known_trials import few, simulated
 
 
@@ -27,25 +27,15 @@ def test_an_interval_lasts_until_the_next_reading_even_if_it_comes_after_the_res
     np.testing.assert_allclose(intervals(trials)[1][:, -1], 0.4)
 
 
-@pytest.mark.parametrize(
-    ("changed", "field"),
-    [
-        ({"rt_s": np.full(20, 0.05)}, "time"),
-        ({"choice": np.zeros(20, int)}, "response"),
-        ({"choice": np.full(20, -1)}, "rt"),
-    ],
+test_what_makes_no_sense_is_refused = refusing(
+    (lambda: few(19), "trials"),
+    (lambda: replace(few(), rt_s=np.full(20, 0.05)), "time"),
+    (lambda: replace(few(), choice=np.zeros(20, int)), "response"),
+    (lambda: replace(few(), choice=np.full(20, -1)), "rt"),
 )
-def test_what_makes_no_sense_is_refused(changed, field):
-    with refused(field):
-        replace(few(), **changed)
 
 
 def test_some_responses_before_the_first_reading_warn():
     rt_s = np.where(np.arange(20) < 2, 0.05, 0.5)
     with pytest.warns(DataWarning):
         replace(few(), rt_s=rt_s)
-
-
-def test_too_few_trials_are_refused():
-    with refused("trials"):
-        few(19)

@@ -11,7 +11,9 @@ from bgmodel.fitting.simulated import circuit as module
 from bgmodel.fitting.simulated.circuit import MECHANISMS, Axis, CircuitModel, Mechanism
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes, simulated
 from circuits.anatomy import load_circuit
+from circuits.declaration.table_writer import digest
 from tests.drawn import GAIN, ideal
+from tests.helpers import refusing
 
 MACAQUE = load_circuit("macaque", 2)
 SMALL = {"seconds": 1.0, "trials": 16, "engine": "rate"}
@@ -57,19 +59,14 @@ def test_the_same_seed_writes_the_same_bytes(kept, tmp_path):
     assert one.read_bytes() == other.read_bytes()
 
 
-@pytest.mark.parametrize(
-    "changed",
-    [
-        {"circuit": MACAQUE.dopamine(1.1)},
-        {"circuit": load_circuit("spiking_msprt", 2)},
-        {"seed": 5},
-        {"trials": 17},
-        {"seconds": 1.5},
-        {"noise_nats": 2.5},
-        {"engine": "population"},
-    ],
-    ids=lambda changed: next(iter(changed)),
-)
+SETTINGS = {"seed": 5, "trials": 17, "seconds": 1.5, "noise_nats": 2.5, "engine": "population"}
+CHANGES = [
+    *({"circuit": each} for each in (MACAQUE.dopamine(1.1), load_circuit("spiking_msprt", 2))),
+    *({name: value} for name, value in SETTINGS.items()),
+]
+
+
+@pytest.mark.parametrize("changed", CHANGES, ids=lambda changed: next(iter(changed)))
 def test_what_changes_a_trial_changes_the_file(kept, changed):
     folder, _ = kept
     assert model(folder, **changed).entry(()).path != model(folder).entry(()).path
@@ -81,6 +78,14 @@ def test_the_thresholds_are_part_of_the_file_too(kept, monkeypatch):
     before = model(folder).entry(()).path
     monkeypatch.setattr(module, "LEVELS", 30)
     assert model(folder).entry(()).path != before
+
+
+test_models_that_cannot_be_are_refused = refusing(
+    ({"circuit": load_circuit("macaque", 3)}, "circuit two channels for a fit, got 3"),
+    ({"engine": "abacus"}, "engine must be one of .* got 'abacus'"),
+    *(({"trials": n}, "trials whole number >= 16") for n in (0, 1, 2, 15, 16.5, "many")),
+    of=lambda options: model(**options),
+)
 
 
 def test_the_range_of_an_axis_does_not_compute_a_point_anew(tmp_path):
@@ -111,7 +116,10 @@ def test_two_circuits_and_their_controls_hear_the_same_evidence(monkeypatch):
         assert all(np.array_equal(a, b) for a, b in zip(seen[:7], some, strict=True))
 
 
-@pytest.mark.parametrize("name", [name for name, each in MECHANISMS.items() if each.axes])
+OPEN = [name for name, each in MECHANISMS.items() if each.axes]
+
+
+@pytest.mark.parametrize("name", OPEN)
 def test_at_its_start_a_criterion_leaves_the_decisions_of_the_circuit(kept, name):
     _, plain = kept
     mechanism = MECHANISMS[name]
@@ -155,20 +163,6 @@ def test_between_values_of_axes_a_trial_decides_between_its_times(a, b):
     assert computed["mean_s"] == pytest.approx((a + b + 0.5) * BIN_S, abs=1e-6)
 
 
-def test_each_cell_has_its_own_setting_and_drift():
-    made = model(mechanism=MECHANISMS["dopamine"])
-    values = {
-        "sensitivity": np.array([10.0, 10, 12]),
-        "threshold_nats": np.array([0.3, 0.3, 0.25]),
-        "dopamine": np.array([1.0, 1.15, 1.0]),
-    }
-    strength = np.array([0.1, 0.3, 0.3])
-    together = made.decided(values, strength, GRID)
-    for k in range(3):
-        setting = {name: value[k : k + 1] for name, value in values.items()}
-        assert together[k] == pytest.approx(made.decided(setting, strength[k : k + 1], GRID)[0])
-
-
 def test_a_fixed_point_that_is_the_softmax_crosses_as_the_ideal_integrator():
     """Decisions and evidence, bin by bin: readings are heard when they are read."""
     made = model(circuit=load_circuit("bogacz_gurney", 2), engine="algebra", noise_nats=GAIN)
@@ -195,15 +189,28 @@ def test_evidence_comes_with_its_noise_in_nats():
     assert not np.allclose(two(read, 0).out_nats, one(read, 0).out_nats, atol=0.01)
 
 
-def test_other_than_two_channels_and_unknown_engines_are_refused():
-    with pytest.raises(ValueError, match="two channels for a fit, got 3"):
-        model(circuit=load_circuit("macaque", 3))
-    with pytest.raises(ValueError, match=r"engine must be one of .* got 'abacus'"):
-        model(engine="abacus")
+@pytest.mark.parametrize("name", OPEN)
+def test_a_criterion_changes_the_circuit_at_every_value(name):
+    mechanism = MECHANISMS[name]
+    ends = [[axis.values[end] for axis in mechanism.axes] for end in (0, -1)]
+    made = [digest(mechanism.apply(MACAQUE, point)) for point in ends]
+    assert len({*made, digest(MACAQUE)}) == 3 or name in ("stn_loss", "gpe_loss")
+    assert made[0] != made[1]
 
 
-@pytest.mark.parametrize("trials", [0, 1, 2, 15, 16.5, "many"])
-def test_trials_too_few_for_their_parts_are_refused(trials):
-    with pytest.raises(ValueError, match="trials must be a whole number >= 16"):
-        model(trials=trials)
-    assert len(model(trials=16).left_out()) == 16
+@pytest.mark.parametrize("name", OPEN)
+def test_an_axis_goes_evenly_from_bound_to_bound_by_its_start(name):
+    for axis in MECHANISMS[name].axes:
+        each = axis.parameter
+        assert [axis.values[0], axis.values[-1]] == [each.low, each.high]
+        assert np.diff(axis.values) == pytest.approx((each.high - each.low) / (axis.points - 1))
+        # Where a parameter stands unless it is moved, the circuit itself is simulated.
+        assert np.abs(axis.values - each.start).min() < 1e-9
+
+
+def test_values_go_where_their_names_stand_and_the_threshold_alone_edits_nothing():
+    assert MECHANISMS["threshold"].apply(MACAQUE, ()) is MACAQUE
+    made = MECHANISMS["dopamine"].apply(MACAQUE, (0.75,))
+    assert digest(made) == digest(MACAQUE.dopamine(0.75))
+    with pytest.raises(ValueError, match=r"zip\(\) argument"):
+        MECHANISMS["dopamine"].apply(MACAQUE, (0.75, 0.8))

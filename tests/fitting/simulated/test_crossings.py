@@ -12,6 +12,7 @@ from bgmodel.fitting.responses import BIN_S, Grid, moments
 from bgmodel.fitting.simulated.crossings import (
     DRIFTS,
     FirstPassageTimes,
+    count,
     interpolated,
     log_mixture,
     read,
@@ -24,7 +25,7 @@ from tests.drawn import GAIN, ideal
 GRID = Grid(300)
 THRESHOLDS = np.log1p(np.exp(-np.linspace(2.8, 0.3, 26)))
 BEYOND_A_BOUND = 0.5826
-"""Mean overshoot of a Gaussian walk, in sd of a step (Siegmund 1985)."""
+"""Mean overshoot of a GaussianIncrements walk, in sd of a step (Siegmund 1985)."""
 
 
 @pytest.fixture(scope="module")
@@ -57,18 +58,14 @@ def test_a_drift_that_was_not_simulated_ends_as_the_exact_walk(stored, row, drif
     ended = np.append(exact.steps_pmf[:-1], exact.steps_pmf[-1] - exact.p_forced)
     mean = ended @ steps / ended.sum()
     sd = np.sqrt(ended @ steps**2 / ended.sum() - mean**2)
-    few = effective(stored, row, drift)
-    assert computed["mean_s"] + BIN_S / 2 == pytest.approx(
-        mean * BIN_S, abs=3.5 * sd * BIN_S / np.sqrt(few)
-    )
+    few, forced = effective(stored, row, drift), exact.p_forced
+    error_s = sd * BIN_S / np.sqrt(few)
+    assert computed["mean_s"] + BIN_S / 2 == pytest.approx(mean * BIN_S, abs=3.5 * error_s)
     wrong = 1 - walk(step, -bound, bound).p_upper
     # What is known of the bound says more of an error than its count does.
-    assert 1 - computed["accuracy"] == pytest.approx(
-        wrong, abs=max(0.003 * (wrong > 1e-3), 0.1 * wrong)
-    )
-    assert 1 - computed["answered"] == pytest.approx(
-        exact.p_forced, abs=3.5 * np.sqrt(exact.p_forced / few) + 1e-6
-    )
+    most = max(0.003 * (wrong > 1e-3), 0.1 * wrong)
+    assert 1 - computed["accuracy"] == pytest.approx(wrong, abs=most)
+    assert 1 - computed["answered"] == pytest.approx(forced, abs=3.5 * (forced / few) ** 0.5 + 1e-6)
     level = bound / GAIN + BEYOND_A_BOUND * np.sqrt(BIN_S)
     assert computed["accuracy"] == pytest.approx(float(passage.accuracy(drift, level)), abs=0.003)
 
@@ -98,24 +95,18 @@ def test_a_longer_grid_adds_bins_and_changes_none(stored, drift, threshold):
     assert long[:, :, 300:].sum() == 0
 
 
-def shifted(stored, by):
-    """Return the same trials at a setting where all decide some bins later."""
-    bins = stored.bins + np.int32(by)
-    return FirstPassageTimes(
-        stored.thresholds_nats, stored.drifts, bins, stored.choice, stored.evidence
-    )
-
-
 @given(st.floats(0, 1))
 @settings(max_examples=15)
 def test_a_setting_between_two_lies_as_near_to_each_as_its_share_says(share):
     rng = np.random.default_rng(3)
     bins, choice = rng.integers(20, 50, (1, 200)), rng.integers(0, 2, (1, 200))
     still = FirstPassageTimes(np.array([0.3]), np.zeros(1), bins, choice, np.zeros((1, 200)))
-    pair = [(still, 1 - share), (shifted(still, 20), share)]
-    mean = moments(decided(pair, 0.3, [0.0], GRID) / BIN_S, GRID)["mean_s"]
-    still_s = moments(decided([(still, 1.0)], 0.3, [0.0], GRID) / BIN_S, GRID)["mean_s"]
-    assert mean - still_s == pytest.approx(20 * BIN_S * share, abs=1e-6)
+    later = FirstPassageTimes(np.array([0.3]), np.zeros(1), bins + 20, choice, np.zeros((1, 200)))
+    mean_s, still_s = (
+        moments(decided(each, 0.3, [0.0], GRID) / BIN_S, GRID)["mean_s"]
+        for each in ([(still, 1 - share), (later, share)], [(still, 1.0)])
+    )
+    assert mean_s - still_s == pytest.approx(20 * BIN_S * share, abs=1e-6)
 
 
 @given(st.floats(0, 9), st.lists(st.floats(-5, 5), min_size=3, max_size=3))
@@ -222,3 +213,62 @@ def test_weights_that_one_offset_would_let_overflow_are_those_of_trials_one_by_o
     assert mass == pytest.approx(each_alone(late, 8, v, len(mass[0])), rel=5e-3, abs=1e-6)
     both = read([(late, 1.0)], [(8, 1.0)], np.array([v, 2.0]))
     assert both[..., 1] == pytest.approx(read([(late, 1.0)], [(8, 1.0)], np.array([2.0]))[..., 0])
+
+
+MIDDLE, WIDTH = 40, 0.1
+
+
+def counted(bins, choice, share, evidence=None, parts=(True,), sides=1):
+    """Return the counts that decided and that did not, by bin and evidence, and for two by side."""
+    bins, choice = np.array(bins, np.int16), np.array(choice, np.int8)
+    evidence = np.zeros(bins.shape) if evidence is None else np.array(evidence, float)
+    decided, never = np.zeros((sides, 32, 2 * MIDDLE + 1)), np.zeros(2 * MIDDLE + 1)
+    count(bins, choice, evidence, np.array(share), np.array(parts), WIDTH, decided, never)
+    return decided if sides == 2 else decided[0], never
+
+
+def test_a_trial_of_one_choice_lies_between_its_settings_in_time_and_evidence():
+    decided, _ = counted([[10], [20]], [[0], [0]], [0.75, 0.25], [[1.0], [3.0]])
+    assert decided[12, MIDDLE + 15] == pytest.approx(0.5)
+    assert decided[13, MIDDLE + 15] == pytest.approx(0.5)
+
+
+def test_of_two_sides_each_has_its_choices():
+    decided, never = counted([[5, 6, 7]], [[0, 1, -1]], [1.0], [[1.0, 1.0, 1.0]], sides=2)
+    assert decided[0, 5, MIDDLE + 10] == pytest.approx(1)
+    assert decided[1, 6, MIDDLE - 10] == pytest.approx(1)
+    assert decided.sum() == pytest.approx(2)
+    assert never[MIDDLE + 10] == pytest.approx(1)
+
+
+@pytest.mark.parametrize("other", [1, -1])
+def test_a_trial_of_two_choices_is_divided_as_the_shares_say(other):
+    decided, never = counted([[10], [20]], [[0], [other]], [0.75, 0.25])
+    assert decided[10].sum() == pytest.approx(0.75)
+    assert decided[20].sum() == pytest.approx(0.25 * (other == 1))
+    assert never.sum() == pytest.approx(0.25 * (other == -1))
+
+
+@given(st.integers(1, 4), st.integers(0, 2**32))
+@settings(max_examples=30)
+def test_every_trial_counts_once_and_keeps_its_evidence(settings_, seed):
+    rng = np.random.default_rng(seed)
+    bins, choice = rng.integers(0, 30, (settings_, 40)), rng.integers(0, 2, (settings_, 40))
+    evidence = rng.uniform(-3, 3, (settings_, 40))
+    share = rng.dirichlet(np.ones(settings_))
+    decided, _ = counted(bins, choice, share, evidence)
+    assert decided.sum() == pytest.approx(40)
+    towards = share @ np.where(choice == 0, evidence, -evidence)
+    columns = (np.arange(2 * MIDDLE + 1) - MIDDLE) * WIDTH
+    assert (decided @ columns).sum() == pytest.approx(towards.sum())
+
+
+@given(st.integers(1, 5), st.integers(0, 2**32))
+@settings(max_examples=20)
+def test_parts_add_up_to_the_whole(parts, seed):
+    rng = np.random.default_rng(seed)
+    trials = [rng.integers(0, 30, (1, 40)), rng.integers(-1, 2, (1, 40)), [1.0]]
+    evidence = rng.uniform(-3, 3, (1, 40))
+    each = [counted(*trials, evidence, row) for row in np.eye(parts, dtype=bool)]
+    for some, total in zip(zip(*each, strict=True), counted(*trials, evidence), strict=True):
+        assert np.sum(some, axis=0) == pytest.approx(total)

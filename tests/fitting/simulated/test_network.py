@@ -40,7 +40,6 @@ def graph(network):
 
 
 def drawn(network, count=40):
-    """Return random trials (count, 5) within the bounds."""
     rng = stream(SEED, "trials")
     parameters = [rng.uniform(*network.bounds[name], count) for name in PARAMETERS]
     rt = parameters[2] + rng.uniform(-0.1, 3.0, count)
@@ -63,15 +62,11 @@ def test_the_graph_takes_one_trial_of_concrete_dimensions(network):
     assert shapes == [[len(INPUTS)], [1]]
 
 
-def test_the_other_response_is_as_likely_at_the_opposite_drift(network, graph):
+def test_the_other_response_is_as_likely_at_the_opposite_drift_and_t0_moves_times(network, graph):
     trials = drawn(network)
-    assert graph(trials * [-1, 1, 1, 1, -1]) == pytest.approx(graph(trials), abs=1e-6)
-
-
-def test_t0_moves_times_alone(network, graph):
-    trials = drawn(network)
-    later = trials + np.array([0, 0, 0.5, 0.5, 0])
-    assert graph(later) == pytest.approx(graph(trials), abs=2e-3)
+    known = graph(trials)
+    assert graph(trials * [-1, 1, 1, 1, -1]) == pytest.approx(known, abs=1e-6)
+    assert graph(np.add(trials, [0, 0, 0.5, 0.5, 0])) == pytest.approx(known, abs=2e-3)
 
 
 @pytest.mark.parametrize("v", [0.0, 2.0, -6.0, 14.0])
@@ -96,14 +91,13 @@ def test_the_network_is_near_the_circuit_that_is_simulated_anew(network):
             assert (exact * off).sum() / exact.sum() < 0.06
 
 
-def test_the_network_is_that_of_todays_circuit(network):
-    """Where this fails: python -m benchmarks.likelihood_network makes it anew."""
-    assert network.about["circuit"] == identity(load_circuit(DEFAULT, 2))
+def test_the_network_is_of_todays_circuit_and_has_the_bounds_of_a_fit(network):
+    """Where this fails, ``python -m benchmarks.likelihood_network`` makes it anew.
 
-
-def test_the_network_and_a_fit_of_its_circuit_have_the_same_bounds(network):
-    """A user who goes from a fit to HSSM finds the same noise and spread of t0 too."""
+    A user who goes from a fit to HSSM finds the same noise and spread of t0 too.
+    """
     model = CircuitModel(load_circuit(DEFAULT, 2))
+    assert network.about["circuit"] == identity(model.circuit)
     moved = {each.name: each for each in model.parameters}
     for name, parameter in (("threshold", "threshold_nats"), ("t0", "t0_s")):
         assert network.bounds[name] == pytest.approx((moved[parameter].low, moved[parameter].high))
@@ -119,6 +113,10 @@ def test_a_network_that_is_written_is_read_back(network, tmp_path):
     assert again.checksum == network.checksum
     assert again.about == network.about
     assert again.write(tmp_path / "two.onnx").read_bytes() == path.read_bytes()
+    path.write_bytes(b"no network")
+    for wrong in (path, tmp_path / "absent.onnx"):
+        with refused("path"):
+            read_network(wrong)
 
 
 def test_hssm_is_told_the_networks_own_parameters_and_bounds(network, tmp_path):
@@ -127,15 +125,6 @@ def test_hssm_is_told_the_networks_own_parameters_and_bounds(network, tmp_path):
     assert arguments["model_config"]["list_params"] == list(PARAMETERS)
     assert arguments["model_config"]["bounds"] == network.bounds
     assert network.for_hssm(tmp_path / "x.onnx")["loglik"] == str(tmp_path / "x.onnx")
-
-
-def test_a_file_that_is_no_network_of_ours_is_refused_in_a_sentence(tmp_path):
-    path = tmp_path / "x.onnx"
-    with refused("path"):
-        read_network(path)
-    path.write_bytes(b"no network")
-    with refused("path"):
-        read_network(path)
 
 
 def test_a_network_of_ones_own_layers_needs_no_file():

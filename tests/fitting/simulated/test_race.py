@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import invgauss
 
-from bgmodel.fitting.responses import BIN_S, Grid
-from bgmodel.fitting.simulated.race import RaceModel, arrived
+from bgmodel.fitting.responses import BIN_S, Grid, moments
+from bgmodel.fitting.simulated.race import LcaModel, RaceModel, arrived
 
 GRID = Grid(400)
 VALUES = {"sensitivity": 2.0, "input": 1.0, "bound": 0.8}
@@ -49,3 +49,30 @@ def test_an_accumulator_without_drift_arrives_in_the_end_with_a_heavy_tail():
     late = arrived(np.array([0.0, 1.0, 1e6]), np.array([[0.0]]), np.array([[0.8]]))[0]
     assert late[0] == 0
     assert late[2] == pytest.approx(1, abs=0.01)
+
+
+SHORT = Grid(150)
+TRIALS = 3000
+"""Simulated are a quarter of them for each number of alternatives."""
+LCA = {"sensitivity": 2.0, "input": 8.0, "bound": 3.0, "leak": 0.0, "inhibition": 0.0}
+
+
+def means(model=None, **changed):
+    """Return the moments of a model, by default of leaky competing accumulators."""
+    every = {name: np.array([value]) for name, value in {**LCA, **changed}.items()}
+    mass = (model or LcaModel(3, TRIALS, 7, 1.5)).decided(every, np.ones(1), SHORT)
+    return {name: each[0] for name, each in moments(mass / BIN_S, SHORT).items()}
+
+
+def test_without_leak_and_inhibition_it_is_a_race():
+    """Far above 0, where the floor matters only in the first moments."""
+    leakless, race = means(), means(RaceModel(3))
+    few, share = TRIALS // 4, race["accuracy"]
+    assert leakless["mean_s"] == pytest.approx(race["mean_s"], abs=4 * race["sd_s"] / few**0.5)
+    assert leakless["accuracy"] == pytest.approx(share, abs=4 * (share * (1 - share) / few) ** 0.5)
+    assert leakless["sd_s"] == pytest.approx(race["sd_s"], rel=0.1)
+
+
+@pytest.mark.parametrize("name", ["leak", "inhibition"])
+def test_leak_and_inhibition_delay_decisions(name):
+    assert means(**{name: 2.0})["mean_s"] > 1.2 * means()["mean_s"]

@@ -1,5 +1,6 @@
-"""Errors due to bins of time: estimated, said of fast decisions, and not of others."""
+"""Errors due to bins of time, and slow trials: said where there are some, and only there."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -8,14 +9,18 @@ import pytest
 
 from bgmodel.fitting import model_comparison, passage
 from bgmodel.fitting.algorithms import GapModel
-from bgmodel.fitting.cautions import PARTS, finer, moved_by_bins, of_bins, resolved
+from bgmodel.fitting.cautions import PARTS, finer, moved_by_bins, of_bins, resolved, slow_trials
+from bgmodel.fitting.design import design_of
+from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.model_comparison import crossvalidated
 from bgmodel.fitting.optimum import Optimum, optimum
+from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.responses import Grid, moments, responded
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.simulated.race import RaceModel
 from bgmodel.support.seeds import stream
+from tests.drawn import drawn, slowed
 
 SEED = 24_611
 STRENGTHS = (0.1, 0.2, 0.4)
@@ -66,26 +71,21 @@ def test_the_error_of_bins_is_the_difference_to_a_fit_with_narrow_bins():
     assert "t0_s" in caution
 
 
-def with_directions(some):
-    return some, fitted(some)[1]
-
-
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(("bound", "t0_sd_s"), [(0.4, 0.02), (0.7, 0.05), (1.2, 0.1)])
 def test_ordinary_decisions_are_not(bound, t0_sd_s, seed):
-    some, there = with_directions(likelihood(bound, t0_sd_s=t0_sd_s, trials=1000, seed=seed))
+    some = likelihood(bound, t0_sd_s=t0_sd_s, trials=1000, seed=seed)
+    _, there = fitted(some)
     assert of_bins(some, there) == []
     assert (np.abs(moved_by_bins(some, there)) < 0.1 * there.standard_errors).all()
 
 
 def test_models_with_bins_of_one_width_are_left_out():
-    some, there = with_directions(likelihood(0.12, t0_sd_s=0.01, trials=300))
-    simulated = replace(some, model=OneWidth())
-    assert not moved_by_bins(simulated, there).any()
-
-
-class OneWidth:
-    """A model without other bins, as a simulated circuit."""
+    """Such as a simulated circuit."""
+    some = likelihood(0.12, t0_sd_s=0.01, trials=300)
+    _, there = fitted(some)
+    assert moved_by_bins(some, there).any()
+    assert not moved_by_bins(replace(some, model=object()), there).any()
 
 
 @pytest.mark.parametrize("model", [GapModel(), RaceModel(2)], ids=["gap", "race"])
@@ -111,3 +111,47 @@ def test_models_are_compared_in_the_bins_of_their_fits(monkeypatch):
         scores.loc["narrow", "log_likelihood"], abs=0.02
     )
     assert abs(some(fine.vector) - fine.log_likelihood) > 0.5
+
+
+pytestmark = pytest.mark.usefixtures("brief_search")
+MODEL, SLOW_SEED = GapModel(), 84
+CLEAN = drawn(MODEL, [0.0, 0.1, 0.4], 200, SLOW_SEED, seconds=4.0, sensitivity=12.0, bound=0.7)
+SLOWED = slowed(CLEAN, SLOW_SEED)
+
+
+def with_warnings(some, **options):
+    """Return a fit, and the warnings of slow trials."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        fit = fit_likelihood(likelihood_of(MODEL, design_of(some), **options))
+    return fit, [str(each.message) for each in caught if "slower" in str(each.message)]
+
+
+@pytest.fixture(scope="module")
+def slow_fit():
+    return with_warnings(SLOWED)
+
+
+def test_a_clean_set_has_no_slow_trials():
+    fit, texts = with_warnings(CLEAN)
+    assert texts == []
+    assert slow_trials(fit.optimum).gain_nats < 0.5
+
+
+def test_a_tail_of_slow_trials_is_said_with_their_number(slow_fit):
+    """Of 600 trials 5 % have an exponential delay, and lapses take up a part of them."""
+    fit, (text,) = slow_fit
+    slow = slow_trials(fit.optimum)
+    assert slow.gain_nats > 1
+    assert text.startswith(f"all, constant_gap: about {round(600 * slow.share)} of 600 trials are")
+    assert 0.005 <= slow.share <= 0.08
+    assert "rt_window" in text
+    assert "free lapse, which" not in text
+
+
+def test_where_lapses_are_held_it_is_advised_to_free_them_and_that_helps(slow_fit):
+    held, (text,) = with_warnings(SLOWED, fixed={"lapse": 0.001})
+    assert "free lapse, which" in text
+    free, _ = slow_fit
+    off = [abs(each.optimum.values["bound"] - 0.7) for each in (free, held)]
+    assert off[0] < off[1] / 2
