@@ -27,8 +27,8 @@ from bgmodel.fitting.responses import Grid, responded
 from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.error import decided
 from bgmodel.fitting.simulated.network import LikelihoodNetwork, shipped_path
-from bgmodel.support.arrays import Array
 from bgmodel.support.files import read_table, write_table
+from circuits.arrays import Array
 from circuits.declaration.table_writer import identity
 from figures.data import measure_likelihood as score
 from figures.pieces import run

@@ -7,10 +7,10 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.support.arrays import Array
 from bgmodel.support.checks import whole
 from bgmodel.support.processes import check_memory
 from bgmodel.support.seeds import generator, stream
+from circuits.arrays import Array
 from circuits.errors import NoiseWarning, require
 
 FEWEST_TRIALS = 100

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.plausibility import warn_of_confounds, warn_of_readings
-from bgmodel.support.arrays import Array, Integers, Reals
 from bgmodel.support.checks import (
     check_inside,
     check_positive,
@@ -22,6 +21,7 @@ from bgmodel.support.checks import (
     reals,
 )
 from bgmodel.support.saved import Facts
+from circuits.arrays import Array, Integers, Reals
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:

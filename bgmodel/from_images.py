@@ -14,10 +14,10 @@ from typing import Any
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.session import Session
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.support.arrays import Array
 from bgmodel.tactile.decoder import Decoder
 from bgmodel.tactile.recordings import Tracker
 from bgmodel.tactile.source import Tactile, check_decoder, load_taps, source
+from circuits.arrays import Array
 from circuits.errors import InputError, require
 
 POLL_S = 0.004

@@ -34,7 +34,6 @@ from bgmodel.learning.dopamine_learner import (
 )
 from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learner
-from bgmodel.support.arrays import Array
 from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
@@ -43,6 +42,7 @@ from bgmodel.tactile.source import Folds, Source, Tactile, load_taps
 from bgmodel.tactile.source import folds as folds_of
 from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.arrays import Array
 from circuits.engines import engine_of
 from circuits.errors import InputError, collected
 from circuits.plots import PALETTE, look, panels, saved, styled

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bgmodel.support.arrays import Array, Integers, Reals, Truths
+from circuits.arrays import Array, Integers, Reals, Truths
 from circuits.errors import ConfoundWarning, DataWarning
 
 MOST_TRIALS = 200

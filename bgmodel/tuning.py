@@ -22,10 +22,10 @@ from bgmodel.exam.record import scored
 from bgmodel.exam.tables import NotApplicable, rows_of
 from bgmodel.experiments.expected import AGREES
 from bgmodel.experiments.models import DecisionModel, model_of
-from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.saved import Facts
 from bgmodel.support.tables import Readable
+from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.dynamics.fixed_point import resting_hz
 from circuits.errors import require

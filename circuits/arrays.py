@@ -13,6 +13,13 @@ import numpy.typing as npt
 from circuits.errors import InputError
 
 Array = npt.NDArray[np.float64]
+"""Numbers in double precision, used unless stated otherwise."""
+Singles = npt.NDArray[np.float32]
+"""Numbers in single precision, used for taps."""
+Reals = npt.NDArray[np.floating]
+"""Numbers in either precision."""
+Image = npt.NDArray[np.uint8]
+"""Grey values of pixels, row by row from the top."""
 Complex = npt.NDArray[np.complex128]
 Index = npt.NDArray[np.intp]
 """Indices into another array."""

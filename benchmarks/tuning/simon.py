@@ -19,7 +19,7 @@ from scipy.optimize import brentq, minimize
 
 from bgmodel.deciding.decision import UNDECIDED
 from bgmodel.integrators.sprt import threshold_from_posterior
-from bgmodel.support.arrays import Array
+from circuits.arrays import Array
 from figures.dopamine.simon_model import (
     DEADLINE_MS,
     Simon,

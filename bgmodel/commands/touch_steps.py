@@ -11,7 +11,6 @@ from cyclopts import Parameter
 from bgmodel.commands.options import FLAT, MANY, Workers, like, record, record_of, task
 from bgmodel.commands.output import Files, check_idle, check_whole, options_of, say
 from bgmodel.support import files
-from bgmodel.support.arrays import Reals
 from bgmodel.tactile import sensor
 from bgmodel.tactile.decoder import EDGE, ENDINGS, Training, load_decoder, taps_of, train_decoder
 from bgmodel.tactile.decoder import train as fitted
@@ -21,6 +20,7 @@ from bgmodel.tactile.skin import Skin, Tip
 from bgmodel.tactile.taps import Taps
 from bgmodel.tactile.task import SameDifferent
 from bgmodel.task import Task
+from circuits.arrays import Reals
 from circuits.errors import InputError, require
 
 Pins = Annotated[int | None, Parameter(help="Number of pins of the sensor, to check those found.")]

@@ -42,12 +42,12 @@ from bgmodel.integrators.at_thresholds import (
 )
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import BASELINES, baselines_on
-from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_flag
 from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
 from circuits.anatomy import checked_circuit
+from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.errors import DataWarning, InputError
 

@@ -25,9 +25,9 @@ from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
 from bgmodel.integrators.baselines import BASELINES
 from bgmodel.integrators.criterion import check_threshold
 from bgmodel.integrators.sprt import Integrator, Msprt
-from bgmodel.support.arrays import Array
 from bgmodel.support.checks import reals
 from bgmodel.support.processes import advance
+from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
 from circuits.errors import InputError, RangeWarning, quiet, require

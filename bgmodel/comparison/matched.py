@@ -18,8 +18,8 @@ from bgmodel.bootstrap import RESAMPLES, check_trials, interval, resampled
 from bgmodel.comparison.pairs import side_by_side
 from bgmodel.deciding.tradeoff import MARGIN, Tradeoff, curve, margin, time_at
 from bgmodel.evidence import Evidence
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import reals
+from circuits.arrays import Array, Integers
 from circuits.errors import DeadlineWarning, InputError, RangeWarning, require
 
 ACCURACIES = (0.90, 0.95, 0.97)

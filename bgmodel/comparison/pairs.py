@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bgmodel.deciding.tradeoff import ChoicesAndTimes
-from bgmodel.support.arrays import Array, Integers, Truths
+from circuits.arrays import Array, Integers, Truths
 
 NEAR_MS = 50.0
 """Decisions count as near in time if their lag differs from the median lag by at most this, ms."""

@@ -21,7 +21,7 @@ from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia
 from bgmodel.integrators.criterion import deciding_thresholds, rest_out
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.integrators.steady import out_shift
-from bgmodel.support.arrays import Array
+from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
 from circuits.engines import Engine

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from bgmodel.deciding.decision import UNDECIDED, Decision
 from bgmodel.evidence import Evidence, minus_log_softmax
-from bgmodel.support.arrays import Array, Integers
+from circuits.arrays import Array, Integers
 from circuits.errors import CalibrationWarning
 
 FEWEST_CHOICES = 20

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.support.arrays import Array, Integers, Reals
 from bgmodel.support.compiling import compiled, inlined
+from circuits.arrays import Array, Integers, Reals
 
 # Sums of readings that differ by less count as equal, as in ``first_passage``: 0.1 + 0.2 is 0.3.
 ROUNDING = 1e-10

@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from bgmodel.deciding.readout import check_early_and_late, check_one_given
 from bgmodel.deciding.trace import Trace, check_ended, of_test, ready, sorted_levels
-from bgmodel.support.arrays import Array, Integers, Reals, Truths
 from bgmodel.support.checks import (
     check_flag,
     known_truth,
@@ -19,6 +18,7 @@ from bgmodel.support.checks import (
     reals,
 )
 from bgmodel.support.saved import Facts, span
+from circuits.arrays import Array, Integers, Reals, Truths
 from circuits.errors import InputError
 
 if TYPE_CHECKING:

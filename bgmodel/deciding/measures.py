@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from bgmodel.deciding.calibration import against_evidence
 from bgmodel.deciding.decision import UNDECIDED, Decision
-from bgmodel.support.arrays import Array, Truths
+from circuits.arrays import Array, Truths
 
 DIFFUSION_S = 0.1
 """Noise of the diffusion, s: the scale in which EZ parameters are stated."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import is_number, reals, whole
+from circuits.arrays import Array, Integers
 from circuits.errors import DeadlineWarning, InputError, NoiseWarning, RangeWarning, require
 
 NATS, LOG_ODDS = "nats", "nats of log odds"

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from bgmodel.deciding.decision import Decision
 from bgmodel.deciding.readout import check_early_and_late
 from bgmodel.deciding.trace import Trace, check_ended, lowest, of_test, ready, sorted_levels
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import (
     check_flag,
     check_positive,
@@ -19,6 +18,7 @@ from bgmodel.support.checks import (
     one_per_trial,
 )
 from bgmodel.support.saved import Facts, span
+from circuits.arrays import Array, Integers
 from circuits.errors import require
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.deciding.readout import ReadOut
-from bgmodel.support.arrays import Array, Integers, Reals, Truths
 from bgmodel.support.checks import (
     check_finite,
     check_inside,
@@ -18,6 +17,7 @@ from bgmodel.support.checks import (
     reals,
 )
 from bgmodel.support.saved import Facts, span
+from circuits.arrays import Array, Integers, Reals, Truths
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:

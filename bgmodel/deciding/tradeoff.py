@@ -13,9 +13,9 @@ from bgmodel.deciding.calibration import posterior_at
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.trace import Trace, check_trace, ready
 from bgmodel.evidence import Evidence, check_evidence
-from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import reals
 from bgmodel.support.saved import Facts, span
+from circuits.arrays import Array, Integers, Truths
 from circuits.errors import InputError
 
 OF_TRIALS = ("choice", "time_ms", "forced", "premature", "posterior")

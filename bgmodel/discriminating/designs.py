@@ -28,8 +28,8 @@ from bgmodel.experiments.models import DecisionModel
 from bgmodel.experiments.record import Changes
 from bgmodel.names import CircuitName, EngineName
 from bgmodel.stopping.task import StopTask
-from bgmodel.support.arrays import Array
 from circuits.anatomy import checked_circuit
+from circuits.arrays import Array
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_writer import is_path
 from circuits.differences import differences

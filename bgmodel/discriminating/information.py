@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import check_range, whole
+from circuits.arrays import Array, Integers
 from circuits.circuit import Circuit
 from circuits.errors import InputError, require
 from circuits.laws.fluctuation import count_ratio

@@ -21,11 +21,11 @@ from bgmodel.fitting.cells.model import CellsLikelihood
 from bgmodel.fitting.cells.sessions import FEWEST_SPIKES, RecordedSession, sessions_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.settings import FitSettings
-from bgmodel.support.arrays import Array
 from bgmodel.support.processes import shared_map
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
 from bgmodel.trials.spikes import APART, without_silent
+from circuits.arrays import Array
 from circuits.errors import InputError, quiet, require
 
 PILOTS, FEWEST_PILOTS = 10, 4

@@ -20,8 +20,8 @@ from bgmodel.discriminating.information import Information
 from bgmodel.discriminating.trials import PairedTrials
 from bgmodel.integrators.first_passage import Empirical, walk
 from bgmodel.integrators.sprt_theory import OVERSHOOT
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
+from circuits.arrays import Array, Integers
 from circuits.errors import InputError
 
 FACTOR = 10.0

@@ -31,8 +31,8 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import deciding_thresholds
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.stopping.inputs import StopSignal
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
+from circuits.arrays import Array, Integers
 from circuits.circuit import Circuit
 from circuits.errors import InputError
 from circuits.store import once

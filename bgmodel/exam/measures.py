@@ -21,8 +21,8 @@ from bgmodel.exam.simulation import MOST_MISSED, Simulation
 from bgmodel.exam.tables import Failed, NotApplicable, Tables
 from bgmodel.stopping.estimates import inhibition_function, ssrt_by_delay
 from bgmodel.stopping.trials import StopTrials
-from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
+from circuits.arrays import Array
 from circuits.errors import InputError
 
 RESAMPLES, FEW_RESAMPLES = 400, 100

@@ -18,9 +18,9 @@ from bgmodel.exam.simulation import Simulation, drawn
 from bgmodel.exam.tables import Failed, NotApplicable, rows_of
 from bgmodel.integrators.at_thresholds import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.sprt import Msprt
-from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from bgmodel.task import Gaussian
+from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.declaration.rows import GLUTAMATE, Projection
 from circuits.dynamics.fixed_point import rest, wired

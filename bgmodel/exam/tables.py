@@ -18,9 +18,9 @@ from bgmodel.deciding.decision import UNDECIDED, first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.exam.numbers import ExamTask
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import path_of
 from bgmodel.trials.files import read_rows
+from circuits.arrays import Array, Integers, Truths
 from circuits.errors import DataWarning, InputError, require
 
 OF_TRIALS = {

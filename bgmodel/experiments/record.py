@@ -18,10 +18,10 @@ from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.experiments.expected import Expected
 from bgmodel.experiments.learning import Learning, heard
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.support.arrays import Integers
 from bgmodel.task import Gaussian, Task
 from bgmodel.trials.given import EvidenceTable
 from bgmodel.trials.named import NamedEvidence
+from circuits.arrays import Integers
 from circuits.declaration.edits import Edits
 from circuits.errors import InputError, NoiseWarning, require
 

@@ -16,7 +16,7 @@ from bgmodel.explorer.state import ExplorerState
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.names import EngineName
-from bgmodel.support.arrays import Array
+from circuits.arrays import Array
 from circuits.declaration.courses import Course
 from circuits.declaration.edits import VERBS, Edit
 from circuits.declaration.row_edits import NAMES, OF_CELL

@@ -14,7 +14,7 @@ import pandas as pd
 
 from bgmodel.explorer.circuit import WITHOUT_EVIDENCE, Shown
 from bgmodel.plots import BINS, CORRECT, ERROR
-from bgmodel.support.arrays import Array
+from circuits.arrays import Array
 from circuits.checks import place_of
 from circuits.declaration.courses import DOPAMINE
 from circuits.plots import EDITABLE, FROM_ONSET, GREY, PALETTE, ROWS, STYLE, Look, look, smoothed

@@ -17,7 +17,7 @@ import numpy as np
 from bgmodel.fitting import passage
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.responses import Grid
-from bgmodel.support.arrays import Array, Integers, Truths
+from circuits.arrays import Array, Integers, Truths
 
 FALL = Parameter("fall_per_s", 0.0, 10.0, 1.0, "rate at which the gap falls, 1/s; 0 is constant")
 STEEPNESS = Parameter(

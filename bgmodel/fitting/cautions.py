@@ -13,7 +13,7 @@ from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.posterior import ENOUGH, Directions, Posterior, directions
 from bgmodel.fitting.responses import Grid, responded
 from bgmodel.fitting.simulated.error import SimulationErrors
-from bgmodel.support.arrays import Array
+from circuits.arrays import Array
 from circuits.errors import FitWarning
 
 LARGE = 1 / 3

@@ -12,10 +12,10 @@ import pandas as pd
 
 from bgmodel.fitting.responses import BIN_S, ENDS_S, EVERY_TIME, BinnedResponses, Grid
 from bgmodel.fitting.sides import check_sides, name_of
-from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import reals
 from bgmodel.trials.columns import EVERYONE, FEWEST
 from bgmodel.trials.record import Trials, is_covariate
+from circuits.arrays import Array, Integers, Truths
 from circuits.errors import DataWarning, InputError, require
 
 RANGES = 25.0

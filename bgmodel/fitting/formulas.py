@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.trials.record import MOST_LEVELS
+from circuits.arrays import Array, Integers
 from circuits.errors import InputError
 
 

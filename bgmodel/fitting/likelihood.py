@@ -21,9 +21,9 @@ from bgmodel.fitting.design import Design, mirrored
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.parameters import ADDED, RESPONSE, Parameter, ParameterSpace, freedom
 from bgmodel.fitting.responses import TINY, Grid, responded
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
+from circuits.arrays import Array, Integers
 from circuits.errors import FitWarning, InputError, require
 
 if TYPE_CHECKING:

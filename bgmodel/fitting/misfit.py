@@ -25,7 +25,7 @@ from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.responses import QUANTILES
 from bgmodel.fitting.simulated.error import jackknifed
-from bgmodel.support.arrays import Array, Truths
+from circuits.arrays import Array, Truths
 
 BEYOND_CHANCE = 0.003
 """Probability under the model below which the worst of the three tests is reported, after a

@@ -19,9 +19,9 @@ from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.person_fit import Fit
 from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.simulated.error import jackknifed, without_parts
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
+from circuits.arrays import Array, Integers
 from circuits.errors import FitWarning, InputError
 
 if TYPE_CHECKING:

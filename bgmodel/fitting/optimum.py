@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from bgmodel.fitting.likelihood import Likelihood
-from bgmodel.support.arrays import Array, Truths
+from circuits.arrays import Array, Truths
 
 OPTIMUM_SEED = 24_101
 """Seed of the stochastic search."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from bgmodel.bootstrap import Z95
 from bgmodel.fitting.formulas import ranged
-from bgmodel.support.arrays import Array, Integers, Truths
+from circuits.arrays import Array, Integers, Truths
 from circuits.errors import InputError, require
 
 ADDED = "+"

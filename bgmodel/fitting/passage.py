@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.compiling import compiled, exponential
+from circuits.arrays import Array, Integers
 
 TERMS = 12
 """Terms of the series of a constant bound: modes for late times, images for early ones."""

@@ -27,9 +27,9 @@ from bgmodel.fitting.quantiles import (
 )
 from bgmodel.fitting.responses import QUANTILES, TINY, moments
 from bgmodel.fitting.simulated.error import SimulationErrors, simulation_error, without_parts
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.saved import Facts
 from bgmodel.support.tables import Readable
+from circuits.arrays import Array, Integers
 from circuits.errors import FitWarning
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from bgmodel.fitting.likelihood import STEP, Likelihood
-from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
+from circuits.arrays import Array
 
 ALIKE = 0.95
 """Cosine of two directions above which a fit that frees both gives a warning."""

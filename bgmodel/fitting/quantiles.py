@@ -11,7 +11,7 @@ import pandas as pd
 from bgmodel.fitting.design import FAVOURS
 from bgmodel.fitting.responses import QUANTILES
 from bgmodel.plots import wilson
-from bgmodel.support.arrays import Array, Integers
+from circuits.arrays import Array, Integers
 from circuits.plots import GREY, PALETTE, Look, panels, styled
 
 if TYPE_CHECKING:

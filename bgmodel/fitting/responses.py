@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.compiling import compiled
+from circuits.arrays import Array, Integers, Truths
 
 QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
 """Quantiles of response times at which data and models are compared."""

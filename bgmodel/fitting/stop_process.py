@@ -25,9 +25,9 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stopping.inputs import StopSignal, step_response
 from bgmodel.stopping.people import AFTER, slowing
 from bgmodel.stopping.trials import StopTrials
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.trials.record import Trials
 from circuits.anatomy import checked_circuit
+from circuits.arrays import Array, Integers
 from circuits.circuit import Circuit
 from circuits.errors import InputError, require
 

@@ -46,9 +46,9 @@ from bgmodel.fitting.stop_process import (
 )
 from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.trials import StopTrials, of_trend
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
+from circuits.arrays import Array, Integers
 from circuits.circuit import Circuit
 from circuits.declaration.table_writer import identity
 

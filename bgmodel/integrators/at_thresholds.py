@@ -19,8 +19,8 @@ from bgmodel.evidence import Evidence, minus_log_softmax, needed_truth
 from bgmodel.integrators.basal_ganglia import NOISE_SHARE, ROUNDING_NATS, BasalGanglia
 from bgmodel.integrators.criterion import check_threshold, deciding_thresholds, rest_out
 from bgmodel.integrators.sprt import OF_MSPRT
-from bgmodel.support.arrays import Array
 from bgmodel.support.processes import advance
+from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.declaration.table import NATS
 from circuits.errors import InputError

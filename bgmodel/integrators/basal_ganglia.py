@@ -27,12 +27,12 @@ from bgmodel.integrators.criterion import (
     unfiltered,
 )
 from bgmodel.integrators.session import Reader, Session
-from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_flag, check_positive, whole
 from bgmodel.support.processes import advance, check_memory
 from bgmodel.support.saved import Facts
 from circuits.activity import RateMeans, beyond_range, checked_drive, warn_beyond_range
 from circuits.anatomy import checked_circuit
+from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.declaration.courses import warn_of_late
 from circuits.differences import ignored_edits

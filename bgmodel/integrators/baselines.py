@@ -15,8 +15,8 @@ import numpy as np
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.sprt import at_readings
-from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_positive, check_range
+from circuits.arrays import Array
 
 
 class Baseline(Protocol):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bgmodel.deciding.readout import ReadOut
-from bgmodel.support.arrays import Array
+from circuits.arrays import Array
 from circuits.declaration.table import NATS
 from circuits.dynamics import loops
 from circuits.dynamics.fixed_point import resting_state, wired

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import check_finite, check_positive
+from circuits.arrays import Array, Truths
 from circuits.errors import require
 
 MAX_STATES = 6000  # a larger dense chain takes minutes and gigabytes

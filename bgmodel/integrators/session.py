@@ -13,8 +13,8 @@ from bgmodel.deciding.decision import UNDECIDED, Decision, first_crossing
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence
 from bgmodel.plausibility import are_sums, products
-from bgmodel.support.arrays import Array
 from bgmodel.support.checks import is_number, reals, whole
+from circuits.arrays import Array
 from circuits.errors import (
     DataWarning,
     DeadlineWarning,

@@ -22,8 +22,8 @@ from bgmodel.evidence import (
     needed_truth,
 )
 from bgmodel.integrators.session import Session
-from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_positive, reals, whole
+from circuits.arrays import Array
 from circuits.errors import InputError, require
 
 OF_SPRT = ReadOut("the SPRT", unit=LOG_ODDS)

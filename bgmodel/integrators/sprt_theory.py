@@ -23,7 +23,7 @@ from bgmodel.integrators.first_passage import (
     gaussian_pair,
     walk,
 )
-from bgmodel.support.arrays import Array
+from circuits.arrays import Array
 from circuits.errors import require
 
 __all__ = [

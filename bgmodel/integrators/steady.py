@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.support.arrays import Array
+from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.engines import Algebra, Spikes
 from circuits.errors import require

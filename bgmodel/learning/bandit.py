@@ -13,9 +13,9 @@ from bgmodel.deciding.decision import Decision
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning.value_learners import Number, ValueLearner, check_option, learner_of
-from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import check_finite, check_positive, check_range, reals, whole
 from bgmodel.support.seeds import stream
+from circuits.arrays import Array, Integers, Truths
 from circuits.errors import InputError, require
 
 

@@ -8,8 +8,8 @@ from typing import ClassVar, TypeVar
 
 import numpy as np
 
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import check_range
+from circuits.arrays import Array, Integers
 from circuits.errors import InputError
 
 Made = TypeVar("Made")

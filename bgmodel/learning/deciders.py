@@ -12,7 +12,6 @@ from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence, minus_log_softmax
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning.features import Features
-from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import (
     check_finite,
     check_flag,
@@ -21,6 +20,7 @@ from bgmodel.support.checks import (
     is_number,
     whole,
 )
+from circuits.arrays import Array, Integers, Truths
 from circuits.errors import InputError, quiet, require
 
 TIE = 1e-9

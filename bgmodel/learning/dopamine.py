@@ -28,10 +28,10 @@ from bgmodel.integrators.basal_ganglia import NOISE_SHARE, BasalGanglia
 from bgmodel.integrators.criterion import check_threshold, gain_of
 from bgmodel.integrators.steady import leader_out
 from bgmodel.simulated_evidence import separated_evidence
-from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_positive, is_number
 from bgmodel.support.seeds import stream
 from circuits.anatomy import DEFAULT, checked_circuit, load_circuit
+from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.engines import Engine, Population, Rate, Spikes
 from circuits.errors import InputError, NoiseWarning, RangeWarning, quiet, require

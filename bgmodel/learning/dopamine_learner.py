@@ -26,8 +26,8 @@ from bgmodel.learning.reinforce import (
     course,
     learn,
 )
-from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
+from circuits.arrays import Array
 from circuits.engines import Engine, engine_of
 from circuits.errors import DeadlineWarning, InputError, LearningWarning, quiet, require
 

@@ -10,10 +10,10 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.learning.features import Features, even_centres, soft_histogram
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import check_finite, check_positive, check_range, whole
 from bgmodel.support.seeds import generator
 from bgmodel.tactile.source import FOLDS, Tactile, source
+from circuits.arrays import Array, Integers
 from circuits.errors import require
 
 UNITS = 16

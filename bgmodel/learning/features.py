@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.evidence import Evidence
-from bgmodel.support.arrays import Array, Integers, Reals
 from bgmodel.support.checks import (
     check_inside,
     check_positive,
@@ -20,6 +19,7 @@ from bgmodel.support.checks import (
 )
 from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import generator
+from circuits.arrays import Array, Integers, Reals
 from circuits.errors import DataWarning, InputError, quiet, require
 
 

@@ -32,7 +32,6 @@ from bgmodel.learning.learned_weights import LearnedWeights
 from bgmodel.learning.reinforce import GaussianPolicy, Learner
 from bgmodel.learning.weight_rules import rule_of
 from bgmodel.learning.weights import learn_weights, learn_weights_in_circuit
-from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_positive, whole
 from bgmodel.support.processes import check_learning_memory, check_memory
 from bgmodel.support.saved import Facts
@@ -42,6 +41,7 @@ from bgmodel.tactile.source import Source, Tactile, load_taps
 from bgmodel.task import Drawn, Gaussian, Task
 from bgmodel.trials.given import EvidenceTable, read_once, trials_of
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.arrays import Array
 from circuits.engines import engine_of
 from circuits.errors import InputError, require
 from circuits.plots import PALETTE, one_panel, styled

@@ -30,11 +30,11 @@ from bgmodel.learning.reinforce import (
     smoothed,
     trials_of,
 )
-from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.source import FOLDS, Source, source
 from bgmodel.tactile.task import SameDifferent
+from circuits.arrays import Array
 from circuits.errors import InputError, RangeWarning
 
 FRESH_TRIALS = 100_000

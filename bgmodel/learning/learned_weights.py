@@ -15,9 +15,9 @@ from bgmodel.integrators.baselines import Race
 from bgmodel.integrators.criterion import deciding_thresholds
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.features import Features
-from bgmodel.support.arrays import Array, Integers, Reals, Truths
 from bgmodel.support.checks import check_positive, check_range, is_whole
 from bgmodel.support.saved import Facts, span
+from circuits.arrays import Array, Integers, Reals, Truths
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:

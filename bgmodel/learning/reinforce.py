@@ -15,8 +15,8 @@ from bgmodel.deciding.trace import Trace
 from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.sprt import Sprt, tally_sprt
-from bgmodel.support.arrays import Array, Integers, Reals, Truths
 from bgmodel.support.checks import check_finite, check_positive
+from circuits.arrays import Array, Integers, Reals, Truths
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:

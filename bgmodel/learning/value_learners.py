@@ -18,8 +18,8 @@ import numpy.typing as npt
 from scipy.special import expit, logit
 
 from bgmodel.learning.critics import made
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.trials.record import Trials
+from circuits.arrays import Array, Integers
 from circuits.errors import InputError, require
 
 Number = float | Array

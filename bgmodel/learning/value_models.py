@@ -33,10 +33,10 @@ from bgmodel.learning.value_learners import (
     ValueLearner,
     pairs_of,
 )
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.checks import whole
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
+from circuits.arrays import Array, Integers
 from circuits.errors import InputError, require
 
 LAPSES = 0.02

@@ -9,8 +9,8 @@ from typing import ClassVar
 import numpy as np
 
 from bgmodel.learning.critics import Trial, made
-from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_positive, check_range
+from circuits.arrays import Array
 
 MOST_NATS = 5.0
 """Largest weight of the Hebbian rule, nats; assumed, because its steps grow exponentially."""

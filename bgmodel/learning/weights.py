@@ -21,10 +21,10 @@ from bgmodel.learning.feature_sources import FeatureSource, source_at
 from bgmodel.learning.features import Features, check_learnable
 from bgmodel.learning.learned_weights import LearnedWeights, WeightCourse
 from bgmodel.learning.weight_rules import Rule, rule_of
-from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole
 from bgmodel.support.processes import advance
 from bgmodel.support.seeds import stream
+from circuits.arrays import Array, Truths
 from circuits.errors import CalibrationWarning, InputError, NoiseWarning
 
 BLOCK = 250

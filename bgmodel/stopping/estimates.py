@@ -16,9 +16,9 @@ import pandas as pd
 from bgmodel.deciding.measures import P_RANGE
 from bgmodel.plots import wilson
 from bgmodel.stopping.trials import StopTrials, of_trend
-from bgmodel.support.arrays import Array
 from bgmodel.support.saved import Facts
 from bgmodel.support.tables import Readable
+from circuits.arrays import Array
 from circuits.errors import DataWarning, InputError, quiet
 from circuits.plots import GREY, PALETTE, Look, panels, styled
 

@@ -21,8 +21,8 @@ from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.stopping.observer import StopEvidence, log_odds_of_stop
 from bgmodel.stopping.trials import StopTrials, stop_trials
-from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range, reals
+from circuits.arrays import Array
 from circuits.checks import check_types
 from circuits.errors import DataWarning, EditWarning, InputError, RangeWarning, quiet, require
 

@@ -31,9 +31,9 @@ from bgmodel.deciding.decision import Decision, first_crossing
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.integrators.sprt import OF_MSPRT, Msprt
-from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_positive, reals
 from bgmodel.support.seeds import generator
+from circuits.arrays import Array
 from circuits.errors import InputError, require
 
 

@@ -16,9 +16,9 @@ import pandas as pd
 
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.trials import StopTrials
-from bgmodel.support.arrays import Array
 from bgmodel.trials.files import STOP_SET
 from bgmodel.trials.reader import OURS, Columns, read_trials
+from circuits.arrays import Array
 from circuits.errors import DataWarning, InputError, collected, quiet, within
 
 SHIPPED = STOP_SET

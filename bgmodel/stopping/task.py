@@ -20,9 +20,9 @@ from bgmodel.evidence import Evidence, check_evidence
 from bgmodel.stopping.inputs import StopSignal, receiving, with_onsets
 from bgmodel.stopping.trials import StopTrials, check_delays, stop_trials
 from bgmodel.support import toml_files
-from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import check_range, reals, whole
 from bgmodel.support.seeds import stream
+from circuits.arrays import Array, Integers, Truths
 from circuits.errors import DataWarning, InputError, require
 
 if TYPE_CHECKING:

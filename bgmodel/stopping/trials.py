@@ -10,12 +10,12 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.deciding.decision import UNDECIDED, Decision
-from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import reals, whole
 from bgmodel.support.saved import Facts, span
 from bgmodel.support.seeds import generator
 from bgmodel.trials.columns import EVERYONE, NO_RESPONSE
 from bgmodel.trials.record import Trials
+from circuits.arrays import Array, Truths
 from circuits.errors import DataWarning, InputError, require
 
 OUTCOMES = ("response", "omission", "failed stop", "successful stop")

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.support.arrays import Integers, Reals
+from circuits.arrays import Integers, Reals
 from circuits.checks import check_finite as check_finite
 from circuits.checks import check_positive as check_positive
 from circuits.checks import check_range as check_range

@@ -16,10 +16,10 @@ from bgmodel.deciding.tradeoff import decides_without_evidence
 from bgmodel.experiments.expected import FEWEST_DECIDED
 from bgmodel.experiments.record import MANY_MISSED
 from bgmodel.plots import labelled
-from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
 from bgmodel.sweeps.plan import Plan, Point, measures_of
 from bgmodel.sweeps.shards import REMARK, read
+from circuits.arrays import Array
 from circuits.declaration.edits import FRACTION, VERBS
 from circuits.errors import EditWarning, InputError
 from circuits.plots import look, panels, styled

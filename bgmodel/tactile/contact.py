@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft
 
-from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import check_positive
+from circuits.arrays import Array, Truths
 from circuits.errors import InputError, require
 
 Convolution = Callable[[Array, Array], Array]

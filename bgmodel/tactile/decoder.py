@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from bgmodel.support.arrays import Integers, Reals, Truths
 from bgmodel.support.checks import path_of
 from bgmodel.support.files import check_writable, checksum, provenance, replacing
 from bgmodel.tactile.networks import (
@@ -24,6 +23,7 @@ from bgmodel.tactile.networks import (
     set_scale,
 )
 from bgmodel.tactile.taps import Taps
+from circuits.arrays import Integers, Reals, Truths
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:

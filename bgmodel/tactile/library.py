@@ -16,10 +16,10 @@ import platformdirs
 from scipy.ndimage import spline_filter1d
 from tqdm import tqdm
 
-from bgmodel.support.arrays import Array, Singles
 from bgmodel.support.compiling import compiled
 from bgmodel.support.processes import processes
 from bgmodel.tactile.pressing import FORMAT, LibraryPlan, press
+from circuits.arrays import Array, Singles
 from circuits.errors import InputError, require
 from circuits.store import Entry
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.support.arrays import Array, Integers
+from circuits.arrays import Array, Integers
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:

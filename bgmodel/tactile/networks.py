@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from bgmodel.support.arrays import Reals, Singles
 from bgmodel.tactile.taps import Taps
+from circuits.arrays import Reals, Singles
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from bgmodel.support.arrays import Array, Singles
 from bgmodel.support.checks import check_finite, check_positive, check_range
 from bgmodel.tactile.contact import polonsky_keer, unfold, wavenumbers
 from bgmodel.tactile.skin import Skin, response
+from circuits.arrays import Array, Singles
 from circuits.errors import InputError, require
 
 PERIODS_MM = (0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0)

@@ -20,8 +20,8 @@ import pandas as pd
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
-from bgmodel.support.arrays import Array, Image, Integers, Reals
 from bgmodel.tactile.taps import Taps
+from circuits.arrays import Array, Image, Integers, Reals
 from circuits.errors import InputError
 
 POSE = ("x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg")

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bgmodel.support.arrays import Array, Singles
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.processes import check_memory
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.pressing import PERIODS_MM
 from bgmodel.tactile.skin import Skin, Tip
 from bgmodel.tactile.taps import Taps
+from circuits.arrays import Array, Singles
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:

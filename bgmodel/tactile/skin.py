@@ -8,8 +8,8 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bgmodel.support.arrays import Array, Image
 from bgmodel.support.checks import check_positive, check_range
+from circuits.arrays import Array, Image
 from circuits.errors import InputError, require
 
 # Rows of layer states and boundary conditions: depth displacement, lateral displacement,

@@ -15,12 +15,12 @@ import numpy.typing as npt
 import pandas as pd
 
 from bgmodel.evidence import Evidence
-from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum, read_provenance, read_table
 from bgmodel.support.seeds import generator
 from bgmodel.tactile.likelihood import Density, Pool, TabulatedLikelihood, fit_likelihood
 from bgmodel.task import Drawn
+from circuits.arrays import Array
 from circuits.errors import CalibrationWarning, DataWarning, InputError, require
 
 if TYPE_CHECKING:

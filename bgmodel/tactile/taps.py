@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bgmodel.support.arrays import Array, Integers, Singles
 from bgmodel.support.files import from_json, read_arrays, replacing
+from circuits.arrays import Array, Integers, Singles
 from circuits.errors import InputError, require
 
 if TYPE_CHECKING:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from bgmodel.support.arrays import Array
 from bgmodel.support.checks import check_range
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.likelihood import Pool
 from bgmodel.tactile.networks import wrapped
 from bgmodel.tactile.source import Tactile
+from circuits.arrays import Array
 from circuits.errors import DataWarning, InputError, require
 
 if TYPE_CHECKING:

@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole
 from bgmodel.trials.columns import (
     NO_RESPONSE,
@@ -16,6 +15,7 @@ from bgmodel.trials.columns import (
     silent,
     texts,
 )
+from circuits.arrays import Array, Truths
 from circuits.errors import DataWarning, InputError, require
 
 COLUMN = "alternatives"

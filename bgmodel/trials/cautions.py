@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.support.arrays import Array
 from bgmodel.trials.columns import (
     FEWEST,
     NO_RESPONSE,
@@ -20,6 +19,7 @@ from bgmodel.trials.columns import (
     participants,
     times,
 )
+from circuits.arrays import Array
 from circuits.errors import DataWarning, InputError
 
 LATE, TOO_LATE = 3.0, 10.0

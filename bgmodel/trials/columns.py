@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.support.arrays import Array, Truths
+from circuits.arrays import Array, Truths
 from circuits.checks import is_whole
 from circuits.errors import DataWarning, InputError, require
 

@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.trials.columns import MISSING, refuse
 from bgmodel.trials.files import read_rows
 from bgmodel.trials.record import Trials
+from circuits.arrays import Array, Integers, Truths
 from circuits.errors import DataWarning, InputError, require, within
 
 NAMES = {

@@ -13,13 +13,13 @@ import pandas as pd
 from bgmodel.deciding.calibration import warn_of_units
 from bgmodel.evidence import MOST_NATS, Evidence, checked_prior
 from bgmodel.plausibility import warn_of_copies
-from bgmodel.support.arrays import Array
 from bgmodel.support.checks import path_of
 from bgmodel.support.files import read_table
 from bgmodel.support.processes import check_evidence_memory
 from bgmodel.trials.columns import check_alike, check_numeric, check_spelt, names_once
 from bgmodel.trials.files import DECIMAL_SIGN, SEPARATORS, read_text
 from bgmodel.trials.named import RESULT, NamedEvidence
+from circuits.arrays import Array
 from circuits.errors import DataWarning, InputError, within
 
 KEYS = ("participant_id", "trial")

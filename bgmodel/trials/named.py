@@ -9,7 +9,7 @@ import numpy as np
 
 from bgmodel.deciding.decision import Decision
 from bgmodel.evidence import Evidence, check_evidence
-from bgmodel.support.arrays import Truths
+from circuits.arrays import Truths
 from circuits.errors import require
 
 if TYPE_CHECKING:

@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import Problems, check_flag, check_positive, check_unused, path_of
 from bgmodel.trials import alternatives as several
 from bgmodel.trials.cautions import (
@@ -58,6 +57,7 @@ from bgmodel.trials.files import CELLS_SET, SETS, STOP_SET, read_rows, renamed, 
 from bgmodel.trials.record import Trials, is_covariate
 from bgmodel.trials.spikes import clicks_of, in_sessions, is_nwb, read_nwb, spikes_of
 from bgmodel.trials.timed_readings import Source, answered, read_readings, seen_sums
+from circuits.arrays import Array, Truths
 from circuits.errors import DataWarning, InputError, collected, require, within
 
 MOST_AT_ZERO, FEWEST_AT_ZERO = 0.9, 5

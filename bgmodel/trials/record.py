@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.saved import Facts, span
 from bgmodel.trials import alternatives as several
 from bgmodel.trials.columns import MISSING_RT, NO_RESPONSE
 from bgmodel.trials.spikes import RecordedSpikes, joined_spikes
 from bgmodel.trials.timed_readings import Readings
+from circuits.arrays import Array, Truths
 from circuits.errors import InputError, require
 
 KINDS = (

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import path_of
 from bgmodel.trials.columns import check_columns, numbers, refuse
 from bgmodel.trials.files import read_rows
 from bgmodel.trials.timed_readings import Source, as_written
+from circuits.arrays import Array, Integers, Truths
 from circuits.errors import DataWarning, InputError, require, within
 
 CLICKS = "_s"

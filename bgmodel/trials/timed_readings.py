@@ -11,12 +11,12 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.checks import check_positive, path_of
 from bgmodel.trials.cautions import ENOUGH
 from bgmodel.trials.columns import names_once, numbers, refuse
 from bgmodel.trials.evidence_table import KEYS, read_csv_table, trials_from_table
 from bgmodel.trials.files import SEPARATORS, read_rows
+from circuits.arrays import Array, Integers, Truths
 from circuits.errors import DataWarning, InputError, quiet, within
 
 FORMS = (

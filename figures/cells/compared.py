@@ -27,10 +27,10 @@ from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, LAG_S, RecordedSession,
 from bgmodel.fitting.model_comparison import FOLDS
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.settings import FitSettings
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 from bgmodel.trials.reader import Columns, read_trials
 from bgmodel.trials.record import Trials
+from circuits.arrays import Array, Integers
 
 SHIPPED = "striatum_clicks"
 COLUMNS = Columns(rt="stimulus_s", response="chose_right", participant="rat", upper="right")

@@ -16,7 +16,7 @@ from bgmodel.fitting.design import Design
 from bgmodel.fitting.responses import BIN_S, BinnedResponses, Grid
 from bgmodel.fitting.simulated.circuit import NONE
 from bgmodel.fitting.simulated.crossings import simulated
-from bgmodel.support.arrays import Array, Integers
+from circuits.arrays import Array, Integers
 from figures.data.measure_fits import fitted_circuit
 
 DEADLINE_S = 4.0

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 
 from bgmodel import stream
 from bgmodel.fitting.design import design_of
-from bgmodel.support.arrays import Array
 from bgmodel.support.files import read_table, write_table
 from bgmodel.trials.reader import read_trials
+from circuits.arrays import Array
 from figures.common import Settings, key, letter, say_if_older, where
 
 MONKEYS, PEOPLE = "roitman_shadlen_2002", "palmer_huk_shadlen_2005"

@@ -8,7 +8,7 @@ import numpy as np
 
 from bgmodel.fitting import passage
 from bgmodel.fitting.design import Design
-from bgmodel.support.arrays import Array
+from circuits.arrays import Array
 from circuits.errors import InputError
 
 

@@ -20,8 +20,8 @@ from bgmodel.fitting.simulated.circuit import CircuitModel
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes
 from bgmodel.fitting.simulated.error import decided
 from bgmodel.fitting.simulated.network import LikelihoodNetwork, read_network
-from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.arrays import Array
 from figures.pieces import Made, Piece, Score, main
 from figures.rooms import OUT
 

@@ -25,8 +25,8 @@ from bgmodel.fitting.person_fit import widened
 from bgmodel.fitting.posterior import directions, posterior
 from bgmodel.fitting.simulated.circuit import NONE
 from bgmodel.fitting.simulated.error import simulation_error
-from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT
+from circuits.arrays import Array
 from figures.data.decided import (
     DEADLINE_S,
     TRIALS,

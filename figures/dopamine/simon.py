@@ -17,7 +17,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from bgmodel.bootstrap import RESAMPLES, resampled
-from bgmodel.support.arrays import Array
+from circuits.arrays import Array
 from circuits.errors import require
 
 QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)

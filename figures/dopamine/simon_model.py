@@ -23,8 +23,8 @@ from bgmodel.evidence import Evidence
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import threshold_from_posterior
 from bgmodel.simulated_evidence import gaussian_evidence
-from bgmodel.support.arrays import Array
 from circuits.anatomy import load_circuit
+from circuits.arrays import Array
 
 CIRCUIT = "macaque_small"
 """The circuit with which the predictions were made, before the analysis."""

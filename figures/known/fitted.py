@@ -24,8 +24,8 @@ from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.simulated.error import jackknifed
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.arrays import Array
 from circuits.circuit import Circuit
 
 RANDOM, DESIGNED = "Gaussian, N = 2", "designed, N = 4"

@@ -32,8 +32,8 @@ from bgmodel.learning.value_learners import (
     Reinforce,
     ValueLearner,
 )
-from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.arrays import Array
 from figures.pieces import Made, Piece, Score, main
 
 SCORING_SEED = 45_002

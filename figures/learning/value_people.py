@@ -19,9 +19,9 @@ from bgmodel.learning.value_models import (
     likelihood,
     simulated,
 )
-from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
+from circuits.arrays import Array, Truths
 
 GROUP, LAST = 5, 40
 """Trials of a pair are averaged in groups, up to the shortest session of most people."""

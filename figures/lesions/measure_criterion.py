@@ -17,8 +17,8 @@ from bgmodel import stream
 from bgmodel.bootstrap import RESAMPLES, interval, resampled
 from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.integrators.sprt import threshold_from_posterior
-from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.arrays import Array
 from circuits.laws.family import shift_nats
 from figures.lesions.measure_loss import Task, decided, evidence
 from figures.pieces import Made, Piece, Score, main, wide

@@ -25,8 +25,8 @@ from bgmodel.integrators.at_thresholds import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.simulated_evidence import expecting, gaussian_evidence
-from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.engines import Population
 from figures.pieces import Made, Piece, Score, main, wide

@@ -27,8 +27,8 @@ from bgmodel.deciding.tradeoff import WITHOUT_EVIDENCE_SHARE, Tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.at_thresholds import CIRCUIT, decide_at_thresholds
 from bgmodel.simulated_evidence import gaussian_evidence
-from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.engines import engine_of
 from figures.pieces import Made, Piece, Score, main

@@ -16,8 +16,8 @@ import pandas as pd
 from scipy.stats import t
 
 from bgmodel import stream
-from bgmodel.support.arrays import Array
 from circuits import anatomy
+from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.engines import run
 from figures.pieces import Made, Piece, Score, main

@@ -17,8 +17,8 @@ import pandas as pd
 
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.stopping.inputs import StopSignal, closed_form, step_response
-from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT
+from circuits.arrays import Array
 from figures.pieces import Made, Piece, Score, main
 from figures.stopping.observer import (
     SHARES,

@@ -27,9 +27,9 @@ from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.people import AFTER, estimates_of, read_people, slowing_of, violations_of
 from bgmodel.stopping.trials import StopTrials
-from bgmodel.support.arrays import Array
 from bgmodel.trials.reader import Columns
 from circuits.anatomy import DEFAULT
+from circuits.arrays import Array
 from figures.pieces import Made, Piece, Score, main
 from figures.stopping.stopped import (
     StopValues,

@@ -21,7 +21,7 @@ from bgmodel.integrators.sprt import Msprt
 from bgmodel.stopping.inputs import StopSignal, with_observed_stop
 from bgmodel.stopping.observer import StopEvidence, StopMsprt, gaussian_stop_evidence
 from bgmodel.stopping.trials import drawn_delays
-from bgmodel.support.arrays import Array
+from circuits.arrays import Array
 from figures.stopping.runs import (
     POSTERIOR,
     SCORING_SEED,

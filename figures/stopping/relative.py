@@ -17,8 +17,8 @@ from bgmodel.bootstrap import RESAMPLES, resampled
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.people import read_people
 from bgmodel.stopping.trials import StopTrials
-from bgmodel.support.arrays import Array
 from bgmodel.trials.reader import Columns
+from circuits.arrays import Array
 from circuits.errors import DataWarning
 from figures.stopping.runs import SCORING_SEED
 

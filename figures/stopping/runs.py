@@ -14,8 +14,8 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.plots import wilson
 from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.stopping.inputs import StopSignal, receiving, with_stop
-from bgmodel.support.arrays import Array
 from circuits.anatomy import DEFAULT, load_circuit
+from circuits.arrays import Array
 from circuits.engines import Spikes
 from circuits.errors import EditWarning
 

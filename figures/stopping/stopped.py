@@ -15,8 +15,8 @@ from bgmodel.fitting.stop_process import StopData, laid
 from bgmodel.fitting.stop_race import StopLikelihood
 from bgmodel.stopping.task import walk
 from bgmodel.stopping.trials import StopTrials
-from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.trials.events import LATE_MS, restored_delays
+from circuits.arrays import Array, Integers, Truths
 
 DELAYS = np.arange(0.0, 1201.0, 50.0)
 """Delays of staircases, ms."""

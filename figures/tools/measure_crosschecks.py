@@ -22,7 +22,7 @@ from bgmodel import Sprt, stream
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.simulated_evidence import separated_evidence
-from bgmodel.support.arrays import Array
+from circuits.arrays import Array
 from figures.pieces import Made, Piece, Score, main
 from figures.tools.other_tools import (
     Accumulators,

@@ -27,8 +27,8 @@ from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD, Scale, priors_of
 from bgmodel.fitting.hierarchy.group_fit import fit_group
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
-from bgmodel.support.arrays import Array
 from bgmodel.support.processes import local_map
+from circuits.arrays import Array
 from circuits.errors import require
 from figures.data.decided import decided_by_test, responses
 from figures.pieces import Made, Piece, Score, main

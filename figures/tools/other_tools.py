@@ -19,7 +19,7 @@ from bgmodel.evidence import Evidence
 from bgmodel.integrators.baselines import Lca, Race
 from bgmodel.integrators.first_passage import gaussian_pair, walk
 from bgmodel.integrators.sprt_theory import OVERSHOOT
-from bgmodel.support.arrays import Array
+from circuits.arrays import Array
 
 LATE = 0.25
 """Readings that a walk takes longer than the diffusion with corrected bounds."""

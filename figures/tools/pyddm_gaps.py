@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from bgmodel.fitting.algorithms import Gap
-from bgmodel.support.arrays import Array, Integers
+from circuits.arrays import Array, Integers
 
 SPACING = 0.5
 """Spacing of drifts, 1/sqrt(s): about half their standard deviation here."""

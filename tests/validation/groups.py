@@ -18,8 +18,8 @@ from bgmodel.fitting.algorithms import Model
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.hierarchy.group import FREEDOM, SPREAD, Scale
 from bgmodel.fitting.likelihood import Likelihood
-from bgmodel.support.arrays import Array
 from bgmodel.support.seeds import stream
+from circuits.arrays import Array
 from figures.data.decided import decided_by_test, responses
 
 STRENGTHS = (0.032, 0.064, 0.128, 0.256)

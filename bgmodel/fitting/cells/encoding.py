@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from scipy.special import expit, ndtr
 
-from bgmodel.support.arrays import Array
 from circuits.anatomy import checked_circuit
+from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.declaration.table_writer import identity
 from circuits.dynamics.fixed_point import solve, wired

@@ -24,7 +24,7 @@ from scipy.special import ndtr
 
 from bgmodel.fitting.cells.encoding import Encoding
 from bgmodel.fitting.cells.sessions import BIN_S, RecordedSession
-from bgmodel.support.arrays import Array
+from circuits.arrays import Array
 
 FEWEST, MOST, WIDTH_SD = 40, 160, 4.5
 """Least and largest number of values of the noise, and their range in standard deviations."""

@@ -34,8 +34,8 @@ from bgmodel.fitting.cells.sessions import (
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.parameters import Parameter, ParameterSpace
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.trials.record import Trials
+from circuits.arrays import Array, Integers
 from circuits.circuit import Circuit
 from circuits.errors import InputError
 

@@ -8,9 +8,9 @@ from typing import Self
 
 import numpy as np
 
-from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.trials.record import Trials
 from bgmodel.trials.spikes import BEFORE_S, without_silent
+from circuits.arrays import Array, Integers, Truths
 from circuits.errors import InputError, require
 
 BIN_S = 0.05

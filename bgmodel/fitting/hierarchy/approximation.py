@@ -9,8 +9,8 @@ import numpy as np
 
 from bgmodel.fitting.hierarchy.group import SPREAD, Group, Scale, group_of
 from bgmodel.fitting.likelihood import Likelihood
-from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.processes import SharedMap, shared_map
+from circuits.arrays import Array, Integers, Truths
 
 ROUNDS = 2
 """Number of rounds of the EM algorithm that finds the start."""

@@ -16,10 +16,9 @@ from bgmodel.fitting.hierarchy.guide import Guide
 from bgmodel.fitting.hierarchy.sampler import ChainState, Draws, Sampler, guided, joined
 from bgmodel.fitting.hierarchy.surrogate import Surrogate
 from bgmodel.support import __version__
-from bgmodel.support.arrays import Array
 from bgmodel.support.processes import SharedMap, local_map
 from bgmodel.support.seeds import stream
-from circuits.arrays import Arrays
+from circuits.arrays import Array, Arrays
 from circuits.store import Entry
 
 CHAINS, ROUNDS, WARM_UP, BLOCK, MOST = 4, 2, 100, 100, 4000

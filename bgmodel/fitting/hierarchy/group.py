@@ -9,8 +9,8 @@ import numpy as np
 
 from bgmodel.bootstrap import Z95
 from bgmodel.fitting.parameters import SCALES, ParameterSpace
-from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.compiling import compiled
+from circuits.arrays import Array, Integers, Truths
 
 LOWEST = -12.0
 """Lowest position on the scale: 6e-6 units above the lower end of the range."""

@@ -32,11 +32,10 @@ from bgmodel.fitting.parameters import told_priors
 from bgmodel.fitting.person_fit import SHARE as SHARE
 from bgmodel.fitting.person_fit import cells_with_misfit
 from bgmodel.fitting.posterior import directions
-from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.processes import shared_map
 from bgmodel.support.saved import Facts
 from bgmodel.support.tables import Readable
-from circuits.arrays import Arrays
+from circuits.arrays import Array, Arrays, Truths
 from circuits.errors import FitWarning, InputError, require
 from circuits.store import Entry
 

@@ -24,8 +24,8 @@ from bgmodel.fitting.hierarchy.group import (
     shift,
 )
 from bgmodel.fitting.hierarchy.surrogate import Surrogate, value, values
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.compiling import compiled
+from circuits.arrays import Array, Integers
 
 MOVES_OF_PEOPLE, MOVES_OF_ALL = 20, 500
 """Number of moves of people given their group, and of people and group: after as many, the end of a

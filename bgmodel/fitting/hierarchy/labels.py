@@ -15,8 +15,8 @@ from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.person_fit import cells_of
 from bgmodel.fitting.responses import BinnedResponses, Grid
 from bgmodel.support import __version__, files
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
+from circuits.arrays import Array, Integers
 from circuits.plots import GREY, PALETTE, panels, styled
 
 if TYPE_CHECKING:

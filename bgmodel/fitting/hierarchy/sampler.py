@@ -15,8 +15,8 @@ from bgmodel.fitting.hierarchy.approximation import Expansion, Person
 from bgmodel.fitting.hierarchy.group import Group, shift
 from bgmodel.fitting.hierarchy.guide import SINGLE, Guide, guide_of
 from bgmodel.fitting.hierarchy.surrogate import surrogate_of
-from bgmodel.support.arrays import Array
 from bgmodel.support.processes import SharedMap
+from circuits.arrays import Array
 
 UNGUIDED = 0.2
 """Share of the sweeps with a guide that do without it, so that chains leave points where the

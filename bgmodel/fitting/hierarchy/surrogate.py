@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from bgmodel.fitting.hierarchy.approximation import Person
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.compiling import compiled
 from bgmodel.support.processes import SharedMap
+from circuits.arrays import Array, Integers
 
 POINTS, MOST_POINTS = 80, 1000
 """Number of points per parameter at which the exact log likelihood is evaluated, and largest number

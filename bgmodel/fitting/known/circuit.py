@@ -16,7 +16,7 @@ from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.simulated.circuit import SIMULATION_SEED
 from bgmodel.integrators.basal_ganglia import REFUSED_TIMES, BasalGanglia
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.support.arrays import Array, Integers
+from circuits.arrays import Array, Integers
 from circuits.declaration.table_writer import identity
 from circuits.errors import InputError, RangeWarning, quiet, require
 

@@ -17,8 +17,8 @@ import math
 
 import numpy as np
 
-from bgmodel.support.arrays import Array, Integers, Reals, Truths
 from bgmodel.support.compiling import compiled
+from circuits.arrays import Array, Integers, Reals, Truths
 
 NOTHING, FARTHEST = 1e-14, 9.0
 """Probability of no decision at which a trial ends, and distance of non-decision times from their

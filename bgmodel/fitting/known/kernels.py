@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.fitting.known.trials import KnownTrials, intervals
-from bgmodel.support.arrays import Array, Integers
+from circuits.arrays import Array, Integers
 from circuits.errors import require
 from circuits.plots import GREY, PALETTE, panels, styled
 

@@ -19,10 +19,10 @@ from bgmodel.fitting.likelihood import RESPONSES, Likelihood, Peak
 from bgmodel.fitting.parameters import RESPONSE, Parameter, ParameterSpace
 from bgmodel.fitting.responses import TINY
 from bgmodel.fitting.settings import settings_of
-from bgmodel.support.arrays import Array, Integers
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
 from bgmodel.trials.timed_readings import Readings
+from circuits.arrays import Array, Integers
 from circuits.errors import InputError
 
 if TYPE_CHECKING:

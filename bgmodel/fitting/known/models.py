@@ -16,7 +16,7 @@ import numpy as np
 from bgmodel.evidence import minus_log_softmax
 from bgmodel.fitting.known.trials import KnownTrials
 from bgmodel.fitting.parameters import Parameter
-from bgmodel.support.arrays import Array
+from circuits.arrays import Array
 
 Values = Mapping[str, Array | float]
 """Parameters by name: a number, or one for each trial."""

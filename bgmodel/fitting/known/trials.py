@@ -11,10 +11,10 @@ import numpy as np
 from bgmodel.fitting.design import ALONE, Design, cells_of
 from bgmodel.fitting.responses import BIN_S, BinnedResponses, Grid
 from bgmodel.fitting.sides import name_of
-from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.trials.columns import EVERYONE
 from bgmodel.trials.record import Trials
 from bgmodel.trials.timed_readings import Readings
+from circuits.arrays import Array, Integers, Truths
 from circuits.errors import DataWarning, InputError, require
 
 FEWEST = 20

@@ -39,10 +39,10 @@ from bgmodel.fitting.simulated.crossings import (
 )
 from bgmodel.fitting.simulated.msprt import MsprtModel
 from bgmodel.fitting.simulated.race import LcaModel, RaceModel
-from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.compiling import compiled
 from bgmodel.support.seeds import stream
 from bgmodel.trials.alternatives import MOST
+from circuits.arrays import Array, Integers, Truths
 from circuits.errors import InputError
 
 if TYPE_CHECKING:

@@ -30,8 +30,8 @@ from bgmodel.fitting.simulated.crossings import (
 from bgmodel.fitting.simulated.error import BOUNDS, PARTS, InParts, decided, ideal, matched
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
 from bgmodel.support import __version__
-from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole
+from circuits.arrays import Array, Truths
 from circuits.declaration.table_writer import identity
 from circuits.engines import engine_of
 from circuits.errors import RangeWarning, quiet, require

@@ -27,9 +27,9 @@ import numpy.typing as npt
 from bgmodel.deciding.decision import first_crossing
 from bgmodel.deciding.trace import Trace
 from bgmodel.fitting.responses import BIN_S
-from bgmodel.support.arrays import Array, Integers, Truths
 from bgmodel.support.compiling import compiled, inlined
 from bgmodel.support.seeds import stream
+from circuits.arrays import Array, Integers, Truths
 
 
 @compiled

@@ -27,7 +27,7 @@ from bgmodel.fitting.likelihood import STEP, Likelihood
 from bgmodel.fitting.posterior import Directions
 from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes, interpolated, log_odds, read
-from bgmodel.support.arrays import Array, Truths
+from circuits.arrays import Array, Truths
 
 BOUNDS = 31
 """Bounds at which walks are stored."""

@@ -23,10 +23,10 @@ from bgmodel.fitting.responses import Grid
 from bgmodel.fitting.simulated.circuit import SIMULATION_SEED, THRESHOLD, TRIALS
 from bgmodel.fitting.simulated.crossings import interpolated, log_odds
 from bgmodel.fitting.simulated.error import PARTS, InParts
-from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole
 from bgmodel.support.compiling import compiled, inlined
 from bgmodel.support.seeds import stream
+from circuits.arrays import Array, Truths
 
 FARTHEST = 6.0
 """Standard deviations of a step within which its largest log odds are drawn."""

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.support.arrays import Array
 from bgmodel.support.files import replacing
 from bgmodel.support.saved import Facts
+from circuits.arrays import Array
 from circuits.errors import InputError
 
 INPUTS = ("v", "threshold", "t0", "rt", "response")

@@ -17,10 +17,10 @@ from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.simulated.circuit import SIMULATION_SEED, TRIALS
 from bgmodel.fitting.simulated.error import PARTS, InParts
 from bgmodel.integrators.sprt_theory import OVERSHOOT
-from bgmodel.support.arrays import Array, Truths
 from bgmodel.support.checks import whole
 from bgmodel.support.compiling import compiled
 from bgmodel.support.seeds import stream
+from circuits.arrays import Array, Truths
 
 INPUT = Parameter(
     "input", 0.0, 12.0, 1.0, "drift of every accumulator without evidence for it, 1/sqrt(s)"
