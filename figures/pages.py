@@ -130,7 +130,7 @@ def said(behind: dict[str, Any]) -> str:
     text = "seeds in their files" if seed is None else f"seed {seed}"
     text += f", version {behind['versions']['bgmodel']}"
     trials = parameters.get("trials")
-    if trials:
+    if trials not in (None, 1):
         many = trials if isinstance(trials, list) else [trials]
         text = f"{' to '.join(map(str, many))} trials, {text}"
     if parameters.get("fast"):
@@ -140,7 +140,8 @@ def said(behind: dict[str, Any]) -> str:
     if not parameters["circuits"]:
         return text
     names = sorted({made["name"] for made in parameters["circuits"].values()})
-    text += f", circuit {', '.join(names)}"
+    word = "circuit" if len(names) == 1 else "circuits"
+    text += f", {word} {', '.join(names)}"
     if DEFAULT not in names:
         text += f" (not the default, {DEFAULT})"
     others = sorted(_others(parameters["circuits"]))
