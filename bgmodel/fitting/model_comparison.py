@@ -320,12 +320,10 @@ def _person(likelihoods: Iterable[Likelihood]) -> Integers:
 
 
 def _left_out(fit: GroupFit) -> Score:
-    from arviz_stats.base import array_stats
-
     draws = len(fit.chains[0])
     places = np.unique(np.linspace(0, draws - 1, min(draws, DRAWS)).astype(int))
     log = each_trial(fit.likelihoods, fit.individual[:, places])
-    trials, khat, *_ = array_stats.loo(np.moveaxis(log, 2, 0), chain_axis=1, draw_axis=2)
+    trials, khat = importance_sampled(log)
     medians = np.median(fit.individual, axis=(0, 1))
     vectors = list(zip(fit.likelihoods.values(), medians, strict=True))
     # The error of simulated trials is that of the log likelihood at everyone's medians.
@@ -333,10 +331,31 @@ def _left_out(fit: GroupFit) -> Score:
     without = np.array([np.concatenate(row) for row in zip(*parts, strict=True)])
     without = without.reshape(len(parts[0]), log.shape[2])
     return Score(
-        Predicted(np.asarray(trials), without, draws_error(log)),
+        Predicted(trials, without, draws_error(log)),
         _person(fit.likelihoods.values()),
         unreliable=int((khat > SMOOTH).sum()),
     )
+
+
+def importance_sampled(log: Array) -> tuple[Array, Array]:
+    """Return the PSIS-LOO score of each trial, nats, and its Pareto k, of ``log`` as in draws_error.
+
+    Importance weights are not smoothed if the largest are equal, as those of a go trial of stop
+    signals, which is certain, or of a trial that a model rules out. Scores of the latter are
+    unreliable unless all weights are equal.
+    """
+    from arviz_stats.base import array_stats
+
+    flat = log.reshape(-1, log.shape[2])
+    low, draws = flat.min(axis=0), len(flat)
+    scores = low - np.log(np.exp(low - flat).mean(axis=0))
+    khat = np.where(flat.max(axis=0) == low, -np.inf, np.inf)
+    tail = int(min(draws / 5, 3 * math.sqrt(draws)))
+    uneven = (flat == low).sum(axis=0) < tail
+    if uneven.any():
+        some = np.moveaxis(log[..., uneven], 2, 0)
+        scores[uneven], khat[uneven], *_ = array_stats.loo(some, chain_axis=1, draw_axis=2)
+    return scores, khat
 
 
 def draws_error(log: Array) -> float:

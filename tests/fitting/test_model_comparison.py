@@ -17,6 +17,7 @@ from bgmodel.fitting.model_comparison import (
     better_by,
     compare_fits,
     draws_error,
+    importance_sampled,
 )
 from bgmodel.fitting.person_fit import fit_likelihood
 from tests.drawn import TRUTH, drawn
@@ -124,6 +125,18 @@ def test_the_error_from_the_number_of_draws_is_the_spread_over_sets_of_draws(cor
         scores.append(-np.log(np.exp(-log).mean(axis=(0, 1))).sum())
         errors.append(draws_error(log))
     assert np.mean(errors) == pytest.approx(np.std(scores), rel=0.2)
+
+
+@pytest.mark.parametrize(("share", "k"), [(1.0, -np.inf), (0.5, np.inf)])
+def test_trials_that_are_as_likely_in_many_draws_have_a_score(share, k):
+    # Such as go trials of stop signals, which are certain, and trials that a model rules out.
+    log = np.random.default_rng(SEED).normal(-1, 0.1, (2, 100, 3))
+    alone, _ = importance_sampled(log[..., :2])
+    log[:, : int(100 * share), 2] = -600.0
+    scores, khat = importance_sampled(log)
+    assert scores[:2].tobytes() == alone.tobytes()
+    assert (scores[2], khat[2]) == (pytest.approx(-600 - np.log(share)), k)
+    assert np.isfinite(draws_error(log))
 
 
 def test_what_is_no_fit_to_the_same_trials_is_refused(some, right):
