@@ -168,7 +168,7 @@ def with_times(table: pd.DataFrame) -> tuple[pd.DataFrame, bool]:
 def check_both(table: pd.DataFrame, rt_s: Array, silent: Truths) -> None:
     """Raise ValueError if a time or a response is without the other."""
     refuse(np.isnan(rt_s) & ~silent, table["rt"], "given where there is a response")
-    refuse(silent & ~np.isnan(rt_s), table["response"], "given where there is an rt")
+    refuse(silent & ~np.isnan(rt_s), table["response"], "given where rt is")
 
 
 def check_answers(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -70,7 +70,7 @@ OUR_NAMES = re.compile(
     r"response(?= must| holds| and | empty)|(?<=rt, )response|(?<=rt and )response))(?![\w=.'])"
 )
 """Our columns in messages, where they are no argument such as ``rt=`` and "response" no noun."""
-SECONDS = re.compile(r"(?<![\w.])([1-9]\d*|\d+\.\d+)(e-?\d+)? s\b|\bin seconds\b")
+SECONDS = re.compile(r"(?<![\w.'])([1-9]\d*|\d+\.\d+)(e-?\d+)? s\b|\bin seconds\b")
 """A time in messages, which is not 0."""
 
 
@@ -145,22 +145,28 @@ class Columns:
                 require(getattr(self, name) is None, name, without, getattr(self, name))
 
     @contextmanager
-    def told(self) -> Iterator[None]:
-        """Say errors and warnings about our columns in the names and the unit of the table."""
+    def told(self, names: Iterable[str]) -> Iterator[None]:
+        """Say errors and warnings about our columns in the names and the unit of the table.
+
+        Of all ``names`` in the table, those that contain one of ours stay as they are.
+        """
+        held = [each for each in names if OUR_NAMES.search(each) and not OUR_NAMES.fullmatch(each)]
+        longest = sorted(map(re.escape, held), key=len, reverse=True)
+        ours = re.compile("|".join([*longest, OUR_NAMES.pattern]))
         doubts: list[str] = []
         try:
             with collected(DataWarning) as doubts:
                 yield
         except ValueError as error:
             known = within("", error, "source")
-            raise InputError(self._said(str(known)), known.field, known.given) from None
+            raise InputError(self._said(str(known), ours), known.field, known.given) from None
         finally:
             for doubt in doubts:
-                DataWarning.warn(self._said(doubt))
+                DataWarning.warn(self._said(doubt, ours))
 
-    def _said(self, message: str) -> str:
+    def _said(self, message: str, ours: re.Pattern[str]) -> str:
         """Return a message in the names and the unit of the table."""
-        message = OUR_NAMES.sub(lambda m: getattr(self, str(m.lastgroup)) or m[0], message)
+        message = ours.sub(lambda m: getattr(self, m.lastgroup or "", None) or m[0], message)
         if self.rt_unit == "s":
             return message
         return SECONDS.sub(
@@ -219,7 +225,7 @@ def read_trials(
     columns : Columns
         Names, units and codes of the columns, if they are not ours.
     evidence : path or DataFrame, optional
-        The readings of each trial; see ``readings.read_readings`` for its three forms.
+        The readings of each trial; see ``timed_readings.read_readings`` for its forms.
     step_ms : float, optional
         Time between readings, ms, if the evidence has steps instead of times.
     forced : bool
@@ -250,11 +256,15 @@ def read_trials(
     wanted = [conditions] if isinstance(conditions, str) else list(conditions)
     name, table, spikes = _tables(source, columns, spikes)
     try:
+        roles = (columns.rt, columns.response, columns.participant, columns.ssd)
+        further = (strength, columns.stimulus, *wanted)
+        both = [each for each in further if each is not None and each in roles]
+        require(not both, "columns", "must be named once each", both)
         named = {"rt": columns.rt, "response": columns.response}
         if evidence is None:
             named["ssd"] = columns.ssd
         table = renamed(table, **named, participant=columns.participant)
-        with columns.told():
+        with columns.told(map(str, table)):
             if spikes is not None:
                 table = in_sessions(table)
                 evidence = clicks_of(table) if evidence is None else evidence
@@ -425,7 +435,8 @@ def _known(
     table, timed = with_times(table)
     table, who, rt_s, held = _others(table, ["response", "trial"], wanted, participant, columns)
     evidence, step_ms, forced = asked
-    unmatched = read_readings(evidence, step_ms, participant if "participant_id" in table else None)
+    asked_for = participant if "participant_id" in table else None
+    unmatched = read_readings(evidence, step_ms, asked_for, columns.participant)
     missing = silent(table)
     if timed:
         check_both(table, rt_s, missing)

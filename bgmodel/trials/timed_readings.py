@@ -17,7 +17,7 @@ from bgmodel.trials.columns import names_once, numbers, refuse
 from bgmodel.trials.evidence_table import KEYS, read_csv_table, trials_from_table
 from bgmodel.trials.files import SEPARATORS, read_rows
 from circuits.arrays import Array, Integers, Truths
-from circuits.errors import DataWarning, InputError, quiet, within
+from circuits.errors import DataWarning, InputError, collected, owned, quiet, within
 
 FORMS = (
     "trial, step and ll_<alternative>; trial, time (s) and ll_<alternative>; or one row per cue "
@@ -60,13 +60,15 @@ class Readings:
 
 
 def read_readings(
-    evidence: Source, step_ms: float | None = None, participant: str | None = None
-) -> Readings:
+    evidence: Source, step_ms: float | None = None, participant: str | None = None,
+    person: str | None = None,
+) -> Readings:  # fmt: skip
     """Read the readings of each trial; those of one participant if the table names participants.
 
     The table has trial, step and ``ll_<alternative>``; or ``time``, s, instead of step; or one row
     per cue: trial, time, ``side`` and ``value``, its log likelihood ratio (by default 1; signed
-    without side). Cues at the same time are added to one reading.
+    without side). Cues at the same time are added to one reading. The column ``person`` is
+    participant_id, if there is none of this name.
     """
     if isinstance(evidence, pd.DataFrame):
         name, table = "the evidence", evidence.reset_index(drop=True)
@@ -76,6 +78,8 @@ def read_readings(
         # Numbers stay as written, so that ids match.
         plain = path.suffix in SEPARATORS and path.is_file()
         table = read_csv_table(path) if plain else read_rows(path).reset_index(drop=True)
+    if person is not None and "participant_id" not in table:
+        table = table.rename(columns={person: "participant_id"})
     if participant is not None and "participant_id" in table:
         table = table[table["participant_id"].map(as_written) == participant].reset_index(drop=True)
     try:
@@ -96,10 +100,26 @@ def answered(
     matched = readings.where(_matched(table, readings))
     choice = _choices(table["response"], missing, readings.names, upper)
     matched = replace(matched, choice=choice)
-    for person in np.unique(np.asarray(who)):
-        mine = np.asarray(who) == person
-        _check_sides(matched.where(mine), rt_s[mine])
+    _check_clock(matched.time_s.min(axis=1), rt_s)
+    people = np.unique(np.asarray(who)).tolist()
+    for person in people:
+        mine, owner = np.asarray(who) == person, f"participant {person}" * (len(people) > 1)
+        with owned(owner, "response", InputError), collected(DataWarning) as doubts:
+            _check_sides(matched.where(mine), rt_s[mine])
+        for doubt in doubts:
+            DataWarning.warn(f"{owner}: {doubt}" if owner else doubt)
     return matched
+
+
+def _check_clock(first_s: Array, rt_s: Array) -> None:
+    """Refuse readings that all come after the responses."""
+    timed = np.isfinite(rt_s)
+    if timed.sum() >= ENOUGH and (first_s >= rt_s)[timed].all():
+        raise InputError(
+            f"no response comes after a reading: the first is at {first_s[timed].min():.3g} s, the "
+            f"last response at {rt_s[timed].max():.3g} s. Is time in s, and step_ms in ms?",
+            "time",
+        )
 
 
 def seen_sums(readings: Readings, rt_s: Array) -> Array:
@@ -128,8 +148,10 @@ def _check_sides(readings: Readings, rt_s: Array) -> None:
 
 def _check_pairs(readings: Readings, rt_s: Array) -> None:
     """Refuse responses that follow the readings of the trial before or after; warn of chance."""
-    own = _above_chance(readings, readings, rt_s)
-    if own > CHANCE or len(rt_s) < ENOUGH:
+    assert readings.choice is not None
+    responses = int((readings.choice >= 0).sum())
+    own = _above_chance(readings, readings, rt_s) if responses >= ENOUGH else np.inf
+    if own > CHANCE:
         return
     ids = pd.to_numeric(pd.Series([trial for _, trial in readings.ids]), errors="coerce")
     order = np.argsort(ids.to_numpy(), kind="stable") if ids.notna().all() else np.arange(len(ids))
@@ -140,13 +162,14 @@ def _check_pairs(readings: Readings, rt_s: Array) -> None:
             raise InputError(
                 f"trial must be the same in both tables: responses follow the readings of the "
                 f"trial {which} their own ({z:.1f} standard errors above chance, but {own:.1f} "
-                "with their own). Do ids count from 0 in one table and from 1 in the other?",
+                "with their own). Do ids count from 0 in one table and from 1 in the other? "
+                "If not, these responses do not follow the readings: leave the trials out",
                 "trial",
             )
-    if len(rt_s) >= RELIED:
+    if responses >= RELIED:
         DataWarning.warn(
             f"responses follow the readings before them no more often than by chance ({own:.1f} "
-            f"standard errors, {len(rt_s)} trials): check that trial is the same in both tables"
+            f"standard errors, {responses} responses): check that trial is the same in both tables"
         )
 
 
@@ -279,8 +302,10 @@ def _choices(
         texts = np.array([{"1": upper, "0": other}.get(each, each) for each in texts], dtype=object)
     known = np.isin(texts, list(names))
     empty = np.isin(texts, ["", "nan", "NA", "None", "<NA>"])
-    hint = ": name the alternative that is coded as 1 (upper)" if len(names) == 2 else ""
-    refuse(~known & ~(empty & missing), column, f"one of {', '.join(names)}", hint)
+    wrong = ~known & ~(empty & missing)
+    coded = len(names) == 2 and set(texts[wrong]) <= {"0", "1"}
+    hint = ": name the alternative that is coded as 1 (upper)" if coded else ""
+    refuse(wrong, column, f"one of {', '.join(names)}", hint)
     index = pd.Index(list(names)).get_indexer(pd.Index(texts))
     return np.where(missing, -1, index).astype(np.int64)
 

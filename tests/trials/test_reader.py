@@ -154,7 +154,7 @@ BAD = {
     "rt must be a finite number, got '1_0' in row 2$": at("rt", 2, "1_0"),
     "rt must hold numbers, got bool": changed(rt=True),
     "rt must be given where there is a response, got nothing in row 4$": at("rt", 4, None),
-    "response must be given where there is an rt, got nothing in row 4$": at("response", 4, None),
+    "response must be given where rt is, got nothing in row 4$": at("response", 4, None),
     r"rt must be given unless .* nothing in row 3 \(2 such rows\)": lambda t: silent(t, [3, 40]),
     "rt must be given unless trials have a deadline, got '-999.0' in row 3": at("rt", 3, -999.0),
     r"response got 'left' in row 0 \(60 such rows\): name .* \(upper,": changed(response="left"),
@@ -408,6 +408,28 @@ def test_messages_have_the_names_and_the_unit_of_the_users_columns(kind, column,
         read_trials(wrong, columns=columns, **options)
     assert not re.search(r"(?<!')\b(rt|participant_id|ssd)\b(?!=)| s\b", str(caught.value))
     assert caught.value.field in OWN_NAMES
+
+
+def test_names_and_values_that_contain_ours_are_told_as_they_are():
+    table = people().rename(columns={"rt": "rt (ms)", "cue": "rt (start)"})
+    columns = Columns(rt="rt (ms)", rt_unit="ms")
+    with refused(r"contrast .*, rt \(ms\), .*rt \(start\)"):
+        read_trials(table, strength="contrast", columns=columns)
+    wrong = table.astype({"rt (ms)": object})
+    wrong.loc[3, "rt (ms)"] = "5 s"
+    with refused(r"rt rt \(ms\) must be a finite number, got '5 s' in row 3"):
+        read_trials(wrong, strength="coherence", columns=columns)
+
+
+@pytest.mark.parametrize(
+    "twice",
+    [{"strength": "key"}, {"conditions": "vp"}, {"conditions": ["cue", "RT_ms"]}],
+)
+def test_a_column_that_is_named_twice_is_told_so(twice):
+    table = people().rename(columns=OWN_NAMES)
+    columns = Columns(rt="RT_ms", response="key", participant="vp", rt_unit="ms")
+    with refused(r"columns named once each, got \['(key|vp|RT_ms)'\]"):
+        read_trials(table, columns=columns, **twice)
 
 
 def test_warnings_have_the_names_and_the_unit_of_the_users_columns():

@@ -198,3 +198,37 @@ def test_choices_that_follow_no_readings_are_doubted():
     (text,) = told(read_trials, data, evidence=mixed)
     assert "no more often than by chance" in text
     assert not told(read_trials, data[:30], evidence=mixed[mixed["trial"] < 30])  # too few
+    # Trials without a response count for nothing, however many there are.
+    for responses in (0, 40):
+        few = data.astype({"response": object})
+        few.loc[responses:, ["rt", "response"]] = np.nan, None
+        assert not told(read_trials, few.assign(other=1), evidence=mixed)
+
+
+def test_a_person_whose_readings_are_of_other_trials_is_named_by_the_users_column():
+    data, evidence = followed(120)
+    wrong = evidence.assign(trial=evidence["trial"] + 1).iloc[:-1]
+    both = pd.concat([data.assign(vp="a"), data[1:].assign(vp="b")], ignore_index=True)
+    rows = pd.concat([evidence.assign(vp="a"), wrong.assign(vp="b")], ignore_index=True)
+    columns = Columns(participant="vp")
+    with refused("trial participant b: .* the trial after their own"):
+        read_trials(both, evidence=rows, columns=columns)
+    rows = pd.concat([evidence.assign(vp="a"), evidence[1:].assign(vp="b")], ignore_index=True)
+    assert read_trials(both, evidence=rows, columns=columns).trials == 239
+
+
+def test_readings_that_all_come_after_the_responses_are_refused():
+    data, evidence = followed(60)
+    own = data.assign(rt=1000 * data["rt"])
+    with refused("time first is at 100000 ms, the last response at"):
+        read_trials(own, evidence=evidence.assign(time=100.0), columns=Columns(rt_unit="ms"))
+    assert read_trials(own, evidence=evidence, columns=Columns(rt_unit="ms")).trials == 60
+
+
+def test_advice_on_codes_is_given_for_codes_only():
+    data, evidence = followed(60)
+    coded = data.assign(response=np.where(data["response"] == "a", 1, 0))
+    with refused("response upper"):
+        read_trials(coded, evidence=evidence)
+    with refused("response one of a, b, got 'A' in row \\d+ \\(\\d+ such rows\\)$"):
+        read_trials(data.assign(response=data["response"].str.upper()), evidence=evidence)
