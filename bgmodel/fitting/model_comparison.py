@@ -338,7 +338,7 @@ def _left_out(fit: GroupFit) -> Score:
 
 
 def importance_sampled(log: Array) -> tuple[Array, Array]:
-    """Return the PSIS-LOO score of each trial, nats, and its Pareto k, of ``log`` as in draws_error.
+    """Return the PSIS-LOO score of each trial, nats, and its Pareto k; see ``draws_error``.
 
     Importance weights are not smoothed if the largest are equal, as those of a go trial of stop
     signals, which is certain, or of a trial that a model rules out. Scores of the latter are
