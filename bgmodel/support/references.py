@@ -15,6 +15,8 @@ from importlib import resources
 
 ENTRY = re.compile(r"^@\w+\{\w+,\n(.*?)^\}", re.MULTILINE | re.DOTALL)
 FIELD = re.compile(r"(\w+) = \{((?:[^{}]|\{[^{}]*\})*)\}")
+NO_OTHER_FIRST = r"(?<![\w-])" + "".join(rf"(?<![^\W\d]{end} )" for end in (" &", ", &", " and"))
+"""What does not come before a first author: part of a name, or an author and "&" or "and"."""
 OTHERS = "others"
 """Last author of an entry that does not list all."""
 
@@ -51,7 +53,9 @@ class Reference:
         """Pattern of its citations: the first author, alone, with "et al." or with all others."""
         first, *others = (re.escape(plain(name)) for name in self.families)
         every = ", ".join(["", *others[:-1]]) + f" (?:&|and) {others[-1]}" if others else ""
-        return re.compile(rf"(?<!& )(?<!\w){first}(?:'s| et al\.|{every})?,? \(?{self.year}\b")
+        return re.compile(
+            rf"{NO_OTHER_FIRST}{first}(?:['’]s| et al\.?|{every})?,? \(?{self.year}\b"
+        )
 
 
 @cache

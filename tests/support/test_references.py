@@ -69,9 +69,27 @@ def test_a_citation_names_the_authors_of_its_reference():
         "(Branam, Gold & Ding 2024)",
         "Lienard & Girard (2014)",
         "Bogacz and\nGurney 2007",
+        "Soares et al 2004",
+        "Smith 2003 & Soares 2004",
+        "Smith 2003 and Soares’s 2004",
     )
     assert [len(cited([text])) for text in known] == [1] * len(known)
-    for text in ("Bogacz & Smith 2007", "Huk & Shadlen 2005", "Soares 2005", "my own notes, 2024"):
+    of_others = (
+        "Smith & Soares 2004",
+        "Smith and Soares 2004",
+        "A, B, & Soares 2004",
+        "X-Soares 2004",
+    )
+    for text in (
+        *of_others,
+        "",
+        "[a-z",
+        "Soares 2004b",
+        "Bogacz & Smith 2007",
+        "Huk & Shadlen 2005",
+        "Soares 2005",
+        "my own notes, 2024",
+    ):
         assert cited([text]) == []
 
 
