@@ -65,8 +65,9 @@ def agreement(chains: list[Draws]) -> Agreement:
     axes = {"chain_axis": 1, "draw_axis": 2}
     bulk = array_stats.ess(numbers, method="bulk", **axes)
     tail = array_stats.ess(numbers, method="tail", prob=0.05, **axes)
-    rhat = np.asarray(array_stats.rhat(numbers, **axes))
     # Standard deviations between people of parameters that they share do not move.
+    with np.errstate(invalid="ignore"):
+        rhat = np.asarray(array_stats.rhat(numbers, **axes))
     still = np.ptp(numbers, axis=(1, 2)) == 0
     return Agreement(np.where(still, 1.0, rhat), np.where(still, np.inf, np.minimum(bulk, tail)))
 

@@ -12,6 +12,7 @@ from bgmodel.fitting.hierarchy.group import Group
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.support.seeds import stream
 from tests.fitting.hierarchy.known import wide
+from tests.helpers import unwarned
 
 SEED = 24_314
 
@@ -45,6 +46,8 @@ def test_independent_draws_agree_and_shifted_chains_do_not():
     rng = stream(SEED, "chains")
     same = [chain(rng.normal(size=500)) for _ in range(CHAINS)]
     assert agreement(same).reached
+    with unwarned():  # a standard deviation that does not move
+        assert agreement([replace(each, sd=np.ones_like(each.sd)) for each in same]).reached
     apart = [chain(rng.normal(k, 1, size=500)) for k in range(CHAINS)]
     assert agreement(apart).rhat[0] > 1.1
     assert not agreement(apart).reached
