@@ -26,6 +26,8 @@ LEAST_MEDIAN_MS = 20.0
 """Shortest median time that is accepted as milliseconds."""
 SLOWEST_DELAY_S = 20.0
 """Largest stop-signal delay that is accepted as seconds."""
+LEAST_DELAY_S = 0.005
+"""Least longest stop-signal delay that is accepted as milliseconds, s."""
 MISSING_RT = -999.0
 """Response time of HSSM for a missing response."""
 NO_RESPONSE = -1
@@ -312,6 +314,13 @@ def delays(column: pd.Series, unit: str = "s") -> Array:
     values = values * UNITS[unit]
     refuse(values > SLOWEST_DELAY_S, column, f"in seconds, at most {SLOWEST_DELAY_S:g} s")
     refuse(values < 0, column, f"0 {unit} or more")
+    latest_s = float(np.fmax.reduce(values, initial=0.0))
+    if unit == "ms" and 0 < latest_s < LEAST_DELAY_S:
+        raise InputError(
+            f"{column.name} must be in ms, as rt is, got at most {1000 * latest_s:g}: multiply by "
+            "1000 if these are seconds",
+            column.name or "ssd",
+        )
     return values
 
 

@@ -390,6 +390,8 @@ def _stop_signals(
         check_both(table, rt_s, silent(table))
     if columns.deadline_s is not None:
         check_deadline(rt_s, columns.deadline_s)
+        late = f"no later than deadline_s, {columns.deadline_s:g} s"
+        refuse(rt_s > columns.deadline_s, table["rt"], late)
     ssd_s, correct = delays(table["ssd"], columns.rt_unit), _correct(table, rt_s)
     warn_of_twins(who, rt_s, np.isnan(ssd_s).astype(np.int8))
     warn_of_order(table, who)

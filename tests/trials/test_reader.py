@@ -347,6 +347,15 @@ test_a_setting_without_effect_on_a_kind_of_trials_is_refused = refusing(
 )
 
 
+def test_delays_in_another_unit_and_responses_after_the_deadline_are_refused():
+    in_ms = stops().assign(rt=1000 * stops()["rt"])
+    with refused("ssd must be in ms, as rt is, got at most"):
+        read_trials(in_ms, columns=Columns(rt_unit="ms"))
+    assert read_trials(in_ms.assign(ssd=1000 * in_ms["ssd"]), columns=Columns(rt_unit="ms")).trials
+    with refused("rt no later than deadline_s, "):
+        read_trials(stops(), columns=Columns(deadline_s=float(stops()["rt"].median())))
+
+
 def test_codes_that_are_exchanged_are_doubted():
     right, pairs = stops()["stimulus"] == stops()["response"], table_of("pairs")
     for doubtful in (
