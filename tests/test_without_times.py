@@ -344,3 +344,9 @@ def test_a_missing_column_of_times_is_doubted_and_an_empty_one_is_not():
         alone()
     with unwarned():
         alone(rt=np.nan)
+
+
+def test_without_times_and_responses_the_columns_that_are_there_are_listed():
+    table = pd.DataFrame({"who": ["a"] * 20, "key": [0, 1] * 10})
+    with refused("rt no column rt or response; there are who, key; name yours"):
+        bg.read_trials(table)

@@ -180,8 +180,8 @@ def run(
     if stop is not None and condition.task == Gaussian():
         condition = replace(condition, task=STOPPED)
     _check_files(condition, stop, nwb_trials, **more)
-    if stop is None:
-        output.unused("plot")
+    must = "needs --stop: the picture is of stop trials"
+    require(stop is not None or output.plot is None, "plot", must, str(output.plot))
     trials = condition.drawn(STREAM)
     evidence = trials.evidence
     rates = None if stop is None else False

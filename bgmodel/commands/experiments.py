@@ -94,7 +94,7 @@ def experiment(
     evidence = given.evidence
     check_trials(evidence.trials)
     control = asked.conditions[0].model(evidence.hypotheses, workers=workers, rates=False)
-    say_before("an experiment on", control, evidence, runs=2)
+    say_before("an experiment with", control, evidence, runs=2)
     with bar(2 * evidence.trials):
         done = asked.run(workers=workers, named=given)
     if asked.task.file is not None:

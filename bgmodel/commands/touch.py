@@ -34,6 +34,10 @@ from bgmodel.task import Task
 from circuits.errors import InputError, require
 
 USUAL = "same-different, or edge-turn with recordings"
+LEARNED = (
+    "at what reward taught, with 95 % intervals (criterion: nats of OUT; cost: readings; regret, "
+    "above_test: %)"
+)
 
 
 @like(from_taps.touch, "trials", "folds", "seed")
@@ -105,9 +109,9 @@ def touch(
         partial.write_text(from_taps.page(touched, title, made), encoding="utf-8")
     for remark in touched.remarks:
         output.note(f"warning: {remark}")
-    text = touched.summary().to_string(index=False, header=False, float_format="{:.3f}".format)
+    text = touched.summary().to_string(index=False, header=False, float_format="{:.4g}".format)
     if len(touched.learned):
-        text += f"\nat what reward taught\n{touched.learned_summary().to_string(index=False)}"
+        text += f"\n{LEARNED}\n{touched.learned_summary().to_string(index=False)}"
     output.show(f"{title}\n{text}\n-> {folder / 'index.html'}", touched.summary())
     folders = {"recordings": recordings, "held_out": held_out, "mm_per_px": mm_per_px}
     source: dict[str, Any] = given if grating else folders

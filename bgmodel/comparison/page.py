@@ -150,7 +150,7 @@ def page(table: pd.DataFrame) -> str:
     return "\n".join([text, *map(_wrapped, foot)])
 
 
-WIDTHS = (22, 11, 24, 0)
+WIDTHS = (24, 11, 24, 0)
 """Widths of the columns of ``SHOWN``."""
 
 

@@ -191,9 +191,10 @@ class ModelComparison(Facts):
         trials = len(self.scores[self.best].predicted.each)
         head = (
             f"{trials} trials of {len(self.people)} participants, predicted by {self.method}. "
-            f"Differences of less than {UNCERTAIN:g} standard errors decide nothing."
+            f"Scores are in nats; differences of less than {UNCERTAIN:g} standard errors decide "
+            "nothing."
         )
-        return f"{head}\n{self.table.round(2).to_string()}"
+        return f"{head}\n{self.table.dropna(axis=1, how='all').round(2).to_string()}"
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return the table with the names of models as a column."""

@@ -12,6 +12,7 @@ import pandas as pd
 
 from bgmodel.fitting.cautions import finer
 from bgmodel.fitting.hierarchy.group_fit import GroupFit
+from bgmodel.fitting.hierarchy.labels import legend
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.model_comparison import ModelComparison
 from bgmodel.fitting.parameters import told_priors
@@ -214,9 +215,11 @@ class GroupFits(Facts):
         return Readable(table).with_note(self.notes())
 
     def notes(self) -> str:
-        """Return effects of predictors, priors and correlations as text."""
+        """Return effects of predictors, a legend, priors and correlations as text."""
         effects = self.effects()
         notes = [] if effects.empty else [effects.round(4).to_string(index=False)]
+        every = [name for fit in self.fits.values() for name in fit.parameters]
+        notes.append(legend(every, signed=not effects.empty))
         notes += [f"{name}, {fit.notes()}" for name, fit in self.fits.items() if fit.notes()]
         return "\n\n".join(notes)
 

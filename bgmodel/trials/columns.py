@@ -46,7 +46,7 @@ PERSON = re.compile(
 """Pattern of names of columns that may hold participants."""
 TIME = re.compile(
     r"(.*[ _.-])?(rts?|reaction|responsetimes?|latency|latencies|times?)"
-    r"([ _.-]?(time|s|ms|sec|msec))?"
+    r"([ _.-]?[(\[]?(time|s|ms|sec|msec)[)\]]?)?"
 )
 """Pattern of names of columns that may hold response times."""
 
@@ -161,8 +161,12 @@ def with_index(table: pd.DataFrame) -> pd.DataFrame:
 
 def with_times(table: pd.DataFrame) -> tuple[pd.DataFrame, bool]:
     """Return a table with a column rt, empty if it was absent, and whether it has times."""
-    if "rt" not in table and not any(TIME.fullmatch(str(name).strip().lower()) for name in table):
-        DataWarning.warn("there is no column rt: these trials are read as choices without times")
+    timed = any(TIME.fullmatch(str(name).strip().lower()) for name in table)
+    if "response" in table and "rt" not in table and not timed:
+        DataWarning.warn(
+            "there is no column rt: these trials are read as choices without times; if a column "
+            "holds times, name it: Columns(rt=...), at the terminal --columns rt=..."
+        )
         table = table.assign(rt=np.nan)
     return table, list(table).count("rt") != 1 or not _is_missing(table["rt"]).all()
 

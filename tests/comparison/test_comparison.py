@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bgmodel import BasalGanglia, compare, gaussian_evidence, stream
-from bgmodel.comparison.page import NOT_REACHED, verdicts
+from bgmodel.comparison.page import NOT_REACHED, SHOWN, page, verdicts
 from bgmodel.comparison.pairs import NearInTime, Product, SameChoice, by_chance, side_by_side
 from bgmodel.comparison.thresholds import GAINS, fastest_gain
 from bgmodel.deciding.tradeoff import ChoicesAndTimes
@@ -55,6 +55,13 @@ def test_a_comparison_is_a_short_table_a_long_one_and_a_picture():
     assert (curves["low"] <= curves["accuracy"] + 1e-9).all()
     assert (curves["high"] >= curves["accuracy"] - 1e-9).all()
     plt.close(figure)
+
+
+def test_columns_of_a_page_are_apart_also_where_numbers_are_negative():
+    numbers = {"accuracy": 0.9, "value": -0.011, "low": -0.03, "high": -0.002, "model": "a"}
+    shown = page(pd.DataFrame([numbers | {"measure": name} for name in SHOWN]))
+    assert shown.count("-0.011 [-0.030, -0.002] ") == 2
+    assert "]-" not in shown
 
 
 def test_an_unknown_baseline_and_a_circuit_of_other_channels_are_refused():

@@ -118,6 +118,7 @@ def test_one_person_under_two_names_is_doubted(kind):
 def test_names_of_columns_are_those_of_this_package_or_named(kind):
     for names, says in (
         ({"rt": "rt_ms"}, "rt there is no column rt; there are participant_id, rt_ms"),
+        ({"rt": "RT [ms]"}, r"rt there is no column rt; there are participant_id, RT \[ms\]"),
         ({"rt": "RT"}, "rt column 'RT' is not 'rt'"),
         ({"participant_id": "subject"}, "participant 'subject' seems to hold participants"),
         (

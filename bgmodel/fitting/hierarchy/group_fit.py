@@ -23,7 +23,7 @@ from bgmodel.fitting.hierarchy.chains import (
     sampled,
 )
 from bgmodel.fitting.hierarchy.group import ALIKE, Predictors, Scale, priors_of
-from bgmodel.fitting.hierarchy.labels import draw_group, labelled, pooled, write
+from bgmodel.fitting.hierarchy.labels import draw_group, labelled, legend, pooled, write
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.misfit import GroupMisfit, group_misfit
@@ -182,7 +182,8 @@ class GroupFit(Facts):
             "effective_sample_size": effective.min(axis=0),
         }
         index = pd.Index(self.parameters, name="parameter")
-        return Readable(columns, index=index).with_note(self.notes())
+        notes = filter(None, (legend(self.parameters), self.notes()))
+        return Readable(columns, index=index).with_note("\n".join(notes))
 
     def notes(self) -> str:
         """Return priors and correlations as text."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from textwrap import fill
@@ -166,6 +166,14 @@ WIDTH = 32
 """Characters in a line of a panel's title."""
 LABELS = {"sensitivity": "sensitivity (1/√s)", "bound": "bound (√s)"}
 """Names of parameters with units; other names contain theirs."""
+
+
+def legend(parameters: Iterable[str], *, signed: bool = False) -> str:
+    """Return how to read a table of a group, and if ``signed`` also its column above_zero."""
+    named = {name.partition("[")[0] for name in parameters}
+    units = [label for name, label in LABELS.items() if name in named]
+    read = ["low to high: 90 % of the posterior", *(["above_zero: a probability"] * signed)]
+    return "; ".join([*read, *units])
 
 
 @styled

@@ -9,7 +9,7 @@ import xarray
 
 from bgmodel.fit_trials import fit
 from bgmodel.fitting.algorithms import GapModel
-from bgmodel.fitting.hierarchy.labels import MOST_DRAWS, draw_group, new_trials, pooled
+from bgmodel.fitting.hierarchy.labels import MOST_DRAWS, draw_group, legend, new_trials, pooled
 from bgmodel.fitting.person_fit import cells_of
 from bgmodel.fitting.responses import moments
 from circuits.errors import FitWarning
@@ -105,6 +105,13 @@ def test_conditions_share_their_axis_and_order_and_coefficients_do_not():
     assert axes[0].get_xlim() == axes[1].get_xlim()
     assert axes[2].get_xlim() != axes[3].get_xlim()
     assert [ax.get_title(loc="left") for ax in axes[:2]] == ["speed=no", "speed=yes"]
+
+
+def test_a_legend_has_the_units_of_parameters_that_are_there():
+    read = "low to high: 90 % of the posterior"
+    assert legend(["t0_s"]) == read
+    units = legend(["bound[speed=no]", "t0_s", "bound by group"], signed=True)
+    assert units == f"{read}; above_zero: a probability; bound (√s)"
 
 
 def test_there_is_a_panel_for_each_parameter_with_everyone_in_it(group):
