@@ -191,6 +191,9 @@ def test_a_row_decides_as_the_single_run_does(base, point, tmp_path):
         ),
         (["rebound SNr 0.5"], {"rebound  SNr": (0.2,)}, ["rebound SNr 0.2"]),
         (["dopamine 0.9"], {" dopamine": (1.1,)}, ["dopamine 1.1"]),
+        # Two courses of one nucleus are two edits.
+        ([], {"add D2[0] to_ms=300 amount": (0.1,), "add D2[0] from_ms=400 amount": (0.2,)},
+         ["add D2[0] to_ms=300 amount=0.1", "add D2[0] from_ms=400 amount=0.2"]),
         # An edit by itself is made or not.
         (["lesion STN 10%", "compensate"], {"compensate": (False,)}, ["lesion STN 10%"]),
         (["lesion STN 10%"], {"compensate": (True,)}, ["lesion STN 10%", "compensate"]),
@@ -213,20 +216,17 @@ def test_a_point_replaces_the_same_edit_in_any_spelling(edits, grid, rows):
 
 
 @pytest.mark.parametrize(
-    "wrong",
+    ("wrong", "says"),
     [
-        {"grid": {"lesion STN": (0.1,), " lesion STN": (0.2,)}},
-        {"grid": {"posterior": (0.7,), "posterior ": (0.8,)}},
-        {"grid": {"lesion STN": (0.1, 0.2, 0.1)}},
-        {"points": ({"lesion STN": 0.1}, {"lesion STN": 0.1})},
+        ({"grid": {"lesion STN": (0.1,), " lesion STN": (0.2,)}}, "each key may be given once"),
+        ({"grid": {"posterior": (0.7,), "posterior ": (0.8,)}}, "each key may be given once"),
+        ({"grid": {"lesion STN": (0.1, 0.2, 0.1)}}, "each value may be given once"),
+        ({"points": ({"lesion STN": 0.1}, {"lesion STN": 0.1})}, "each point may be given once"),
+        ({"grid": {"lesion STN": (0.1, "10%")}}, "are the same point"),
+        ({"grid": {"lesion STN": (0.1, "0.10")}}, "are the same point"),
+        ({"points": ({"lesion STN": 0.1}, {"lesion STN": "10 %"})}, "are the same point"),
     ],
 )
-def test_a_key_a_value_or_a_point_that_is_there_twice_is_refused(wrong):
-    with pytest.raises(ValueError, match="may be given once"):
-        Plan(**wrong)
-
-
-def test_two_courses_of_one_nucleus_may_both_be_named():
-    early, late = "add D2[0] to_ms=300 amount", "add D2[0] from_ms=400 amount"
-    (read,) = Plan(grid={early: (0.1,), late: (0.2,)}).all_points()
-    assert read.edited == load_circuit("macaque").edited(f"{early}=0.1", f"{late}=0.2")
+def test_a_key_a_value_or_a_point_that_is_there_twice_is_refused(wrong, says):
+    with pytest.raises(ValueError, match=says):
+        Plan(**wrong).all_points()

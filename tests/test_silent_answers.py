@@ -14,10 +14,8 @@ from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.sides import check_sides
 from bgmodel.support.files import write_table
-from bgmodel.sweeps.plan import Plan
 from bgmodel.tactile.source import load_taps, source
 from bgmodel.tactile.task import EdgeDirection
-from bgmodel.task import Gaussian
 from bgmodel.trials.evidence_table import read_evidence_table, trials_from_table
 from bgmodel.trials.given import EvidenceTable, trials_of
 from bgmodel.trials.reader import Columns, read_trials
@@ -225,17 +223,6 @@ def test_a_course_after_the_trials_is_doubted():
         run(late, drive, engine="rate", step_ms=50)
     assert not told(bg.BasalGanglia(soon, "rate").run, readings)
     assert not told(run, soon, drive, engine="rate", step_ms=50)
-
-
-def test_points_of_a_sweep_differ():
-    plan = {"name": "x", "task": Gaussian(trials=100)}
-    for values in ((0.1, "10%"), (0.1, "0.10")):
-        with refused("points are the same point"):
-            Plan(grid={"lesion STN": values}, **plan).all_points()
-    with refused("points are the same point"):
-        points = ({"lesion STN": 0.1, "dopamine": 0.9}, {"lesion STN": "10 %", "dopamine": 0.9})
-        Plan(points=points, **plan).all_points()
-    assert len(Plan(grid={"lesion STN": (0.1, 0.2)}, **plan).all_points()) == 2
 
 
 @pytest.mark.parametrize("share", [0.05, 0.3, 0.6])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.deciding.decision import any_crossing, crossing_of_each
 from bgmodel.deciding.reward import tally
-from tests.helpers import refused, refusing, some_evidence
+from tests.helpers import refusing, some_evidence
 
 
 def plain_crossing(out, thresholds, first):
@@ -49,14 +49,20 @@ def test_one_pass_over_thresholds_equals_a_plain_loop(seed, ticks, channels, cou
             assert decision.forced[k, n] == (tick < 0)
             assert decision.time_ms[k, n] == (tick if tick >= 0 else ends[n] - 1) - onset
             assert decision.premature[k, n] == (0 <= tick <= onset)
+            assert decision.deadline_ms[n] == ends[n] - 1 - onset
             assert free.choice[k, n] == (decision.choice[k, n] if tick >= 0 else -1)
+            assert np.isnan(free.time_ms[k, n]) == (tick < 0)
 
 
-def test_tally_and_each_agree_with_first_crossing():
-    evidence = some_evidence()
+def test_tally_and_each_agree_with_first_crossing_and_tallies_of_two_halves_pool():
+    """In a table of unequal lengths, where each trial ends at its own last reading."""
+    full, thresholds = some_evidence(steps=12), np.linspace(0.02, 1.0, 9)
+    lengths = stream(3, "lengths").integers(1, 13, full.trials)
+    values = full.log_likelihood * (np.arange(12) < lengths[:, None])[..., None]
+    evidence = Evidence(values, full.truth, lengths=lengths)
     trace = Msprt().run(evidence)
-    thresholds = np.linspace(0.02, 1.0, 9)
     decision = first_crossing(trace, thresholds)
+    assert decision.deadline_ms.tolist() == lengths.tolist()
     counts = tally(trace, evidence.truth, thresholds)
     assert counts.correct.tolist() == (decision.choice == evidence.truth).sum(axis=1).tolist()
     assert counts.steps == pytest.approx(decision.steps.sum(axis=1))
@@ -66,6 +72,13 @@ def test_tally_and_each_agree_with_first_crossing():
     rows = np.arange(evidence.trials) % 9, np.arange(evidence.trials)
     assert (each.choice == decision.choice[rows]).all()
     assert (each.time_ms == decision.time_ms[rows]).all()
+    first, second = evidence[:150], evidence[150:]
+    pooled = tally(Msprt().run(first), first.truth, thresholds)
+    pooled += tally(Msprt().run(second), second.truth, thresholds)
+    assert pooled.trials == counts.trials
+    assert pooled.correct.tolist() == counts.correct.tolist()
+    assert pooled.forced.tolist() == counts.forced.tolist()
+    assert pooled.steps == pytest.approx(counts.steps)
 
 
 @pytest.mark.parametrize("hypotheses", [2, 3, 5])
@@ -119,27 +132,6 @@ def test_ties_are_drawn_by_the_published_hash_of_the_trials_number():
             assert choice == want
 
 
-def test_a_trial_ends_at_its_own_last_reading():
-    """In a table of unequal lengths each trial is decided as if it were alone."""
-    full = some_evidence(steps=12)
-    lengths = stream(3, "lengths").integers(1, 13, full.trials)
-    values = full.log_likelihood * (np.arange(12) < lengths[:, None])[..., None]
-    ragged = Evidence(values, full.truth, lengths=lengths)
-    for forced in (True, False):
-        decision = first_crossing(Msprt().run(ragged), 0.2, forced=forced)
-        for n in range(full.trials):
-            alone = Evidence(values[n : n + 1, : lengths[n]], numbers=np.array([n]))
-            one = first_crossing(Msprt().run(alone), 0.2, forced=forced)
-            assert one.choice[0] == decision.choice[n]
-            assert one.forced[0] == decision.forced[n]
-            assert np.array_equal(one.time_ms[0], decision.time_ms[n], equal_nan=True)
-            assert one.deadline_ms[0] == decision.deadline_ms[n] == lengths[n]
-    counts = tally(Msprt().run(ragged), full.truth, np.array([0.2]))
-    decision = first_crossing(Msprt().run(ragged), 0.2)
-    assert counts.steps[0] == pytest.approx(decision.steps.sum())
-    assert counts.forced[0] == decision.forced.sum() > 0
-
-
 def test_a_prior_beyond_its_threshold_is_a_premature_response():
     evidence = some_evidence(hypotheses=2, prior=[0.2, 0.8], onset_ms=100.0, step_ms=50.0)
     eager = first_crossing(Msprt().run(evidence), -np.log(0.7), checked=False)
@@ -172,18 +164,6 @@ test_thresholds_without_sense_are_refused = refusing(
 )
 
 
-@pytest.mark.parametrize("shape", [(2, 3), (0, 3, 2), (2, 0, 2), (2, 3, 0)])
-def test_an_output_that_is_no_trials_of_ticks_of_channels_is_refused(shape):
-    trace = Trace(np.ones(shape), np.arange(3.0))
-    for decide in (
-        lambda: first_crossing(trace, 0.5),
-        lambda: crossing_of_each(trace, np.ones(shape[0])),
-        lambda: tally(trace, np.zeros(shape[0], int), [0.5]),
-    ):
-        with refused(r"out_nats \(trials, ticks, hypotheses\)"):
-            decide()
-
-
 def test_more_hypotheses_than_a_byte_holds_are_told_apart():
     out = np.ones((1, 2, 200))
     out[0, 1, 190] = -1
@@ -205,15 +185,3 @@ def test_without_evidence_only_an_output_below_the_threshold_is_a_response():
     out = np.array([[[0.5, 0.7], [0.4, 0.7]], [[0.5, 0.7], [0.3, 0.7]], [[0.9, 0.2], [0.9, 0.9]]])
     assert any_crossing(out, 0.4).tolist() == [False, True, True]
     assert any_crossing(out[:, :1], 0.4).tolist() == [False, False, True]
-
-
-def test_tallies_of_two_halves_pool_to_that_of_all_trials():
-    evidence = some_evidence()
-    thresholds = np.linspace(0.02, 1.0, 5)
-    halves = [evidence[: evidence.trials // 2], evidence[evidence.trials // 2 :]]
-    first, second = (tally(Msprt().run(half), half.truth, thresholds) for half in halves)
-    pooled, every = first + second, tally(Msprt().run(evidence), evidence.truth, thresholds)
-    assert pooled.trials == every.trials
-    assert pooled.correct.tolist() == every.correct.tolist()
-    assert pooled.forced.tolist() == every.forced.tolist()
-    assert pooled.steps == pytest.approx(every.steps)

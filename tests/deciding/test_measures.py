@@ -1,13 +1,17 @@
-"""Measures of behaviour against their oracles: weights and EZ diffusion."""
+"""Measures of behaviour against their oracles: weights, EZ diffusion, reward, calibration."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bgmodel import stream
+from bgmodel import Sprt, first_crossing, stream
+from bgmodel.deciding.calibration import against_evidence
 from bgmodel.deciding.measures import DIFFUSION_S, OF_DIFFUSION, ez_diffusion, mean, median
-from tests.helpers import behaving
+from bgmodel.deciding.reward import reward, reward_of
+from bgmodel.simulated_evidence import separated_evidence
+from tests.helpers import behaving, refused
+from tests.learning.helpers import SEPARATION, T_MAX
 
 
 @given(st.integers(0, 2**31), st.integers(1, 12))
@@ -121,3 +125,34 @@ def test_all_trials_count_with_what_missed_ones_can_make_of_them(seed, missed):
     np.testing.assert_allclose(values["accuracy_best"], weights @ (right | ~decided) / total)
     np.testing.assert_allclose(values["mean_all_ms"], weights @ times / total)
     np.testing.assert_allclose(values["accuracy_best"] - values["accuracy_all"], values["missed"])
+
+
+def test_the_reward_is_that_of_the_paper():
+    evidence = separated_evidence(200, T_MAX, SEPARATION, rng=stream(1, "reward"))
+    trace = Sprt().run(evidence)
+    decision = first_crossing(trace, float(Sprt.threshold(3.0)))
+    wrong = decision.choice != evidence.truth
+    assert reward(decision, evidence.truth, 7.0) == pytest.approx(-7.0 * wrong - decision.steps)
+    free = first_crossing(trace, -1e9, forced=False)
+    assert reward(free, evidence.truth, 7.0) == pytest.approx(np.full(200, -7.0 - T_MAX))
+
+
+def test_an_error_may_cost_less_than_a_reading_but_not_nothing():
+    assert reward_of([False, True], [2.0, 3.0], 0.5).tolist() == [-2.0, -3.5]
+    for xi in (0.0, -1.0, np.nan, np.inf):
+        with refused("xi"):
+            reward_of(True, 1.0, xi)
+
+
+@pytest.mark.parametrize("hypotheses", [2, 5])
+def test_choices_at_random_are_not_against_the_evidence_and_those_of_the_least_likely_are(
+    hypotheses,
+):
+    rng = stream(7, "choices")
+    posterior = rng.dirichlet(np.ones(hypotheses), size=(2000, 200))
+    warned = [bool(against_evidence(one[:, 0], hypotheses)) for one in posterior]
+    assert np.mean(warned) <= 0.005
+    assert against_evidence(posterior[0].min(axis=1), hypotheses)
+    assert not against_evidence(posterior[0].max(axis=1), hypotheses)
+    assert not against_evidence(np.full(100, 1 / hypotheses), hypotheses)
+    assert not against_evidence(posterior[0, :19].min(axis=1), hypotheses)

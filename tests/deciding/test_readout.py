@@ -1,6 +1,7 @@
 """What the terminal refuses or warns of is refused or warned of in Python, once per call."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -214,8 +215,10 @@ BROKEN = {
     "no step": {"step_ms": 0.0},
     "a step in words": {"step_ms": "50"},
     "OUT of one trial": {"out_nats": np.ones((41, 2))},
+    "OUT of no trial": {"out_nats": np.ones((0, 41, 2))},
+    "OUT of no tick": {"out_nats": np.ones((60, 0, 2))},
+    "OUT of no channel": {"out_nats": np.ones((60, 41, 0))},
     "OUT in words": {"out_nats": "low"},
-    "OUT that is not known": {"out_nats": np.full((60, 41, 2), np.nan)},
 }
 
 
@@ -223,8 +226,9 @@ BROKEN = {
 @pytest.mark.parametrize("broken", BROKEN.values(), ids=BROKEN)
 def test_nothing_is_read_where_a_trace_has_nothing(decide, broken):
     """Compiled loops check no bounds: what does not fit never reaches them."""
-    with pytest.raises(InputError):
+    with pytest.raises(InputError) as caught:
         decide(replace(TRACES["MSPRT"], **broken), 0.3)
+    assert caught.value.field in broken
     for odd in (EVIDENCE, TRACES["MSPRT"].out_nats, None):
         with refused("trace"):
             decide(odd, 0.3)
@@ -247,9 +251,10 @@ def test_a_trial_that_was_dropped_is_not_decided_below_its_drop():
     assert np.array_equal(
         above.choice, first_crossing(replace(model, engine="rate").run(EVIDENCE), 0.35).choice
     )
-    for decide in DECIDERS.values():
+    unknown = replace(trace, out_nats=np.full_like(trace.out_nats, np.nan))
+    for decide, dropped in product(DECIDERS.values(), (trace, unknown)):
         with refused("thresholds trials is NaN at their end"):
-            decide(trace, 0.1)
+            decide(dropped, 0.1)
 
 
 def test_a_circuit_decides_in_python_what_it_decides_at_the_terminal(tmp_path):

@@ -20,7 +20,7 @@ from bgmodel.integrators.baselines import (
     baselines_on,
 )
 from bgmodel.simulated_evidence import separated_evidence
-from tests.helpers import refused
+from tests.helpers import refusing
 
 
 def drawn(trials=300, steps=20, hypotheses=4, separation=0.5, seed=1):
@@ -103,13 +103,11 @@ def test_a_linear_gpe_solves_its_equation(gain, slope):
     np.testing.assert_allclose(slope * sigma[:, :, 0] + np.log(sigma[:, :, 0]), s, atol=1e-9)
 
 
-def test_bad_constants_are_refused():
-    with refused("leak_hz"):
-        Lca(leak_hz=-1)
-    with refused("inhibition_hz"):
-        Lca(inhibition_hz=np.nan)
-    with refused("slope"):
-        LinearGpe(slope=0)
+test_bad_constants_are_refused = refusing(
+    (lambda: Lca(leak_hz=-1), "leak_hz"),
+    (lambda: Lca(inhibition_hz=np.nan), "inhibition_hz"),
+    (lambda: LinearGpe(slope=0), "slope"),
+)
 
 
 def test_decision_times_are_those_that_bogacz_and_gurney_print():

@@ -1,14 +1,37 @@
-"""Shifts of OUT by lesions, at the fixed point and in spikes."""
+"""Shifts of OUT by edits, at the fixed point and in spikes, and the decoder of its input."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from bgmodel.integrators.steady import leader_drive, leader_out, out_shift
+from bgmodel import Evidence, Msprt
+from bgmodel.integrators.at_thresholds import decoded_input
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.integrators.steady import leader_drive, leader_out, out_shift, steady_out
 from circuits.anatomy import load_circuit
-from tests.integrators.helpers import shifts
+from circuits.engines import Spikes
 
 SEED, GAIN = 51, 0.5
 TABLE = load_circuit("spiking_msprt", 4)
+LAWS = {"exact": "table", "own_laws": "cells", "finite": "finite"}
+
+
+def shifts(circuit, edited, log_odds, *, seed, trials):
+    """Return the shift of OUT by each edit, nats, one row per edit and log odds.
+
+    Measured in spikes (``value``, with the standard error ``se`` of trials paired by their noise),
+    and that of the fixed point: algebraic (``exact``), with the cells' f-I laws (``own_laws``), and
+    also with the noise of their finite number (``finite``).
+    """
+    out = np.log1p((circuit.channels - 1) * np.exp(-np.asarray(log_odds)))
+    before = steady_out(circuit, log_odds, seed=seed, trials=trials)
+    parts = []
+    for name, table in edited.items():
+        shift = steady_out(table, log_odds, seed=seed, trials=trials) - before
+        theory = {law: out_shift(circuit, table, out, laws=laws) for law, laws in LAWS.items()}
+        measured = {"value": shift.mean(axis=1), "se": shift.std(axis=1, ddof=1) / trials**0.5}
+        parts.append(pd.DataFrame({"variant": name, **measured, **theory}))
+    return pd.concat(parts, ignore_index=True)
 
 
 @pytest.mark.parametrize("name", ["bogacz_gurney", "appendix_b", "spiking_msprt"])
@@ -48,3 +71,14 @@ def test_a_leader_is_ahead_of_each_other_channel_by_its_log_odds(channels):
     assert np.abs(drive.sum(axis=1)).max() < 1e-12
     out_nats = leader_out(load_circuit("bogacz_gurney", channels), odds)
     np.testing.assert_allclose(out_nats, np.log1p((channels - 1) * np.exp(-odds)), atol=1e-9)
+
+
+def test_the_decoder_of_a_steady_input_is_the_test():
+    """Its OUT is -ln softmax of the decoded cortical activity, within the counting error."""
+    steady = Evidence(np.zeros((40, 20, 4)), step_ms=50.0)
+    steady.log_likelihood[:, 0, 0] = 3.0
+    model = BasalGanglia(load_circuit("spiking_msprt", 4), Spikes(workers=2), GAIN, 51)
+    activity = model.activity(steady)
+    out = decoded_input(activity, model.trace(activity, steady), tau_ms=100.0).out_nats[:, -200:, 0]
+    wanted = Msprt(GAIN).run(steady).out_nats[0, -1, 0]
+    assert out.mean() == pytest.approx(wanted, abs=0.03)

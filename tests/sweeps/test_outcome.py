@@ -71,6 +71,8 @@ def test_a_point_that_could_not_run_is_there_without_numbers(tmp_path, monkeypat
     plan, table = swept(tmp_path, grid={"lesion STN": (0.5, 1.0)})
     assert table["value"].isna().all()
     assert set(table["remark"]) == {"rates run away"}
+    states = [shards.state(s, tmp_path) for each in plan.all_points() for s in each.shards()]
+    assert states == ["done", "done"]
     outcome.draw(plan, table)
 
 

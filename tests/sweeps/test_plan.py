@@ -1,5 +1,6 @@
 """The file of a sweep: keys, points, and the names of shards."""
 
+from contextlib import nullcontext
 from dataclasses import fields, replace
 
 import numpy as np
@@ -55,30 +56,24 @@ def test_a_sweep_and_an_experiment_have_the_same_defaults():
         ("points = [{}]", "all points must name the same keys, one or more"),
         ("colour = 1\ngrid = {'lesion STN' = [0.1]}", "no key 'colour'; there are circuit"),
         ("show = ['speed']\ngrid = {'lesion STN' = [0.1]}", "show must name accuracy, .*'speed'"),
+        # Points.
+        ("grid = {STN = [0.1]}", "the point STN = 0.1: there is no 'STN' .*; there are circuit"),
+        (
+            "grid = {'lesion STNN' = [0.1]}",
+            "the point lesion STNN = 0.1: .*macaque has no .*'STNN'",
+        ),
+        ("grid = {'task.dprime' = [1]}", "there is no key 'task.dprime'.*; there are .*d_prime"),
+        ("grid = {'task.d_prime' = ['a']}", "task.d_prime should be a valid number, got 'a'"),
+        ("grid = {'lesion STN' = [0.1, 1.5]}", r"'lesion STN 1.5': a fraction is within 0..1"),
+        ("grid = {posterior = [0.4]}", "posterior must lie between chance, 0.5"),
+        ("grid = {engine = ['foo']}", "engine must be one of algebra, .*, got 'foo'"),
+        ("grid = {circuit = ['gpr']}", "gpr works in salience, not nats"),
+        ("grid = {'task.evidence' = ['no.csv']}", "there is no table"),
     ],
 )
-def test_a_file_that_makes_no_sense_is_one_sentence(tmp_path, text, says):
+def test_a_file_or_a_point_that_makes_no_sense_is_one_sentence(tmp_path, text, says):
     with pytest.raises(ValueError, match=says):
-        plan(tmp_path, text)
-
-
-@pytest.mark.parametrize(
-    ("grid", "says"),
-    [
-        ("STN = [0.1]", "the point STN = 0.1: there is no 'STN' to change; there are circuit"),
-        ("'lesion STNN' = [0.1]", "the point lesion STNN = 0.1: .*macaque has no nucleus 'STNN'"),
-        ("'task.dprime' = [1]", "there is no key 'task.dprime'.*; there are .*d_prime"),
-        ("'task.d_prime' = ['a']", "task.d_prime should be a valid number, got 'a'"),
-        ("'lesion STN' = [0.1, 1.5]", r"'lesion STN 1.5': a fraction is within 0..1"),
-        ("posterior = [0.4]", "posterior must lie between chance, 0.5"),
-        ("engine = ['foo']", "engine must be one of algebra, .*, got 'foo'"),
-        ("circuit = ['gpr']", "gpr works in salience, not nats"),
-        ("'task.evidence' = ['no.csv']", "there is no table"),
-    ],
-)
-def test_a_point_that_makes_no_sense_is_named(tmp_path, grid, says):
-    with pytest.raises(ValueError, match=says):
-        points(tmp_path, f"[grid]\n{grid}")
+        points(tmp_path, text)
 
 
 class Started(Exception):
@@ -180,15 +175,11 @@ def test_a_circuit_of_ones_own_is_read_beside_the_file_wherever_one_stands(tmp_p
         points(tmp_path, "[grid]\n'lesion TRN' = [0.1]\ncircuit = ['mine.toml']")
 
 
-@pytest.mark.parametrize("truth", [True, False])
-def test_a_table_without_the_truth_is_refused_before_anything_runs(tmp_path, truth):
-    long_table(some_evidence(trials=30), truth).to_csv(tmp_path / "own.csv", index=False)
-    text = "[grid]\n'task.evidence' = ['own.csv']"
-    if truth:
-        assert len(points(tmp_path, text)) == 1
-        return
-    with refused(r"truth own\.csv"):
-        points(tmp_path, text)
+def test_a_table_without_the_truth_is_refused_before_anything_runs(tmp_path):
+    for truth in (True, False):
+        long_table(some_evidence(trials=30), truth).to_csv(tmp_path / "own.csv", index=False)
+        with nullcontext() if truth else refused(r"truth own\.csv"):
+            points(tmp_path, "grid = {'task.evidence' = ['own.csv']}")
 
 
 def test_readings_and_alternatives_of_what_is_drawn_are_those_of_the_task():

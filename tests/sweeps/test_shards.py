@@ -46,19 +46,6 @@ def test_the_same_shard_is_the_same_bytes_and_is_done(tmp_path):
     assert stored.state(shard, tmp_path / "a") == "damaged"
 
 
-def test_a_circuit_that_cannot_run_is_an_outcome_with_its_reason(tmp_path, monkeypatch):
-    setting = one_setting()
-    (shard,) = setting.shards()
-
-    def refused(*_):
-        raise ValueError("rates run away")
-
-    monkeypatch.setattr(stored, "_decided", refused)
-    stored.compute(shard, tmp_path)
-    assert stored.state(shard, tmp_path) == "done"
-    assert stored.read(setting, tmp_path) == (None, "rates run away")
-
-
 @pytest.mark.parametrize("error", [KeyError("ours"), NoMemoryError("1 TB of memory", "trials")])
 def test_a_fault_of_ours_and_a_machine_short_of_memory_are_no_outcome(tmp_path, monkeypatch, error):
     (shard,) = one_setting().shards()

@@ -8,7 +8,7 @@ from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.seeds import stream
 from circuits import anatomy
 from tests.circuits.helpers import run_spikes
-from tests.integrators.helpers import shifts
+from tests.integrators.test_steady import shifts
 
 pytestmark = pytest.mark.validate
 
