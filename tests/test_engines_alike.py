@@ -14,7 +14,7 @@ from circuits.declaration.rows import Projection
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock
 from circuits.engines import ENGINES, engine_of, run
-from tests.helpers import refused
+from tests.helpers import refusing
 
 SEED = 11
 NOISY = [name for name, kind in ENGINES.items() if kind().noisy]
@@ -255,21 +255,16 @@ def test_rates_under_courses_are_alike(circuit):
         npt.assert_allclose(all_of(circuit, drive, engine).output_nats, out, atol=0.02)
 
 
-@pytest.mark.parametrize(
-    ("engine", "options", "field"),
-    [
-        *((name, {"drive": CENTRED[:, None, :2]}, "drive") for name in ENGINES),
-        *((name, {"step_ms": x}, "step_ms") for name in ENGINES for x in NO_STEP),
-        *((name, {"seed": -1}, "seed") for name in TIMED),
-        *((name, {"seed": None}, "seed") for name in NOISY),
-        *((name, {"settle_ms": 0.05}, "settle_ms") for name in ENGINES),
-        *((name, {"workers": 0}, "workers") for name in ENGINES),
-        *((name, {"step_ms": 0.25}, "step_ms") for name in SPIKING),
-        *((name, {"spikes": ("X",)}, "nucleus") for name in SPIKING),
-        *((name, {"spikes": ("common",)}, "common") for name in SPIKING),
-        *((name, {"spikes": ("STN",)}, "spikes") for name in ENGINES if name not in SPIKING),
-    ],
+test_an_option_that_does_not_fit_is_refused_before_the_run = refusing(
+    *(({"engine": name, "drive": CENTRED[:, None, :2]}, "drive") for name in ENGINES),
+    *(({"engine": name, "step_ms": x}, "step_ms") for name in ENGINES for x in NO_STEP),
+    *(({"engine": name, "seed": -1}, "seed") for name in TIMED),
+    *(({"engine": name, "seed": None}, "seed") for name in NOISY),
+    *(({"engine": name, "settle_ms": 0.05}, "settle_ms") for name in ENGINES),
+    *(({"engine": name, "workers": 0}, "workers") for name in ENGINES),
+    *(({"engine": name, "step_ms": 0.25}, "step_ms") for name in SPIKING),
+    *(({"engine": name, "spikes": ("X",)}, "nucleus") for name in SPIKING),
+    *(({"engine": name, "spikes": ("common",)}, "common") for name in SPIKING),
+    *(({"engine": name, "spikes": ("STN",)}, "spikes") for name in ENGINES if name not in SPIKING),
+    of=lambda options: all_of(TABLE, **{"drive": CENTRED[:, None]} | options),
 )
-def test_an_option_that_does_not_fit_is_refused_before_the_run(engine, options, field):
-    with refused(field):
-        all_of(TABLE, **{"drive": CENTRED[:, None], "engine": engine} | options)

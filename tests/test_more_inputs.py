@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from circuits import anatomy
+from circuits.declaration.table_writer import digest, write
 from circuits.engines import run
 
 BASE = anatomy.macaque(2).with_neurons(30)
@@ -57,10 +58,7 @@ def test_of_several_inputs_each_has_its_own_column(engine):
 
 
 def test_every_column_keeps_its_place_in_the_file_and_the_hash(tmp_path):
-    from circuits.anatomy import load_circuit
-    from circuits.declaration.table_writer import digest, write
-
     table = BASE.with_inputs("STN", "GPe[1]")
-    restored = load_circuit(write(table, tmp_path / "one.toml"), 2)
+    restored = anatomy.load_circuit(write(table, tmp_path / "one.toml"), 2)
     assert replace(restored, name=table.name) == table
     assert digest(table) != digest(BASE) == digest(table.with_inputs())

@@ -199,6 +199,9 @@ def test_one_more_is_refused_with_the_number(name, tmp_path, monkeypatch, capsys
 
 def test_what_needs_nats_is_refused_without_them():
     circuit = load_circuit("gpr")
+    model = BasalGanglia(circuit, "rate", 0.1)
+    evidence = separated_evidence(2, 3, 0.5, rng=stream(1, "saliences"), step_ms=50.0)
+    activity = model.activity(evidence)
     for call in (
         lambda: total_nats(circuit, np.zeros((1, 2))),
         lambda: out_shift(circuit, circuit, [0.1]),
@@ -209,6 +212,7 @@ def test_what_needs_nats_is_refused_without_them():
         lambda: dopamine.working_range(circuit, 0.1),
         lambda: dopamine.stopping_posterior(circuit, 1.0, 0.1, 1.0),
         lambda: dopamine.usable_range(BasalGanglia(circuit, "algebra", 1.0), 0.1),
+        lambda: decoded_input(activity, model.trace(activity, evidence)),
     ):
         with pytest.raises(ValueError, match=r"gpr works in salience, not nats: .* has no meaning"):
             call()
@@ -235,11 +239,3 @@ def test_lesions_of_a_circuit_without_nats_are_compared_in_its_unit(tmp_path, ca
     printed = capsys.readouterr().err
     assert "gpr works in salience, not nats: its thresholds are in salience" in printed
     assert "circuit minus intact" in set(pd.read_csv(path)["model"])
-
-
-def test_spikes_of_saliences_are_not_decoded_into_posteriors():
-    model = BasalGanglia(load_circuit("gpr"), "rate", 0.1)
-    evidence = separated_evidence(2, 3, 0.5, rng=stream(1, "saliences"), step_ms=50.0)
-    activity = model.activity(evidence)
-    with pytest.raises(ValueError, match="-ln softmax of its input has no meaning there"):
-        decoded_input(activity, model.trace(activity, evidence))

@@ -77,7 +77,7 @@ test_a_setting_of_another_task_is_refused = refusing(
     ({"d_prime": "big"}, "task.d_prime"),
     ({"name": "edge-turn", "step_deg": 181.0}, "step_deg"),
     ({"name": "same-different", "channels": 4}, "task.channels"),
-    of=lambda settings: Task.from_settings(settings),
+    of=Task.from_settings,
 )
 
 

@@ -148,7 +148,6 @@ def test_a_circuit_of_four_alternatives_answers_for_four():
 
 
 test_bad_input_is_refused_before_anything_runs = refusing(
-    (lambda: EXAM.take("nobody"), "circuit"),
     (lambda: EXAM.take("macaque", edits=["lesion nobody"]), "nucleus"),
     (lambda: EXAM.take("macaque", share=0.0), "share"),
     (lambda: EXAM.take("macaque", seed=-1), "seed"),

@@ -6,43 +6,38 @@ import pytest
 from bgmodel.exam.exam import Exam
 from bgmodel.exam.tables import NotApplicable, read_tables
 from circuits.errors import DataWarning
-from tests.helpers import refused
+from tests.helpers import refusing
 
 TASKS = Exam.shipped().tasks
 TRIALS = pd.DataFrame({"task": "reference", "rt_ms": [500.0, 700.0, None], "correct": [1, 0, None]})
 RATES = pd.DataFrame({"task": "rest", "nucleus": "STN", "window": "rest", "rate_hz": [12.0, 18.0]})
 
 
-@pytest.mark.parametrize(
-    ("trials", "rates", "field"),
-    [
-        (None, None, "trials"),
-        (TRIALS.rename(columns={"rt_ms": "rt"}), None, "rt_ms"),
-        (TRIALS.drop(columns="rt_ms"), None, "rt_ms"),
-        (TRIALS.assign(rt_s=1.0), None, "rt_s"),
-        (TRIALS.drop(columns="task"), None, "task"),
-        (TRIALS.assign(task="nap"), None, "task"),
-        (TRIALS.assign(correct=0.5), None, "correct"),
-        (TRIALS.assign(rt_ms="soon"), None, "rt_ms"),
-        (TRIALS.assign(rt_ms=float("inf")), None, "rt_ms"),
-        (TRIALS.assign(trial=1), None, "trial"),
-        (None, RATES.rename(columns={"rate_hz": "rate"}), "rate_hz"),
-        (None, RATES.assign(window="noon"), "window"),
-        (None, RATES.assign(role="boss"), "role"),
-        (None, RATES.assign(task="nap"), "task"),
-        (None, RATES.drop(columns="nucleus"), "nucleus"),
-        (None, RATES.assign(rate_hz=-1.0), "rate_hz"),
-        (None, RATES.assign(rate_hz=2000.0), "rate_hz"),
-        (None, RATES.assign(sd_hz=1.0), "trials"),
-        (None, RATES.assign(trials=30), "sd_hz"),
-        (None, RATES.assign(sd_hz=-1.0, trials=30), "sd_hz"),
-        (None, RATES.assign(sd_hz=1.0, trials=1), "trials"),
-        (None, RATES.assign(sd_hz=1.0, trials=30, trial=1), "trial"),
-    ],
+test_bad_tables_are_refused_by_their_column = refusing(
+    ((None, None), "trials"),
+    ((TRIALS.rename(columns={"rt_ms": "rt"}), None), "rt_ms"),
+    ((TRIALS.drop(columns="rt_ms"), None), "rt_ms"),
+    ((TRIALS.assign(rt_s=1.0), None), "rt_s"),
+    ((TRIALS.drop(columns="task"), None), "task"),
+    ((TRIALS.assign(task="nap"), None), "task"),
+    ((TRIALS.assign(correct=0.5), None), "correct"),
+    ((TRIALS.assign(rt_ms="soon"), None), "rt_ms"),
+    ((TRIALS.assign(rt_ms=float("inf")), None), "rt_ms"),
+    ((TRIALS.assign(trial=1), None), "trial"),
+    ((None, RATES.rename(columns={"rate_hz": "rate"})), "rate_hz"),
+    ((None, RATES.assign(window="noon")), "window"),
+    ((None, RATES.assign(role="boss")), "role"),
+    ((None, RATES.assign(task="nap")), "task"),
+    ((None, RATES.drop(columns="nucleus")), "nucleus"),
+    ((None, RATES.assign(rate_hz=-1.0)), "rate_hz"),
+    ((None, RATES.assign(rate_hz=2000.0)), "rate_hz"),
+    ((None, RATES.assign(sd_hz=1.0)), "trials"),
+    ((None, RATES.assign(trials=30)), "sd_hz"),
+    ((None, RATES.assign(sd_hz=-1.0, trials=30)), "sd_hz"),
+    ((None, RATES.assign(sd_hz=1.0, trials=1)), "trials"),
+    ((None, RATES.assign(sd_hz=1.0, trials=30, trial=1)), "trial"),
+    of=lambda tables: read_tables(*tables, TASKS),
 )
-def test_bad_tables_are_refused_by_their_column(trials, rates, field):
-    with refused(field):
-        read_tables(trials, rates, TASKS)
 
 
 def test_seconds_are_read_as_such_and_suspected_in_ms():

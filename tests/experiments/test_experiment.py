@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from bgmodel import stream
-from bgmodel.experiments.expected import WITHOUT, Expected
+from bgmodel.experiments.expected import WITHOUT
 from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.outcomes import outcomes, page
 from bgmodel.experiments.record import Changes
@@ -31,14 +31,6 @@ high = 1
 source = "nobody"
 [[pred"""
 OWN = EFFECT.format("mean_ms", "own", 0)
-
-
-def test_a_file_says_what_is_run(experiment_file):
-    experiment = Experiment.from_toml(experiment_file)
-    assert experiment.manipulation == Changes(Edits(["lesion STN 20%"]))
-    assert experiment.control == Changes()
-    assert experiment.predictions == (Expected("mean_ms", "down", 20.0),)
-    assert (experiment.task.trials, experiment.stopping_posterior) == (120, 0.82)
 
 
 @pytest.mark.parametrize(

@@ -106,18 +106,8 @@ def tests_of(clone: Path, path: Path) -> tuple[list[str], list[str]]:
 def run(clone: Path, cache: Path, tests: list[str], until: float) -> tuple[int | None, str]:
     """Return pytest's status, None where time was up, and the first test that failed."""
     env = {"PYTHONPATH": str(clone), "NUMBA_CACHE_DIR": str(cache), "PYTHONDONTWRITEBYTECODE": "1"}
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-x",
-        "-rfE",
-        "-p",
-        "no:cacheprovider",
-        "-m",
-        "not validate",
-        *tests,
-    ]
+    options = ["-m", "pytest", "-x", "-rfE", "-p", "no:cacheprovider", "-m"]
+    command = [sys.executable, *options, "not validate", *tests]
     kept: dict[str, Any] = {"cwd": clone, "env": os.environ | env, "start_new_session": True}
     with tempfile.TemporaryFile("w+") as log:
         with subprocess.Popen(command, stdout=log, stderr=log, **kept) as job:
