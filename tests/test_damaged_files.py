@@ -171,7 +171,7 @@ def test_a_parquet_file_of_something_else_is_refused(tmp_path):
     for content in (b"", b"PAR1", b"PAR1" + bytes(40) + b"PAR1", b"PAR1\xff\xff\xff\x7fPAR1"):
         path.write_bytes(content)
         for read in (read_table, read_trials):
-            assert_refused(read, path)
+            assert_refused(read, path, "can't be read as")
 
 
 def test_decoders_that_say_absurd_things_are_refused(tmp_path):

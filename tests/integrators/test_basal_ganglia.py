@@ -231,34 +231,29 @@ def test_too_strong_evidence_is_refused_wherever_a_circuit_runs_on_evidence_and_
     assert (len(parts), len(caught)) == (2, 1)
 
 
-@pytest.mark.parametrize("engine", ["algebra", "rate"])
+TIMES = ("set STN->GPe.delay_ms=4", "set STN->GPe.tau_ms=7")
+
+
 @pytest.mark.parametrize(
-    ("edit", "field"),
+    ("edit", "without", "used"),
     [
-        (lambda c: c.with_heterogeneity(0.2), "heterogeneity"),
-        (lambda c: c.with_neurons(5), "neurons"),
-        (lambda c: c.with_connections(0.5), "probability"),
-        (lambda c: c.edited("set STN.cell.cv=0.9", "set STN.bias_nats=0.1"), "cell.cv of STN"),
+        (lambda c: c.with_heterogeneity(0.2), ["algebra", "rate"], "population"),
+        (lambda c: c.with_neurons(5), ["algebra", "rate"], "population"),
+        (lambda c: c.with_neurons(5), [], Algebra(laws="finite")),
+        (lambda c: c.with_connections(0.5), ["algebra", "rate"], "population"),
+        (lambda c: c.edited("set STN.cell.cv=0.9", "set STN.bias_nats=0.1"), ["algebra", "rate"],
+         "population"),
+        (lambda c: c.edited(*TIMES), ["algebra"], "rate"),
+        (lambda c: c.lesion("STN", 0.5), [], "algebra"),
+        (lambda c: c, [], "rate"),
     ],
-)
-def test_an_edit_that_an_engine_makes_no_use_of_is_warned_of(engine, edit, field):
-    edited = edit(macaque())
-    with pytest.warns(EditWarning):
-        BasalGanglia(edited, engine)
+)  # fmt: skip
+def test_an_edit_that_an_engine_makes_no_use_of_is_warned_of(edit, without, used):
+    for engine in without:
+        with pytest.warns(EditWarning):
+            BasalGanglia(edit(macaque()), engine)
     with unwarned():
-        BasalGanglia(edited, "population", seed=SEED)
-        # There were no edits, or only edits that have an effect.
-        for table in (macaque(), macaque().lesion("STN", 0.5)):
-            BasalGanglia(table, engine)
-
-
-def test_a_delay_acts_in_rates_and_not_at_the_fixed_point():
-    edited = macaque().edited("set STN->GPe.delay_ms=4", "set STN->GPe.tau_ms=7")
-    with pytest.warns(EditWarning):
-        BasalGanglia(edited, "algebra")
-    with unwarned():
-        BasalGanglia(edited, "rate")
-        BasalGanglia(macaque().set("STN.neurons", 9), Algebra(laws="finite"))
+        BasalGanglia(edit(macaque()), used, seed=SEED if used == "population" else None)
 
 
 def test_decisions_against_the_evidence_are_warned_of_with_and_without_a_truth():
