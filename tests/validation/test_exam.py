@@ -11,52 +11,31 @@ from bgmodel.experiments.models import model_of
 from circuits.anatomy import macaque
 
 EXAM = Exam.shipped()
-MARKS = ["value", "se", "z"]
-ENGINES = ["population", "spikes", "brian2"]
-TRIALS, TRIALS_WITH_ERRORS = 30, 150
-"""Trials from which rates are taken, and trials of which enough are errors."""
+CONFLICT = EXAM.only(["conflict"])
+CONFLICT = CONFLICT.of(one.id for one in CONFLICT.numbers if "nucleus" not in one.of)
+OF = {"rates": (EXAM.only(["resting rates"]), 30), "trials": (CONFLICT, 150)}
+"""What is asked for, and trials from which rates are taken or of which enough are errors."""
 FEW_CELLS = [f"set {row.name}.neurons 30" for row in macaque(2).populations if row.spiking]
 """Edits for Brian2, which takes seconds per trial with 300 cells."""
 
 
-@pytest.fixture(autouse=True)
-def few_trials(monkeypatch):
-    monkeypatch.setattr(simulation, "FEWEST_TRIALS", TRIALS)
-
-
-def taking(engine):
-    edits = FEW_CELLS if engine == "brian2" else ()
-    return model_of("macaque", edits, engine, 0.5)
-
-
-def simulation_of(engine):
-    return Simulation(taking(engine), EXAM.tasks, 5, share=0.05)
-
-
-def same_marks(outside, inside):
-    assert (outside["outcome"] == inside["outcome"]).all()
-    for column in MARKS:
-        np.testing.assert_allclose(outside[column], inside[column], rtol=1e-9)
-
-
 @pytest.mark.validate
-@pytest.mark.parametrize("engine", ENGINES)
-def test_rates_of_cells_through_the_door_get_the_marks_of_the_circuit(engine, tmp_path):
-    exam = EXAM.only(["resting rates"])
-    inside = exam.take(taking(engine), seed=5, share=0.05).table
-    simulation_of(engine).rates("rest").to_csv(tmp_path / "rates.csv", index=False)
-    same_marks(exam.mark(rates=tmp_path / "rates.csv", seed=5).table, inside)
-
-
-@pytest.mark.validate
-@pytest.mark.parametrize("engine", ["population", "spikes"])
-def test_trials_through_the_door_get_the_marks_of_the_circuit(engine, tmp_path, monkeypatch):
-    monkeypatch.setattr(simulation, "FEWEST_TRIALS", TRIALS_WITH_ERRORS)
-    exam = EXAM.only(["conflict"])
-    exam = exam.of(one.id for one in exam.numbers if "nucleus" not in one.of)
+@pytest.mark.parametrize(
+    ("kind", "engine"),
+    [*(("rates", engine) for engine in ("population", "spikes", "brian2")),
+     *(("trials", engine) for engine in ("population", "spikes"))],
+)  # fmt: skip
+def test_tables_through_the_door_get_the_marks_of_the_circuit(kind, engine, tmp_path, monkeypatch):
+    exam, fewest = OF[kind]
+    monkeypatch.setattr(simulation, "FEWEST_TRIALS", fewest)
+    model = model_of("macaque", FEW_CELLS if engine == "brian2" else (), engine, 0.5)
+    inside = exam.take(model, seed=5, share=0.05).table
+    simulated = Simulation(model, EXAM.tasks, 5, share=0.05)
+    path = tmp_path / "made.csv"
     tasks = sorted({task for one in exam.numbers for _, task in one.tasks()})
-    trials = pd.concat(map(simulation_of(engine).trials, tasks))
-    trials.to_csv(tmp_path / "trials.csv", index=False)
-    inside = exam.take(taking(engine), seed=5, share=0.05).table
-    assert np.isfinite(inside["value"]).all()
-    same_marks(exam.mark(tmp_path / "trials.csv", seed=5).table, inside)
+    pd.concat(map(getattr(simulated, kind), tasks)).to_csv(path, index=False)
+    outside = exam.mark(**{kind: path}, seed=5).table
+    assert (outside["outcome"] == inside["outcome"]).all()
+    assert kind == "rates" or np.isfinite(inside["value"]).all()
+    for column in ("value", "se", "z"):
+        np.testing.assert_allclose(outside[column], inside[column], rtol=1e-9)
