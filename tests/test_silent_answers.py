@@ -241,13 +241,6 @@ def test_times_in_two_units_are_refused(share, factor):
         read_trials(few, strength="coh")
 
 
-def test_responses_faster_than_sensing_are_doubted():
-    table = choices()
-    table.loc[::20, "rt"] = np.linspace(0.02, 0.09, 10)
-    with pytest.warns(DataWarning, match="10 of 200 times are below 0.1 s"):
-        read_trials(table, strength="coh")
-
-
 def test_responses_that_do_not_follow_the_strength_are_doubted():
     table = choices(("a",), trials=400)
     shuffled = table.assign(coh=table["coh"].sample(frac=1, random_state=1).to_numpy())
