@@ -36,7 +36,7 @@ test_bad_tables_are_refused_by_their_column = refusing(
     ((None, RATES.assign(sd_hz=-1.0, trials=30)), "sd_hz"),
     ((None, RATES.assign(sd_hz=1.0, trials=1)), "trials"),
     ((None, RATES.assign(sd_hz=1.0, trials=30, trial=1)), "trial"),
-    of=lambda tables: read_tables(*tables, TASKS),
+    of=lambda tables: read_tables(tables[0], tables[1], TASKS),
 )
 
 
