@@ -1,8 +1,7 @@
 """From a sensor's taps to decisions, and a user's own decoded taps in every command."""
 
 import json
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -107,11 +106,18 @@ def test_a_decoder_of_nothing_decides_at_chance_and_says_so():
     assert "test_accuracy" in page(touched, "nothing", "")
 
 
+@dataclass(frozen=True)
+class BriefLearner(Learner):
+    """A class, as the types of arguments name it."""
+
+    episodes: int = 500
+
+
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
     tmp_path, capsys, monkeypatch
 ):
-    monkeypatch.setattr("bgmodel.from_taps.Learner", partial(Learner, episodes=500))
+    monkeypatch.setattr("bgmodel.from_taps.Learner", BriefLearner)
     monkeypatch.setattr("bgmodel.from_taps.TO_LEARN", 1000)
     monkeypatch.setattr("bgmodel.from_taps.TO_SPIKE", 20)
     monkeypatch.setattr("bgmodel.commands.touch_steps.EDGE", replace(EDGE, epochs=8))

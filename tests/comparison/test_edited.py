@@ -63,10 +63,11 @@ def test_the_spiking_circuit_decides_as_the_msprt(table):
     assert of(table, "extra_ms", DECODER, accuracy=0.95) < of(table, "extra_ms", accuracy=0.95)
     assert of(table, "accuracy_gap", "race", MSPRT, "high", accuracy=0.95) < 0
     # Rivals are abstract: all of their time is decision time.
-    full = msprt_tradeoffs(EVIDENCE, GAIN)[MSPRT]
+    near = {"accuracies": (0.9, 0.95)}
+    full = msprt_tradeoffs(EVIDENCE, GAIN, **near)[MSPRT]
     for name, baseline in BASELINES.items():
-        options = {"truth": EVIDENCE.truth, "accuracies": (0.9, 0.95), "resamples": 2}
-        swept = tradeoff(baseline().run(EVIDENCE), EVIDENCE)
+        options = {"truth": EVIDENCE.truth, "resamples": 2, **near}
+        swept = tradeoff(baseline().run(EVIDENCE), EVIDENCE, **near)
         alone = matched_measures(full, swept, rng=stream(1, "b"), latency_ms=0.0, **options)
         gap = alone[alone["measure"] == "accuracy_gap"].set_index("accuracy")["value"][0.95]
         np.testing.assert_equal(of(table, "accuracy_gap", name, MSPRT, accuracy=0.95), gap)
