@@ -258,7 +258,7 @@ def read_trials(
     try:
         roles = (columns.rt, columns.response, columns.participant, columns.ssd)
         further = (strength, columns.stimulus, *wanted)
-        both = [each for each in further if each is not None and each in roles]
+        both = [each for each in further if isinstance(each, str) and each in roles]
         require(not both, "columns", "must be named once each", both)
         named = {"rt": columns.rt, "response": columns.response}
         if evidence is None:
