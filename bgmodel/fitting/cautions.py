@@ -269,8 +269,8 @@ def of_cuts(people: Iterable[Optimum]) -> list[str]:
     listed = ", ".join(told[:FEW]) + f" and {len(told) - FEW} more" * (len(told) > FEW)
     every = [
         f"response times begin abruptly, of {listed}: the log likelihood is that much "
-        "higher if faster trials were left out. The fit takes all times to be there, which moves "
-        "t0_s, t0_sd_s and the bound: begin its window where they were left out, or at this time, "
+        "higher if faster trials were left out. The fit assumes that none were, which biases t0_s, "
+        "t0_sd_s and the bound: let its window begin where they were left out, or at this time, "
         "which is half a step early if times are rounded (rt_window, at the terminal --columns "
         "rt_window=T,inf)"
     ]

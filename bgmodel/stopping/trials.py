@@ -151,9 +151,10 @@ def of_trend(trials: StopTrials, ssrt_ms: Callable[[StopTrials], float]) -> list
         return []
     return [
         f"go responses become {'slower' if z > 0 else 'faster'} from trial to trial ({abs(z):.1f} "
-        "standard errors), by strategy or fatigue, while a race takes them to be alike: without "
-        f"this trend the stop-signal reaction time would be {flat_ms:.0f} ms, not {known_ms:.0f}. "
-        "Name each block of trials as a separate participant (Verbruggen et al. 2013, 2019)"
+        "standard errors), by strategy or fatigue or because rows are sorted by time, while a race "
+        "takes them to be alike: without this trend the stop-signal reaction time would be "
+        f"{flat_ms:.0f} ms, not {known_ms:.0f}. Keep trials in the order of the session, and name "
+        "each block as a separate participant (Verbruggen et al. 2013, 2019)"
     ]
 
 
