@@ -126,7 +126,7 @@ class Explorer:
         self.body = pn.Column(self.notices, pn.FlexBox(*columns), **WIDE)
         self.runs = PanelRuns(
             lambda panel: self._later(lambda: self._deliver(panel)),
-            lambda state: self._later(lambda: self._ended(state)),
+            lambda state, ranked: self._later(lambda: self._ended(state, ranked)),
         )
         self._show()
 
@@ -279,8 +279,9 @@ class Explorer:
             card.remove(self.refusal)
             self._refused = None
 
-    def _ended(self, state: ExplorerState) -> None:
-        self.begin.disabled, self.cancel.disabled = False, True
+    def _ended(self, state: ExplorerState, ranked: bool) -> None:
+        if ranked:  # else a ranking may be waiting, which can be stopped
+            self.begin.disabled, self.cancel.disabled = False, True
         if state == self.state:
             self._say("Up to date.")
 

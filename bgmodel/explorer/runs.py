@@ -98,14 +98,14 @@ class Superseded(Exception):
 class PanelRuns:
     """One thread that computes the panels of the newest state.
 
-    ``deliver`` receives each panel, and ``ended`` the state when all are computed; both are called
-    in that thread.
+    ``deliver`` receives each panel, and ``ended`` the state when all are computed, and whether it
+    was ranked; both are called in that thread.
     """
 
     def __init__(
         self,
         deliver: Callable[[Panel], None],
-        ended: Callable[[ExplorerState], None],
+        ended: Callable[[ExplorerState, bool], None],
         workers: int = 2,
     ) -> None:
         self.memory = Memory()
@@ -151,7 +151,7 @@ class PanelRuns:
                     for panel in compute():
                         check()
                         self._deliver(panel)
-                self._ended(state)
+                self._ended(state, ranks is not None)
             # Figures refer to themselves: without this, memory would grow between collections.
             gc.collect()
 

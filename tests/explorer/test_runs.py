@@ -28,7 +28,7 @@ def test_a_newer_state_cancels_the_run_of_an_older_one(monkeypatch):
 
     original = module.panels
     monkeypatch.setattr(module, "panels", slow)
-    runs = PanelRuns(panels.append, lambda state: over.set(), workers=1)
+    runs = PanelRuns(panels.append, lambda state, ranked: over.set(), workers=1)
     runs.show(first)
     assert begun.wait(20)
     runs.show(second)
@@ -49,7 +49,7 @@ def test_a_ranking_waits_for_the_panels_and_ends_when_it_is_cancelled(monkeypatc
         yield
 
     monkeypatch.setattr(module, "ranked", endless)
-    runs = PanelRuns(panels.append, lambda state: over.set(), workers=1)
+    runs = PanelRuns(panels.append, lambda state, ranked: over.set(), workers=1)
     runs.show(state)
     runs.rank(state)
     assert begun.wait(60)
