@@ -264,8 +264,9 @@ def of_cuts(people: Iterable[Optimum]) -> list[str]:
     for fitted in people:
         seen, who = fitted.likelihood.design.observed, fitted.likelihood.design.who
         binned = isinstance(fitted.likelihood, BinnedLikelihood) and seen.untimed is None
-        if binned and np.isfinite(seen.rt_s).sum() > FASTEST and cut_nats(fitted) > EDGE_NATS:
-            told.append(f"{who} at {_fastest(seen)[1]:.4g} s ({cut_nats(fitted):.1f} nats)")
+        enough = binned and np.isfinite(seen.rt_s).sum() > FASTEST
+        if enough and (nats := cut_nats(fitted)) > EDGE_NATS:
+            told.append(f"{who} at {_fastest(seen)[1]:.4g} s ({nats:.1f} nats)")
     listed = ", ".join(told[:FEW]) + f" and {len(told) - FEW} more" * (len(told) > FEW)
     every = [
         f"response times begin abruptly, of {listed}: the log likelihood is that much "

@@ -65,6 +65,14 @@ def estimate_ssrt(trials: StopTrials, *, checked: bool = True) -> StopEstimate:
     If ``checked``, raises where the guide accepts no estimate: responses outside 0.25 to 0.75, or
     failed stops slower than go responses.
     """
+    estimate = estimated(trials, checked=checked)
+    for text in (*of_few(trials), *of_trend(trials, integrated)):
+        DataWarning.warn(text)
+    return estimate
+
+
+def estimated(trials: StopTrials, *, checked: bool) -> StopEstimate:
+    """Return the estimate of ``estimate_ssrt`` without warnings."""
     if not trials.stop.any():
         raise InputError.of("ssd_ms", "must have stop trials", "none")
     go = trials.rt_ms[~trials.stop]
@@ -74,7 +82,7 @@ def estimate_ssrt(trials: StopTrials, *, checked: bool = True) -> StopEstimate:
     failed = trials.rt_ms[trials.stop & trials.responded]
     ssd_ms, p = float(trials.ssd_ms[trials.stop].mean()), trials.p_respond
     estimates = {
-        "ssrt_ms": _integrated(trials),
+        "ssrt_ms": integrated(trials),
         "ssrt_mean_ms": float(responses.mean()) - ssd_ms,
         "p_respond": p,
         "go_ms": float(responses.mean()),
@@ -87,20 +95,26 @@ def estimate_ssrt(trials: StopTrials, *, checked: bool = True) -> StopEstimate:
         raise InputError(
             f"{refusal}: no stop-signal reaction time (Verbruggen et al. 2019)", "trials"
         )
-    stops = int(trials.stop.sum())
-    if stops < FEWEST_STOPS:
-        warning = f"{stops} stop trials, fewer than {FEWEST_STOPS}: the estimate is unreliable"
-        DataWarning.warn(warning)
-    for text in of_trend(trials, _integrated):
-        DataWarning.warn(text)
     return StopEstimate(**estimates, refusal=refusal)
 
 
-def _integrated(trials: StopTrials) -> float:
-    """Return the estimate by integration, ms; missed go trials count as the slowest."""
+def of_few(trials: StopTrials) -> list[str]:
+    """Return a warning of too few stop trials."""
+    stops = int(trials.stop.sum())
+    text = f"{stops} stop trials, fewer than {FEWEST_STOPS}: the estimate is unreliable"
+    return [text] if stops < FEWEST_STOPS else []
+
+
+def integrated(trials: StopTrials) -> float:
+    """Return the estimate by integration, ms."""
+    mean_ms = float(trials.ssd_ms[trials.stop].mean())
+    return nth_time(_go_times(trials), trials.p_respond) - mean_ms
+
+
+def _go_times(trials: StopTrials) -> Array:
+    """Return the times of go trials, ms; missed ones count as the slowest."""
     go = trials.rt_ms[~trials.stop]
-    replaced = np.where(np.isnan(go), np.nanmax(go), go)
-    return nth_time(replaced, trials.p_respond) - float(trials.ssd_ms[trials.stop].mean())
+    return np.where(np.isnan(go), np.nanmax(go), go)
 
 
 def _refusal(values: dict[str, float]) -> str:
@@ -122,16 +136,14 @@ def inhibition_function(trials: StopTrials) -> pd.DataFrame:
     ``ssrt_ms`` is the quantile of go times at p_respond minus the delay, the same at all delays in
     an independent race.
     """
-    go = trials.rt_ms[~trials.stop]
-    replaced = np.where(np.isnan(go), np.nanmax(go), go)
-    rows = []
+    go_ms, rows = _go_times(trials), []
     for delay in np.unique(trials.ssd_ms[trials.stop]):
         times = trials.rt_ms[trials.ssd_ms == delay]
         failed = times[~np.isnan(times)]
         p = len(failed) / len(times)
         low, high = map(float, wilson(len(failed), len(times)))
         inside = 0 < p < 1
-        ssrt = nth_time(replaced, p) - delay if inside else np.nan
+        ssrt = nth_time(go_ms, p) - delay if inside else np.nan
         mean = failed.mean() if len(failed) else np.nan
         rows.append((delay, len(times), p, low, high, mean, ssrt))
     names = ["ssd_ms", "trials", "p_respond", "low", "high", "failed_ms", "ssrt_ms"]

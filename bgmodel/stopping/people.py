@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from bgmodel.stopping.estimates import estimate_ssrt
-from bgmodel.stopping.trials import StopTrials
+from bgmodel.stopping.estimates import estimate_ssrt, estimated, integrated, of_few
+from bgmodel.stopping.trials import StopTrials, of_trend
 from bgmodel.trials.files import STOP_SET
 from bgmodel.trials.reader import OURS, Columns, read_trials
 from circuits.arrays import Array
-from circuits.errors import DataWarning, InputError, collected, quiet, within
+from circuits.errors import DataWarning, InputError, quiet, within
 
 SHIPPED = STOP_SET
 """126 healthy adults, UCLA Consortium for Neuropsychiatric Phenomics (Poldrack et al. 2016)."""
@@ -46,14 +46,13 @@ def estimates_of(people: dict[str, StopTrials]) -> pd.DataFrame:
     """
     rows, few, trends = [], 0, []
     for who, trials in people.items():
-        with collected(DataWarning) as caught:
-            try:
-                row = vars(estimate_ssrt(trials, checked=False))
-            except InputError as error:
-                kind = "no responses on go trials" if error.field == "rt_ms" else "no stop trials"
-                row = {"refusal": kind}
-        few += any("stop trials, fewer" in text for text in caught)
-        trends += [f"{who}, {text}" for text in caught if "trial to trial" in text]
+        try:
+            row = vars(estimated(trials, checked=False))
+            few += len(of_few(trials))
+            trends += [f"{who}, {text}" for text in of_trend(trials, integrated)]
+        except InputError as error:
+            kind = "no responses on go trials" if error.field == "rt_ms" else "no stop trials"
+            row = {"refusal": kind}
         rows.append({"participant_id": who, **row})
     if few:
         share = f"{few} of {len(people)} participants have too few stop trials"

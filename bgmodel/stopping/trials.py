@@ -21,8 +21,8 @@ from circuits.errors import DataWarning, InputError, require
 OUTCOMES = ("response", "omission", "failed stop", "successful stop")
 """Go trials with and without a response, then stop trials with and without one."""
 FEWEST_TREND, TREND_ERRORS, TREND_MS = 20, 3.29, 10.0
-"""Go responses from which a trend is looked for, standard errors (p = .001) and shift of the
-stop-signal reaction time from which it is told: in 1 of 1800 simulated people without a trend."""
+"""Fewest go responses, standard errors (p = 0.001) and shift of the stop-signal reaction time that
+a warning of a trend needs; of 1800 simulated people without a trend, one has it."""
 TINY = 1e-12
 """Least variance."""
 IN_SECONDS = 5.0

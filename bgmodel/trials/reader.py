@@ -148,7 +148,7 @@ class Columns:
     def told(self, names: Iterable[str]) -> Iterator[None]:
         """Say errors and warnings about our columns in the names and the unit of the table.
 
-        Of all ``names`` in the table, those that contain one of ours stay as they are.
+        Names of the table that only contain one of ours are left alone.
         """
         held = [each for each in names if OUR_NAMES.search(each) and not OUR_NAMES.fullmatch(each)]
         longest = sorted(map(re.escape, held), key=len, reverse=True)

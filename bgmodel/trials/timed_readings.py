@@ -68,7 +68,7 @@ def read_readings(
     The table has trial, step and ``ll_<alternative>``; or ``time``, s, instead of step; or one row
     per cue: trial, time, ``side`` and ``value``, its log likelihood ratio (by default 1; signed
     without side). Cues at the same time are added to one reading. The column ``person`` is
-    participant_id, if there is none of this name.
+    taken as participant_id where no column has this name.
     """
     if isinstance(evidence, pd.DataFrame):
         name, table = "the evidence", evidence.reset_index(drop=True)

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.fitting.optimum import Optimum
-from bgmodel.fitting.person_fit import cells_of
+from bgmodel.fitting.person_fit import SHARE, cells_of
 from bgmodel.fitting.responses import BinnedResponses, Grid
 from bgmodel.support import __version__, files
 from bgmodel.support.seeds import stream
@@ -172,7 +172,10 @@ def legend(parameters: Iterable[str], *, signed: bool = False) -> str:
     """Return how to read a table of a group, and if ``signed`` also its column above_zero."""
     named = {name.partition("[")[0] for name in parameters}
     units = [label for name, label in LABELS.items() if name in named]
-    read = ["low to high: 90 % of the posterior", *(["above_zero: a probability"] * signed)]
+    read = [
+        f"low to high: {100 * SHARE:.0f} % of the posterior",
+        *(["above_zero: a probability"] * signed),
+    ]
     return "; ".join([*read, *units])
 
 
