@@ -62,11 +62,11 @@ def trials_of(folder: str) -> Trials:
     return read_trials(path / "trials.parquet", columns=COLUMNS, spikes=path / "spikes.parquet")
 
 
-def likelihood_of(trials: Trials, name: str) -> CellsLikelihood:
-    """Return the likelihood of one animal's trials under a model."""
-    settings = FitSettings()
+def likelihood_of(trials: Trials, name: str, *fixed: str) -> CellsLikelihood:
+    """Return the likelihood of one animal's trials under a model, with further fixed numbers."""
+    settings = FitSettings(fix=fixed)
     if name == NO_SHARED:
-        settings = replace(settings, fix=NO_NOISE)
+        settings = replace(settings, fix=(*NO_NOISE, *fixed))
     elif name == NO_RECENT:
         cells = (cell for session in sessions_of(trials) for cell in session.names)
         settings = replace(settings, fix=tuple(f"{numbers_of(cell)[-2]}=0" for cell in cells))
@@ -254,24 +254,29 @@ def _regression(design: Array, spikes: Array) -> Array:
     return numbers
 
 
-def controls(folder: str, seed: int) -> pd.DataFrame:
+def controls(folder: str, seed: int, shuffles: int) -> pd.DataFrame:
     """Return gains by clicks, and their errors, of spikes as recorded and of other trials'.
 
-    Without noise of the sum: a gain on noise that cells share would not need the clicks.
+    Without noise of the sum: a gain on noise that cells share would not need the clicks. Shuffled
+    spikes have the leak of recorded ones, since a leak of their own would be chosen for its gains.
     """
     trials = trials_of(folder)
-    spikes, order = trials.spikes, _shuffled(trials, seed)
+    spikes, rows = trials.spikes, []
     assert spikes is not None
-    moved = replace(trials, spikes=replace(spikes, trial=order[spikes.trial]))
-    rows = []
-    for name, each in (("recorded", trials), ("shuffled", moved)):
-        likelihood = likelihood_of(each, NO_SHARED)
-        vector = optimum(likelihood).vector
-        error = np.sqrt(np.diag(np.linalg.inv(likelihood.information(vector)[0])))
+    likelihood = likelihood_of(trials, NO_SHARED)
+    vector = optimum(likelihood).vector
+    leak = f"leak_per_s={likelihood.values(vector)['leak_per_s']}"
+    for shuffle in range(shuffles + 1):
+        if shuffle:
+            order = _shuffled(trials, seed, shuffle)
+            moved = replace(trials, spikes=replace(spikes, trial=order[spikes.trial]))
+            likelihood = likelihood_of(moved, NO_SHARED, leak)
+            vector = optimum(likelihood).vector
+        numbers = zip(likelihood.freedom.names, vector, errors(likelihood, vector), strict=True)
         rows += [
-            {"spikes": name, "cell": number.removesuffix(" gain"), "gain": vector[k],
-             "error": error[k]}
-            for k, number in enumerate(likelihood.freedom.names) if number.endswith(" gain")
+            {"spikes": "shuffled" if shuffle else "recorded", "shuffle": shuffle,
+             "cell": name.removesuffix(" gain"), "gain": gain, "error": error}
+            for name, gain, error in numbers if name.endswith(" gain")
         ]  # fmt: skip
     return pd.DataFrame(rows)
 
@@ -300,9 +305,14 @@ def chosen_elsewhere(folder: str, seed: int) -> pd.DataFrame:
     return _summed(tables).assign(model="shuffled choices")
 
 
-def _shuffled(trials: Trials, seed: int) -> Integers:
+def errors(likelihood: CellsLikelihood, vector: Array) -> Array:
+    """Return the standard error of each number."""
+    return np.sqrt(np.diag(np.linalg.inv(likelihood.information(vector)[0])))
+
+
+def _shuffled(trials: Trials, seed: int, *shuffle: int) -> Integers:
     """Return another trial of the same session for each trial."""
-    order, rng = np.arange(trials.trials), stream(seed, "shuffled")
+    order, rng = np.arange(trials.trials), stream(seed, "shuffled", *shuffle)
     for session in sessions_of(trials):
         order[session.trials] = rng.permutation(session.trials)
     return order
@@ -330,8 +340,8 @@ def recovered(folder: str, session: int, seed: int, sets: int) -> pd.DataFrame:
         simulated = fitted.simulated(true, stream(seed, f"session {session}", number))
         likelihood = likelihood_of(simulated, REFERENCE)
         vector = optimum(likelihood).vector
-        error = np.sqrt(np.diag(np.linalg.inv(likelihood.information(vector)[0])))
-        z = (space.to_scale(vector) - space.to_scale(true)) * space.scale_rate(vector) / error
+        away = (space.to_scale(vector) - space.to_scale(true)) * space.scale_rate(vector)
+        z = away / errors(likelihood, vector)
         rows += [
             {"number": re.sub(r"^\S+ (\D+).*", r"\1", name).strip(), "z": z[k]}
             for k, name in enumerate(names)
@@ -348,8 +358,8 @@ def courses(folder: str) -> pd.DataFrame:
     """
     likelihood, rows = likelihood_of(trials_of(folder), REFERENCE), []
     vector = optimum(likelihood).vector
-    error = np.sqrt(np.diag(np.linalg.inv(likelihood.information(vector)[0])))
-    numbers = dict(zip(likelihood.freedom.names, zip(vector, error, strict=True), strict=True))
+    of_each = zip(vector, errors(likelihood, vector), strict=True)
+    numbers = dict(zip(likelihood.freedom.names, of_each, strict=True))
     rates = {name: rate for name, _, rate in expected(likelihood, vector)}
     for session in likelihood.sessions:
         ends = session.sums(*LEAK.values())[:, -1]
@@ -374,8 +384,8 @@ def courses(folder: str) -> pd.DataFrame:
                         "model": model[some, k].mean() / mean,
                     })  # fmt: skip
     groups = pd.DataFrame(rows).groupby(["time_s", "clicks", "choice"])
-    errors = groups["recorded"].sem()
-    return groups.mean().assign(error=errors, cells=groups.size()).reset_index()
+    error = groups["recorded"].sem()
+    return groups.mean().assign(error=error, cells=groups.size()).reset_index()
 
 
 def main() -> None:

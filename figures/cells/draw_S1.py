@@ -56,6 +56,7 @@ def draw(
     axes[1].set(xlabel="held-out nats")
     letter(axes[1], "b  models")
     by_cell = read_table(gains)
+    by_cell = by_cell[by_cell["shuffle"] <= 1]
     order = where(by_cell, spikes="recorded").sort_values("gain")["cell"].tolist()
     for name, (color, marker) in LOOKS.items():
         rows = where(by_cell, spikes=name).set_index("cell").loc[order]

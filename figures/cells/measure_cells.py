@@ -26,8 +26,8 @@ from figures.cells.compared import (
 from figures.pieces import Made, Piece, Score, main
 
 SEED, RECOVERY_SEED, TRIALS = 76_001, 76_004, 8601
-SESSIONS, SETS = (0, 3, 5, 8, 11), 10
-"""Sessions whose trials are simulated, and how often each."""
+SESSIONS, SETS, SHUFFLES = (0, 3, 5, 8, 11), 10, 8
+"""Sessions whose trials are simulated, and how often each; how often spikes are shuffled."""
 Z90, FEWEST_CELLS = 1.6449, 20
 """Half of a 90 % interval in standard errors; fewest cells whose mean is shown."""
 
@@ -41,7 +41,8 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     for model in (REFERENCE,) if fast else MODELS:
         yield Piece("scored", model, TRIALS, 80, partial(scored, SHIPPED, model))
     yield Piece("courses", REFERENCE, TRIALS, 25, partial(courses, SHIPPED))
-    yield Piece("controls", "spikes", TRIALS, 50, partial(controls, SHIPPED, SEED))
+    some = 1 if fast else SHUFFLES
+    yield Piece("controls", "spikes", TRIALS, 120, partial(controls, SHIPPED, SEED, some))
     yield Piece("scored", "shuffled", TRIALS, 80, partial(chosen_elsewhere, SHIPPED, SEED))
     for session in SESSIONS[:1] if fast else SESSIONS:
         make = partial(recovered, SHIPPED, session, RECOVERY_SEED, 2 if fast else SETS)

@@ -34,6 +34,7 @@ from bgmodel.fitting.cells.sessions import (
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.parameters import Parameter, ParameterSpace
+from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
 from circuits.arrays import Array, Integers
 from circuits.circuit import Circuit
@@ -68,6 +69,8 @@ LEAKY_PER_S = 15.0
 """Leak of the sum of clicks at the second start of a search."""
 WARM = 12
 """Iterations of the regression from which a search starts."""
+EXPECTED_SETS, EXPECTED_SEED = 4, 74_201
+"""Simulated sets, and their seed, from which information is expected."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +99,7 @@ class CellsLikelihood(Likelihood):
         """Return the sessions with the passes of their trials."""
         values, encoding = self.values(vector), self.model.encoding
         for session in self.sessions:
-            cells = [np.array([values[x] for x in numbers_of(name)]) for name in session.names]
-            yield session, passed(session, values, cells, encoding, free)
+            yield session, passed(session, values, _cells(session, values), encoding, free)
 
     def each(self, vector: Array) -> Array:
         """Return the log density of each trial's choice and spikes, nats."""
@@ -132,6 +134,28 @@ class CellsLikelihood(Likelihood):
             parts.append(derivatives)
             log_density.append(done.log_density)
         return self._ordered(log_density), self._ordered(parts)
+
+    def information(self, vector: Array) -> tuple[Array, tuple[str, ...]]:
+        """Return the information that remains where rates are right and their variation is not.
+
+        Spikes of a trial go together more than the model says, so that derivatives of recorded
+        trials vary more than those of simulated ones, by B and F: the covariance of the numbers is
+        F^-1 B F^-1 (White 1982).
+        """
+        recorded, still = super().information(vector)
+        sets = (self._drawn(vector, stream(EXPECTED_SEED, k)) for k in range(EXPECTED_SETS))
+        scores = np.concatenate([each.scores(vector) for each in sets])
+        expected = scores.T @ scores / EXPECTED_SETS
+        return expected @ np.linalg.pinv(recorded, hermitian=True) @ expected, still
+
+    def _drawn(self, vector: Array, rng: np.random.Generator) -> Self:
+        """Return the likelihood of new choices and counts of spikes in the same trials."""
+        sessions = []
+        values, encoding = self.values(vector), self.model.encoding
+        for session in self.sessions:
+            choice, counts, past = drawn(session, values, encoding, rng)
+            sessions.append(replace(session, choice=choice, counts=counts, past=past))
+        return replace(self, sessions=tuple(sessions))
 
     def part(self, trials: Array | Integers) -> Self:
         """Return the likelihood of a subset of the trials."""
@@ -218,10 +242,8 @@ class CellsLikelihood(Likelihood):
         made = [spikes.time_s[spikes.time_s < LAG_S]]
         of = [np.stack([spikes.trial, spikes.cell])[:, spikes.time_s < LAG_S]]
         for session in self.sessions:
-            cells = [np.array([values[x] for x in numbers_of(name)]) for name in session.names]
-            right, counts = drawn(session, values, cells, self.model.encoding, rng)
-            choice[session.trials] = np.where(session.choice < 0, -1, right)
-            for name, each in zip(session.names, counts, strict=True):
+            choice[session.trials], counts, _ = drawn(session, values, self.model.encoding, rng)
+            for name, each in zip(session.names, counts.astype(np.int64), strict=True):
                 at = np.argwhere(each > 0)
                 many = np.repeat(at, each[each > 0], axis=0)
                 made.append(LAG_S + BIN_S * (many[:, 1] + rng.random(len(many))))
@@ -234,17 +256,16 @@ class CellsLikelihood(Likelihood):
 
 
 def drawn(
-    session: RecordedSession, values: Values, cells: Sequence[Array], encoding: Encoding,
-    rng: np.random.Generator,
-) -> tuple[Integers, list[Integers]]:  # fmt: skip
-    """Return new choices (trials,) and counts (trials, bins) of each cell."""
+    session: RecordedSession, values: Values, encoding: Encoding, rng: np.random.Generator
+) -> tuple[Integers, Array, Array]:
+    """Return new choices (trials,), and counts and past of each cell, (cells, trials, bins)."""
     count, bins = session.counts.shape[1:]
     sums = session.sums(*(values[name] for name in SUMS))
     n, past_s = np.asarray(values["start_noise"] * rng.standard_normal(count)), 0.0
     edges_s = np.asarray(np.arange(bins) * BIN_S + LAG_S, np.float64)
     share = seen_share(edges_s)
     level = [(np.expm1(past[:, 0] - recent(np.zeros(1)))) * share[0] for past in session.past]
-    counts: list[Integers] = [np.zeros((count, bins), dtype=np.int64) for _ in cells]
+    counts, pasts = np.zeros(session.counts.shape), np.zeros(session.counts.shape)
     final = np.empty(count)
     for k in range(bins + 1):
         last = session.bins == k
@@ -261,15 +282,22 @@ def drawn(
             float(session.middles_s[k]),
         )
         read = encoded_by(encoding, values, sums[:, k] + n)[0]
-        for activity, cell, now in zip(level, cells, counts, strict=True):
-            past = recent(activity / share[k])
+        cells = zip(level, _cells(session, values), counts[:, :, k], pasts[:, :, k], strict=True)
+        for activity, cell, now, past in cells:
+            past[:] = recent(activity / share[k])
             base = session.basis[k] @ cell[:-2] + cell[-2] * past
             rate = encoding.rate(base, cell[-1] * read)[1]
-            now[:, k] = rng.poisson(rate * BIN_S) * session.on[:, k]
+            now[:] = rng.poisson(rate * BIN_S) * session.on[:, k]
             activity *= np.exp(-BIN_S / PAST_S)
-            activity += now[:, k] * np.exp(-BIN_S / 2 / PAST_S) / PAST_S
+            activity += now * np.exp(-BIN_S / 2 / PAST_S) / PAST_S
     right = p_right(session, values, final[:, None], np.zeros(count))[:, 0]
-    return (rng.random(count) < right).astype(np.int64), counts
+    choice = (rng.random(count) < right).astype(np.int64)
+    return np.where(session.choice < 0, -1, choice), counts, pasts
+
+
+def _cells(session: RecordedSession, values: Values) -> list[Array]:
+    """Return the numbers of each cell."""
+    return [np.array([values[each] for each in numbers_of(cell)]) for cell in session.names]
 
 
 def numbers_of(cell: str) -> list[str]:

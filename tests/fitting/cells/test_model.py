@@ -9,6 +9,7 @@ import pytest
 import bgmodel as bg
 from bgmodel.fit_trials import question
 from bgmodel.fitting.cells.model import numbers_of
+from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.settings import settings_of
 from circuits.errors import quiet
@@ -101,16 +102,44 @@ def test_simulated_numbers_are_recovered(simulated):
     assert (np.abs(peak.vector - vector)[some] < 3.5 * error[some]).all()
 
 
-def test_spikes_of_other_trials_have_no_gain_by_clicks(simulated):
-    # Without noise of the sum, which would take up what cells share whatever the clicks.
-    _, _, trials = simulated
-    order = np.random.default_rng(3).permutation(trials.trials)
-    shuffled = replace(trials, spikes=replace(trials.spikes, trial=order[trials.spikes.trial]))
+def without_noise(trials):
+    """Return the likelihood without noise of the sum, with a fixed leak and no recent rates."""
     fixed = {"noise": 0.02, "start_noise": 0.02, "leak_per_s": 1.0}
-    likelihood = likelihood_of(shuffled, fix=fixed, free=["+choice_noise"])
+    past = {f"{cell} past": 0.0 for cell in trials.spikes.names}
+    return likelihood_of(trials, fix=fixed | past, free=["+choice_noise"])
+
+
+def test_spikes_of_other_trials_have_no_gain_by_clicks():
+    """Noise of the sum makes the spikes of a trial vary together, which errors have to allow for.
+
+    The fit is without that noise, which would take up what cells share whatever the clicks.
+    """
+    likelihood = likelihood_of(clicked(cells=2))
+    loud = true_vector(likelihood, noise=20.0, leak_per_s=3.0)
+    trials, z = likelihood.simulated(loud, np.random.default_rng(4)), []
+    for seed in range(10):
+        order = np.random.default_rng(seed).permutation(trials.trials)
+        shuffled = replace(trials, spikes=replace(trials.spikes, trial=order[trials.spikes.trial]))
+        each = without_noise(shuffled)
+        peak, error = fitted(each)
+        poisson = 1 / np.sqrt(np.diag(Likelihood.information(each, peak.vector)[0]))
+        gains = [k for k, name in enumerate(each.freedom.names) if "gain" in name]
+        z += [peak.vector[gains] / np.stack([error, poisson])[:, gains]]
+    beyond = (np.abs(z) > 2).mean(axis=(0, 2))
+    assert beyond[0] < 0.15
+    assert beyond[1] > 0.4
+
+
+def test_spikes_counted_twice_give_no_smaller_errors(simulated):
+    likelihood = without_noise(simulated[2])
     peak, error = fitted(likelihood)
-    gains = [k for k, name in enumerate(likelihood.freedom.names) if "gain" in name]
-    assert (np.abs(peak.vector)[gains] < 3 * error[gains]).all()
+    twice = tuple(replace(one, counts=2 * one.counts) for one in likelihood.sessions)
+    names, vector = np.array(likelihood.freedom.names), peak.vector.copy()
+    vector[np.char.find(names, "course") >= 0] += np.log(2)
+    doubled = replace(likelihood, sessions=twice)
+    again = np.sqrt(np.diag(np.linalg.inv(doubled.information(vector)[0])))
+    gains = np.char.endswith(names, "gain")
+    assert np.allclose(again[gains], error[gains], rtol=0.1)
 
 
 def test_the_front_door_returns_a_fit(simulated):
