@@ -41,6 +41,7 @@ GROUPS = list(itertools.product(range(3), (0, 1)))
 SHOWN, FEWEST = 20, 10
 """Bins of the courses that are shown, and the fewest trials of a group."""
 NO_NOISE = ("noise=0.02", "start_noise=0.02")
+CORRELATION = "shared_noise"
 REFERENCE, NO_SHARED, NO_RECENT = "exponential", "no shared noise", "no recent rate"
 ENCODINGS = ("linear", "step", "macaque D1", "macaque D2")
 """Encodings that are compared with the reference."""
@@ -69,7 +70,9 @@ def likelihood_of(trials: Trials, name: str, *fixed: str) -> CellsLikelihood:
         settings = replace(settings, fix=(*NO_NOISE, *fixed))
     elif name == NO_RECENT:
         cells = (cell for session in sessions_of(trials) for cell in session.names)
-        settings = replace(settings, fix=tuple(f"{numbers_of(cell)[-2]}=0" for cell in cells))
+        fixed = tuple(f"{numbers_of(cell)[-2]}=0" for cell in cells)
+        # Noise that stands in for slow changes of cells does not decide as a whole.
+        settings = replace(settings, fix=fixed, free=(f"+{CORRELATION}",))
     encoding = REFERENCE if name in (NO_SHARED, NO_RECENT) else name
     one = question(settings, trials, [encoding], alone=True)
     (likelihood,) = one.likelihoods(encoding).values()
@@ -125,7 +128,8 @@ def scored(folder: str, name: str) -> pd.DataFrame:
         ]  # fmt: skip
     table = _summed(tables).assign(model=name)
     numbers = dict(zip(likelihood.freedom.names, start, strict=True))
-    shared = {each.name: numbers.get(each.name, np.nan) for each in SHARED if each.free}
+    names = (each.name for each in SHARED if each.free or each.name == CORRELATION)
+    shared = {name: numbers.get(name, np.nan) for name in names}
     return table.assign(**shared, cpu_s=fitted_s)
 
 
