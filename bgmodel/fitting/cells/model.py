@@ -216,15 +216,16 @@ class CellsLikelihood(Likelihood):
         read = encoded_by(encoding, values, sums)[0][on]
         basis = np.broadcast_to(session.basis, (*on.shape, KNOTS))[on]
         per_cell = []
-        for count, past in zip(session.counts, session.past, strict=True):
+        for name, count, past in zip(session.names, session.counts, session.past, strict=True):
             design, spikes = np.column_stack([basis, past[on], read]), count[on]
             mean = max(float(spikes.mean()) / BIN_S, 0.1)
-            numbers = np.zeros(design.shape[1])
-            numbers[:KNOTS] = np.log(mean)
+            free = np.array([each in self._columns for each in numbers_of(name)])
+            guess = np.append(np.full(KNOTS, np.log(mean)), [0.0, 0.0])
+            numbers = np.where(free, guess, [values[each] for each in numbers_of(name)])
             for _ in range(WARM):
                 base, drive = design[:, :-1] @ numbers[:-1], numbers[-1] * read
                 _, rate, rise = encoding.rate(base, drive)
-                moved = np.column_stack([design[:, :-1], rise * read])
+                moved = free * np.column_stack([design[:, :-1], rise * read])
                 curve = BIN_S * (moved.T * rate) @ moved + 0.1 * np.eye(len(numbers))
                 step = np.linalg.solve(curve, moved.T @ (spikes - BIN_S * rate))
                 numbers = numbers + np.clip(step, -1, 1)

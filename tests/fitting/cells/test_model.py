@@ -154,6 +154,14 @@ def test_the_front_door_returns_a_fit(simulated):
             bg.fit(trials, "linear", **{name: 3})
 
 
+def test_a_start_is_the_regression_given_what_is_fixed(simulated):
+    """A regression that had the recent rates of cells would start with courses for them."""
+    likelihood = without_noise(simulated[2])
+    slope = likelihood.scores(likelihood.starts()[0]).sum(axis=0)
+    of_cells = [k for k, name in enumerate(likelihood.freedom.names) if name[0].isdigit()]
+    assert np.abs(slope[of_cells]).max() < 1.0
+
+
 def test_a_fit_starts_with_and_without_a_leak_and_ends_at_the_higher_peak():
     """With strong gains on a leaky sum, the start with hardly a leak often ends far lower."""
     likelihood = likelihood_of(clicked(trials=60, cells=2))
