@@ -19,6 +19,7 @@ from figures.cells.compared import (
     chosen_elsewhere,
     controls,
     courses,
+    delayed,
     recovered,
     regressed,
     scored,
@@ -33,10 +34,11 @@ Z90, FEWEST_CELLS = 1.6449, 20
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Yield regressions with and without recent rates, models, and controls."""
+    """Yield regressions with and without recent rates and by delay, models, and controls."""
     for past in (True, False):
         name = "recent rate" if past else "course"
         yield Piece("regressed", name, TRIALS, 5, partial(regressed, SHIPPED, past))
+    yield Piece("delays", "clicks", TRIALS, 15, partial(delayed, SHIPPED))
     yield Piece("scored", CHOICES_ALONE, TRIALS, 3, partial(chosen_alone, SHIPPED))
     for model in (REFERENCE,) if fast else MODELS:
         yield Piece("scored", model, TRIALS, 80, partial(scored, SHIPPED, model))
@@ -50,7 +52,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return nats by model and by cell, gains, courses, and recovery."""
+    """Return nats by model, by cell and by delay, gains, courses, and recovery."""
     scores, described = made["scored"], made["regressed"]
     by_course, by_recent = (
         _by(described[described["past"] == past], "cell", "apart") for past in (False, True)
@@ -78,6 +80,8 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
         models.append(row)
     both = pd.concat([cells.drop(columns=NO_RECENT, errors="ignore"), by_recent], axis=1)
     each = both.drop(columns="psth").sub(by_recent["psth"], axis=0)
+    delays = made["delays"].groupby("delay_s")["nats"].sum().reset_index()
+    best = made["delays"].groupby("cell")["nats"].max().sum()
     z = made["recovered"].groupby("number")["z"]
     recovery = pd.DataFrame({
         "covered": z.apply(lambda some: (some.abs() < Z90).mean()), "mean_z": z.mean(),
@@ -87,6 +91,7 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
         "regressions": ("regressed", regressions),
         "models": ("scored", pd.DataFrame(models)),
         "each": ("scored", each.melt(var_name="model", ignore_index=False).reset_index()),
+        "delays": ("delays", delays.assign(best_of_each=best)),
         "gains": ("controls", made["controls"]),
         "courses": ("courses", made["courses"][made["courses"]["cells"] >= FEWEST_CELLS]),
         "recovery": ("recovered", recovery.reset_index()),
