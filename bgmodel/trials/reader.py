@@ -21,6 +21,7 @@ from bgmodel.trials.cautions import (
     check_signs,
     check_times,
     people_and_times,
+    warn_of_abrupt,
     warn_of_copies,
     warn_of_far,
     warn_of_mixed_units,
@@ -395,6 +396,7 @@ def _stop_signals(
     ssd_s, correct = delays(table["ssd"], columns.rt_unit), _correct(table, rt_s)
     warn_of_twins(who, rt_s, np.isnan(ssd_s).astype(np.int8))
     warn_of_order(table, who)
+    warn_of_abrupt(np.where(np.isnan(ssd_s), rt_s, np.nan), who)
     for each in np.unique(who).tolist():
         if not np.isnan(ssd_s[who == each]).any():
             text = f"ssd must be empty in some trials of {each}, the go trials: it is given in all"
@@ -421,6 +423,7 @@ def _rewarded(
     response, reward = (code(table[column]) for column in ("response", "reward"))
     warn_of_twins(who, rt_s, response)
     warn_of_order(table, who, held["pair"].to_numpy())
+    warn_of_abrupt(rt_s, who)
     better, other = (reward[response == side] for side in (1, 0))
     if len(better) and len(other) and better.mean() < other.mean():
         DataWarning.warn(

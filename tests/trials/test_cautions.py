@@ -14,6 +14,7 @@ from bgmodel.trials.cautions import (
     check_deadline,
     check_signs,
     check_times,
+    warn_of_abrupt,
     without_rounding,
 )
 from bgmodel.trials.files import shipped
@@ -236,3 +237,19 @@ def test_response_1_is_doubted_where_it_is_less_than_three_fifths_of_responses(r
 def test_trials_without_a_response_are_no_copies():
     late = silent(shuffled(TRIALS, 1), range(0, TRIALS, 4))
     assert texts(late, **NAMED, deadline_s=3.0) == []
+
+
+@pytest.mark.parametrize("name", ["pedersen_frank_2020", "stop_signal_cnp"])
+def test_fast_trials_that_were_left_out_of_many_people_are_asked_about(name):
+    trials = read_trials(name)
+    rt_s = (
+        trials.rt_s
+        if trials.ssd_s is None
+        else np.where(np.isnan(trials.ssd_s), trials.rt_s, np.nan)
+    )
+    tenth = pd.Series(rt_s).groupby(trials.participant).transform(lambda some: some.quantile(0.1))
+    cut = np.where(rt_s < tenth, np.nan, rt_s)
+    assert told(lambda: warn_of_abrupt(rt_s, trials.participant)) == []
+    assert len(told(lambda: warn_of_abrupt(cut, trials.participant))) == 1
+    coarse = np.ceil(5 * cut) / 5
+    assert told(lambda: warn_of_abrupt(coarse, trials.participant)) == []
