@@ -28,6 +28,16 @@ ENDING, TREE = ".npz", "record"
 PACKAGES = ("bgmodel.", "circuits.")
 PLAIN = (bool, int, float, str)
 """Types that JSON has."""
+MOVED = {
+    "bgmodel.fitting.known.circuit": "bgmodel.fitting.known.known_circuit",
+    "bgmodel.fitting.known.likelihood": "bgmodel.fitting.known.known_likelihood",
+    "bgmodel.fitting.model_comparison:Score": "bgmodel.fitting.model_comparison:ModelScore",
+    "bgmodel.fitting.several": "bgmodel.fitting.fit_results",
+    "bgmodel.fitting.simulated.circuit": "bgmodel.fitting.simulated.circuit_model",
+    "bgmodel.trials.given": "bgmodel.trials.task_trials",
+    "bgmodel.trials.named": "bgmodel.trials.named_evidence",
+}
+"""Modules, or records, by the name that they have in older files of this version."""
 
 
 class Facts:
@@ -207,7 +217,8 @@ def _name(kind: type) -> str:
 
 def _class(name: str) -> Any:
     """Return a class of this package by name."""
-    module, _, inner = name.partition(":")
+    module, _, inner = MOVED.get(name, name).partition(":")
+    module = MOVED.get(module, module)
     if not module.startswith(PACKAGES) or "__main__" in module or "." in inner:
         raise TypeError(f"{name} is no record")
     kind = getattr(importlib.import_module(module), inner)

@@ -9,10 +9,19 @@ from matplotlib.figure import Figure
 
 import bgmodel as bg
 from bgmodel.deciding.decision import Decision
+from bgmodel.fitting.fit_results import Fits
+from bgmodel.fitting.known.known_circuit import KnownCircuit
+from bgmodel.fitting.known.known_likelihood import OnTrials
+from bgmodel.fitting.known.models import EXACT
+from bgmodel.fitting.model_comparison import ModelScore, Predicted
+from bgmodel.fitting.simulated.circuit_model import MECHANISMS
 from bgmodel.learning.deciders import WeightLearner
 from bgmodel.learning.reinforce import Learner
-from bgmodel.support.saved import TREE, Facts, save, span
+from bgmodel.support.saved import MOVED, TREE, Facts, save, span
+from bgmodel.trials.named_evidence import NamedEvidence
+from bgmodel.trials.task_trials import EvidenceTable
 from tests.helpers import refused
+from tests.known_trials import few
 
 QUICK = Learner(500)
 CIRCUIT = bg.load_circuit("macaque").edited("lesion STN 10%", "dopamine 0.95")
@@ -121,6 +130,35 @@ def test_a_file_makes_no_other_object_than_a_record(change, says, tmp_path):
     rewritten(path, change)
     with refused(f"path .*{says}"):
         bg.load(path)
+
+
+def under_former_names(tree):
+    text = json.dumps(tree)
+    for former, name in MOVED.items():
+        text = text.replace(name, former)
+    return json.loads(text)
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        KnownCircuit(CIRCUIT),
+        OnTrials(EXACT["msprt"], few()),
+        ModelScore(Predicted(np.zeros(2), np.zeros((0, 2))), np.zeros(2, int)),
+        Fits({}),
+        MECHANISMS["dopamine"],
+        EvidenceTable("mine.csv"),
+        NamedEvidence(EVIDENCE, ["a", "b"]),
+    ],
+    ids=lambda record: type(record).__name__,
+)
+def test_a_record_that_was_moved_is_read_from_older_files(record, tmp_path):
+    path = save(record, tmp_path / "a.npz")
+    before = path.read_bytes()
+    rewritten(path, under_former_names)
+    again = bg.load(path)
+    assert type(again) is type(record)
+    assert save(again, path, force=True).read_bytes() == before
 
 
 def test_what_is_no_saved_result_is_refused(tmp_path):
