@@ -11,9 +11,10 @@ import bgmodel as bg
 from bgmodel.deciding.decision import Decision
 from bgmodel.fitting.fit_results import Fits
 from bgmodel.fitting.known.known_circuit import KnownCircuit
-from bgmodel.fitting.known.known_likelihood import OnTrials
+from bgmodel.fitting.known.known_likelihood import OnTrials, known_likelihood
 from bgmodel.fitting.known.models import EXACT
 from bgmodel.fitting.model_comparison import ModelScore, Predicted
+from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.simulated.circuit_model import MECHANISMS
 from bgmodel.learning.deciders import WeightLearner
 from bgmodel.learning.reinforce import Learner
@@ -21,7 +22,7 @@ from bgmodel.support.saved import MOVED, TREE, Facts, save, span
 from bgmodel.trials.named_evidence import NamedEvidence
 from bgmodel.trials.task_trials import EvidenceTable
 from tests.helpers import refused
-from tests.known_trials import few
+from tests.known_trials import few, simulated
 
 QUICK = Learner(500)
 CIRCUIT = bg.load_circuit("macaque").edited("lesion STN 10%", "dopamine 0.95")
@@ -55,6 +56,9 @@ RESULTS = {
     ),
     "experiment": lambda: bg.Experiment.from_text(EXPERIMENT).run(),
     "exam": lambda: bg.Exam.shipped().only(["resting rates"]).take("macaque", share=0.05),
+    "fit on known evidence": lambda: fit_likelihood(
+        known_likelihood(EXACT["msprt"], simulated(40, t_max=10))
+    ),
     "touch": lambda: bg.touch(TASK, values=(2, 4), folds=3, trials=100, learner=QUICK),
 }
 
