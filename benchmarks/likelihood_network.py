@@ -24,7 +24,7 @@ import pandas as pd
 
 from bgmodel import stream
 from bgmodel.fitting.responses import Grid, responded
-from bgmodel.fitting.simulated.circuit import CircuitModel
+from bgmodel.fitting.simulated.circuit_model import CircuitModel
 from bgmodel.fitting.simulated.error import decided
 from bgmodel.fitting.simulated.network import LikelihoodNetwork, shipped_path
 from bgmodel.support.files import read_table, write_table

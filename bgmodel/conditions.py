@@ -20,7 +20,7 @@ from bgmodel.support import toml_files
 from bgmodel.support.checks import whole
 from bgmodel.support.seeds import stream
 from bgmodel.task import Gaussian, Task
-from bgmodel.trials.given import EvidenceTable, read_once, trials_of
+from bgmodel.trials.task_trials import EvidenceTable, read_once, trials_of
 from circuits import DEFAULT
 from circuits.checks import check_finite, check_positive, check_types
 from circuits.declaration.edits import Edits
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from bgmodel.deciding.measures import Behaviour
     from bgmodel.evidence import Evidence
     from bgmodel.integrators.basal_ganglia import BasalGanglia
-    from bgmodel.trials.named import NamedEvidence
+    from bgmodel.trials.named_evidence import NamedEvidence
     from circuits.circuit import Circuit
 
 CIRCUIT = CircuitName(DEFAULT)

@@ -11,6 +11,17 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
+from bgmodel.fitting.fit_results import (
+    EACH,
+    GROUP,
+    FitFolder,
+    Fits,
+    GroupFits,
+    fit_entry,
+    report,
+    settings_shared,
+    stem,
+)
 from bgmodel.fitting.hierarchy.chains import MOST, chains_entry
 from bgmodel.fitting.hierarchy.group import ALIKE, Predictors
 from bgmodel.fitting.hierarchy.group_fit import HIERARCHY_SEED, GroupFit, fit_group
@@ -24,17 +35,6 @@ from bgmodel.fitting.settings import (
     seconds_of,
     settings_of,
     shared_ranges,
-)
-from bgmodel.fitting.several import (
-    EACH,
-    GROUP,
-    FitFolder,
-    Fits,
-    GroupFits,
-    fit_entry,
-    report,
-    settings_shared,
-    stem,
 )
 from bgmodel.support.checks import check_unused, path_of, whole
 from bgmodel.support.files import checksum
@@ -222,8 +222,8 @@ def _of_choices(asked: FitSettings, one: Question, who: str, model: AnyModel) ->
 
 def _known_model(one: Question, name: Any, folder: Path | None) -> AnyModel:
     """Return a model of decisions on known evidence."""
-    from bgmodel.fitting.known.circuit import FEWEST, KnownCircuit
-    from bgmodel.fitting.known.likelihood import OnTrials
+    from bgmodel.fitting.known.known_circuit import FEWEST, KnownCircuit
+    from bgmodel.fitting.known.known_likelihood import OnTrials
     from bgmodel.fitting.known.models import EXACT
     from bgmodel.fitting.known.trials import known_trials
     from circuits.anatomy import CIRCUITS, checked_circuit

@@ -24,7 +24,7 @@ KINDS = {
     "orientation": "bgmodel.tactile.task.Orientation",
     "edge-turn": "bgmodel.tactile.task.EdgeTurn",
     "edge-direction": "bgmodel.tactile.task.EdgeDirection",
-    "table": "bgmodel.trials.given.EvidenceTable",
+    "table": "bgmodel.trials.task_trials.EvidenceTable",
 }
 """Classes of tasks by the name that they have in files and commands."""
 

@@ -10,7 +10,7 @@ from bgmodel import Msprt, first_crossing
 from bgmodel.learning.dopamine import THRESHOLD_NATS, decide_at_levels
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.support.seeds import stream
-from bgmodel.trials.named import NamedEvidence, trial_table
+from bgmodel.trials.named_evidence import NamedEvidence, trial_table
 from tests.cpu_times import LONG, SLOW, listed, named
 from tests.helpers import GOOD, run
 from tests.levels import LEVELS, MODEL, SEED

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bgmodel.fitting.known.likelihood import observed, readings_from
+from bgmodel.fitting.known.known_likelihood import observed, readings_from
 from bgmodel.fitting.known.models import EXACT
 from bgmodel.fitting.known.trials import KnownTrials
 from bgmodel.simulated_evidence import gaussian_evidence

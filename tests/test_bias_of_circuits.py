@@ -10,7 +10,7 @@ from bgmodel.evidence import minus_log_softmax
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.settings import FitSettings
-from bgmodel.fitting.simulated.circuit import CircuitModel
+from bgmodel.fitting.simulated.circuit_model import CircuitModel
 from bgmodel.fitting.simulated.crossings import log_odds
 from bgmodel.integrators.first_passage import GaussianIncrements, walk
 from circuits.anatomy import load_circuit

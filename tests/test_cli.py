@@ -20,8 +20,8 @@ from bgmodel.cli import main
 from bgmodel.commands.options import record_of, task_of
 from bgmodel.support.files import read_provenance, read_table
 from bgmodel.task import Task
-from bgmodel.trials.given import EvidenceTable
 from bgmodel.trials.reader import OURS
+from bgmodel.trials.task_trials import EvidenceTable
 from tests.helpers import GOOD, ROOT, program_run, run
 
 

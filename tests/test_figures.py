@@ -199,7 +199,7 @@ def test_errors_stay_below_what_a_criterion_allows_where_likelihoods_are_right(s
     ],
 )
 def test_a_change_is_as_expected_where_its_whole_interval_says_so(sign, low, high, outcome):
-    assert others.outcome(others.Expected("mean_percent", sign, 2.0), low, high) == outcome
+    assert others.outcome(others.ExpectedChange("mean_percent", sign, 2.0), low, high) == outcome
 
 
 NONE = np.nan

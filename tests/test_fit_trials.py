@@ -8,8 +8,8 @@ import pytest
 import bgmodel as bg
 from bgmodel.fit_trials import question
 from bgmodel.fitting.hierarchy.group import Scale, priors_of
-from bgmodel.fitting.known.circuit import KnownCircuit
-from bgmodel.fitting.known.likelihood import known_likelihood
+from bgmodel.fitting.known.known_circuit import KnownCircuit
+from bgmodel.fitting.known.known_likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
 from bgmodel.fitting.known.trials import known_trials
 from bgmodel.fitting.person_fit import Fit

@@ -16,7 +16,7 @@ from bgmodel.cli import main
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.support.files import read_table
 from bgmodel.trials.evidence_table import trials_from_table
-from bgmodel.trials.named import trial_table
+from bgmodel.trials.named_evidence import trial_table
 from tests.strategies import experiments, numbers, tables
 from tests.strategies.edits import driven, edited_circuits
 

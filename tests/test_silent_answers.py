@@ -17,8 +17,8 @@ from bgmodel.support.files import write_table
 from bgmodel.tactile.source import load_taps, source
 from bgmodel.tactile.task import EdgeDirection
 from bgmodel.trials.evidence_table import read_evidence_table, trials_from_table
-from bgmodel.trials.given import EvidenceTable, trials_of
 from bgmodel.trials.reader import Columns, read_trials
+from bgmodel.trials.task_trials import EvidenceTable, trials_of
 from circuits.engines import run
 from circuits.errors import DataWarning, EditWarning, NoiseWarning
 from tests.helpers import refused, refusing, told, unwarned

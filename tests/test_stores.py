@@ -9,14 +9,14 @@ import pytest
 
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
+from bgmodel.fitting.fit_results import fit_entry
 from bgmodel.fitting.hierarchy.chains import chains_entry
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.misfit import Misfit
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.person_fit import Fit
 from bgmodel.fitting.posterior import Directions
-from bgmodel.fitting.several import fit_entry
-from bgmodel.fitting.simulated.circuit import CircuitModel
+from bgmodel.fitting.simulated.circuit_model import CircuitModel
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes
 from bgmodel.fitting.simulated.error import SimulationErrors
 from bgmodel.support.files import checksum_entry

@@ -14,7 +14,7 @@ from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.tactile.source import load_taps
 from bgmodel.tactile.task import EdgeTurn, Orientation, SameDifferent
 from bgmodel.task import KINDS, Gaussian, Task, kind_of, settings_of_tasks
-from bgmodel.trials.given import EvidenceTable
+from bgmodel.trials.task_trials import EvidenceTable
 from tests.helpers import refused, refusing
 
 DRAWN = [Gaussian(channels=3), SameDifferent(1.5), Orientation(4)]

@@ -11,7 +11,7 @@ import bgmodel as bg
 from bgmodel.fit_trials import question
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import FAVOURS, design_of
-from bgmodel.fitting.known.likelihood import known_likelihood
+from bgmodel.fitting.known.known_likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
 from bgmodel.fitting.known.trials import known_trials
 from bgmodel.fitting.likelihood import likelihood_of

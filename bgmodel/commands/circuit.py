@@ -30,7 +30,7 @@ from bgmodel.support import files
 from bgmodel.support.checks import whole
 from bgmodel.support.references import sources_of
 from bgmodel.task import Gaussian
-from bgmodel.trials import named as tables
+from bgmodel.trials.named_evidence import trial_table
 from circuits.activity import RateMeans
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
@@ -201,8 +201,7 @@ def run(
     # A table of evidence on an engine without noise: there is no noise.
     seed = condition.seed if condition.task.file is None or model.engine.noisy else None
     about = f"{model.circuit.name} {model.engine}"
-    result = tables.trial_table(decision, trials, seed=seed, model=about,
-                                condition=condition.edits.text())  # fmt: skip
+    result = trial_table(decision, trials, seed=seed, model=about, condition=condition.edits.text())
     behind: dict[str, Any] = {"seed": seed, **made_with(model, condition=settled)}
     if condition.task.file is not None:
         output.note(trials.summary())

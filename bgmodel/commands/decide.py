@@ -39,8 +39,8 @@ from bgmodel.support.files import recorded
 from bgmodel.support.processes import check_evidence_memory
 from bgmodel.tactile.task import SameDifferent
 from bgmodel.task import Gaussian, Task
-from bgmodel.trials import named as tables
-from bgmodel.trials.given import trials_of
+from bgmodel.trials.named_evidence import trial_table
+from bgmodel.trials.task_trials import trials_of
 from circuits.declaration.edits import Edits
 from circuits.declaration.table import NATS
 from circuits.declaration.table_writer import identity
@@ -109,7 +109,7 @@ def decide(
     decision = test.decide(trials.evidence, threshold, forced=forced)
     ((level, nats),) = ((name, value) for name, value in given.items() if value is not None)
     about = f"{'sprt' if posterior is None else 'msprt'} {level}={nats:g}"
-    result = tables.trial_table(decision, trials, seed=drawn, model=about)
+    result = trial_table(decision, trials, seed=drawn, model=about)
     known = result["correct"].dropna() if "correct" in result else pd.Series(dtype=float)
     facts = {
         "trials": len(result),

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 from bgmodel.commands.options import MANY, Workers, like, record_of, values
 from bgmodel.commands.output import Output, check_whole, say, stages
 from bgmodel.fit_trials import SIMULATED, fit_all, question
+from bgmodel.fitting.fit_results import GroupFits
 from bgmodel.fitting.settings import FitSettings, need_fit
-from bgmodel.fitting.several import GroupFits
 from bgmodel.trials.files import listed
 from bgmodel.trials.reader import OURS
 

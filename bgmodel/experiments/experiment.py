@@ -44,7 +44,7 @@ from bgmodel.support.checks import path_of
 from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
-from bgmodel.trials.named import NamedEvidence, trial_table
+from bgmodel.trials.named_evidence import NamedEvidence, trial_table
 from circuits.declaration.table_writer import digest
 from circuits.errors import CalibrationWarning, DeadlineWarning, EditWarning, InputError
 from circuits.store import Latest

@@ -19,8 +19,8 @@ from bgmodel.experiments.expected import Expected
 from bgmodel.experiments.learning import Learning, heard
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.task import Gaussian, Task
-from bgmodel.trials.given import EvidenceTable
-from bgmodel.trials.named import NamedEvidence
+from bgmodel.trials.named_evidence import NamedEvidence
+from bgmodel.trials.task_trials import EvidenceTable
 from circuits.arrays import Integers
 from circuits.declaration.edits import Edits
 from circuits.errors import InputError, NoiseWarning, require

@@ -21,7 +21,7 @@ from bgmodel.explorer.circuit import Shown, one_trial
 from bgmodel.explorer.state import ExplorerState
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.plots import labelled
-from bgmodel.trials.named import NamedEvidence
+from bgmodel.trials.named_evidence import NamedEvidence
 from circuits.errors import collected
 from circuits.laws.stability import ringing
 from circuits.plots import ROWS

@@ -15,7 +15,7 @@ from bgmodel.experiments.outcomes import measured
 from bgmodel.explorer.panels import Memory, Panel, panels
 from bgmodel.explorer.state import ExplorerState
 from bgmodel.support import processes
-from bgmodel.trials.named import NamedEvidence
+from bgmodel.trials.named_evidence import NamedEvidence
 from circuits.declaration.edits import Edits
 from circuits.errors import quiet
 from circuits.store import Latest

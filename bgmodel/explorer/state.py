@@ -23,7 +23,7 @@ from bgmodel.names import CircuitName, EngineName
 from bgmodel.stopping.task import StopTask
 from bgmodel.support import toml_files
 from bgmodel.task import Gaussian
-from bgmodel.trials.given import EvidenceTable
+from bgmodel.trials.task_trials import EvidenceTable
 from circuits import DEFAULT
 from circuits.anatomy import CIRCUITS
 from circuits.declaration.edits import Edits

@@ -120,7 +120,7 @@ Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Score:
+class ModelScore:
     """How well a model predicts each trial."""
 
     predicted: Predicted  # each trial under the model fitted without it
@@ -140,7 +140,7 @@ class Score:
 class ModelComparison(Facts):
     """Models compared on the same trials."""
 
-    scores: dict[str, Score]
+    scores: dict[str, ModelScore]
     people: list[str]
     method: str  # ``cross-validation`` or ``PSIS-LOO``.
 
@@ -215,7 +215,7 @@ class ModelComparison(Facts):
         return draw_comparison(self.table, apart, title)
 
 
-def _apart(score: Score, best: Score) -> dict[str, float]:
+def _apart(score: ModelScore, best: ModelScore) -> dict[str, float]:
     same = score is best
     advantage = (
         Better(0.0, 0.0, 0.0) if same else better_by(score.predicted, best.predicted, score.person)
@@ -300,11 +300,11 @@ def _check_same(likelihoods: Mapping[str, Mapping[str, Likelihood]]) -> None:
                 raise InputError(f"{name} and {first_name} are fits to different trials", "fits")
 
 
-def _crossvalidated(people: list[Optimum]) -> Score:
+def _crossvalidated(people: list[Optimum]) -> ModelScore:
     """Return the score of fits to single people, in bins as narrow as each fit needs."""
     fits = [resolved(each) for each in people]
     parts = [predicted(each.likelihood, start=each.vector) for each in fits]
-    return Score(
+    return ModelScore(
         Predicted(
             np.concatenate([part.each for part in parts]),
             np.concatenate([part.without for part in parts], axis=1),
@@ -320,7 +320,7 @@ def _person(likelihoods: Iterable[Likelihood]) -> Integers:
     return np.repeat(np.arange(len(counts)), counts)
 
 
-def _left_out(fit: GroupFit) -> Score:
+def _left_out(fit: GroupFit) -> ModelScore:
     draws = len(fit.chains[0])
     places = np.unique(np.linspace(0, draws - 1, min(draws, DRAWS)).astype(int))
     log = each_trial(fit.likelihoods, fit.individual[:, places])
@@ -331,7 +331,7 @@ def _left_out(fit: GroupFit) -> Score:
     parts = [[part.each(at) for part in one.without_parts()] for one, at in vectors]
     without = np.array([np.concatenate(row) for row in zip(*parts, strict=True)])
     without = without.reshape(len(parts[0]), log.shape[2])
-    return Score(
+    return ModelScore(
         Predicted(trials, without, draws_error(log)),
         _person(fit.likelihoods.values()),
         unreliable=int((khat > SMOOTH).sum()),
@@ -372,7 +372,7 @@ def draws_error(log: Array) -> float:
     return float(array_stats.mcse(moved, chain_axis=0, draw_axis=1, method="mean"))
 
 
-def _warn_of_unreliable(scores: Mapping[str, Score]) -> None:
+def _warn_of_unreliable(scores: Mapping[str, ModelScore]) -> None:
     for name, score in scores.items():
         if score.unreliable:
             FitWarning.warn(

@@ -18,7 +18,7 @@ from bgmodel.fitting.hierarchy.group import Predictors
 from bgmodel.fitting.likelihood import AnyModel, Likelihood, TrialModel, likelihood_of
 from bgmodel.fitting.parameters import ADDED, Parameter
 from bgmodel.fitting.responses import ENDS_S
-from bgmodel.fitting.simulated.circuit import MECHANISMS, CircuitModel
+from bgmodel.fitting.simulated.circuit_model import MECHANISMS, CircuitModel
 from bgmodel.support.checks import check_flag, check_positive, check_unused, whole
 from bgmodel.trials.columns import named_participant
 from bgmodel.trials.reader import OURS, Columns, read_trials

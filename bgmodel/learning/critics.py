@@ -86,7 +86,7 @@ class RunningMean(Critic):
 
 
 @dataclass(frozen=True)
-class Confidence(Critic):
+class ConfidenceCritic(Critic):
     """The posterior of the choice, P_c: the probability of a reward if the weights are exact."""
 
     name: ClassVar[str] = "confidence"
@@ -163,7 +163,7 @@ class ActionValue(Critic):
 
 CRITICS: dict[str, Callable[[], Critic]] = {
     critic.name: critic
-    for critic in (RunningMean, Confidence, ReadOutConfidence, Affine, ActionValue)
+    for critic in (RunningMean, ConfidenceCritic, ReadOutConfidence, Affine, ActionValue)
 }
 """Critics by name, with their default options."""
 

@@ -39,7 +39,7 @@ from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
 from bgmodel.tactile.source import Source, Tactile, load_taps
 from bgmodel.task import Drawn, Gaussian, Task
-from bgmodel.trials.given import EvidenceTable, read_once, trials_of
+from bgmodel.trials.task_trials import EvidenceTable, read_once, trials_of
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.arrays import Array
 from circuits.engines import engine_of
@@ -163,8 +163,8 @@ def learn(
     Parameters
     ----------
     task : Task
-        What is decided. The trials of a table, ``bgmodel.trials.given.EvidenceTable("mine.csv")``,
-        are halved for a circuit, which learns from one half; for the test its readings are drawn
+        What is decided. The trials of a table, a ``bgmodel.trials.task_trials.EvidenceTable``, are
+        halved for a circuit, which learns from one half; for the test its readings are drawn
         independently, as those of a task.
     model : BasalGanglia, optional
         The circuit that learns; without it, the optimal test does, or for dopamine the default

@@ -85,7 +85,7 @@ class ChosenRule(Rule):
 
 
 @dataclass(frozen=True)
-class Reinforce(Rule):
+class ReinforceRule(Rule):
     """REINFORCE (Williams 1992): ``dw_i = error (1[i = c] - P_i) e``."""
 
     name: ClassVar[str] = "reinforce"
@@ -133,7 +133,7 @@ class Hebbian(Rule):
 
 
 @dataclass(frozen=True)
-class QLearning(Rule):
+class QRule(Rule):
     """Value of actions, linear in the features: ``dw_c = (r - y_c) e``."""
 
     name: ClassVar[str] = "q"
@@ -180,7 +180,7 @@ class OpponentActor(Rule):
 RULES: dict[str, Callable[[], Rule]] = {
     rule.name: rule
     for rule in (
-        ConfidenceRule, ChosenRule, Reinforce, Covariance, Hebbian, QLearning, OpponentActor,
+        ConfidenceRule, ChosenRule, ReinforceRule, Covariance, Hebbian, QRule, OpponentActor,
     )
 }  # fmt: skip
 """Rules by name, with their default options."""

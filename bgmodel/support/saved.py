@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 import io
 import json
-from dataclasses import fields, is_dataclass
+from dataclasses import Field, fields, is_dataclass
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -141,8 +141,14 @@ def _plain(value: Any, arrays: list[npt.NDArray[Any]]) -> Any:
     if not own_kind or not is_dataclass(value):
         reason = f"it holds a {kind.__name__}, which is no record of this package"
         raise InputError(f"this can't be saved: {reason}", "record", value)
-    plain_fields = {one.name: _plain(getattr(value, one.name), arrays) for one in fields(value)}
+    plain_fields = {one.name: _plain(_saved(value, one), arrays) for one in fields(value)}
     return {"record": _name(type(value)), "fields": plain_fields}
+
+
+def _saved(record: Any, one: Field[Any]) -> Any:
+    """Return the value of a field; that of a cache, which is not compared, is what it begins as."""
+    empty = None if one.compare else one.default_factory
+    return empty() if callable(empty) else getattr(record, one.name)
 
 
 def _restored(value: Any, arrays: dict[str, npt.NDArray[Any]]) -> Any:

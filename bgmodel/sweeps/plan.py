@@ -22,8 +22,8 @@ from bgmodel.support.checks import path_of
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.source import SHIPPED, Tactile
 from bgmodel.task import Gaussian, Task, kind_of, settings_of_tasks
-from bgmodel.trials.given import EvidenceTable, read_once, trials_of
-from bgmodel.trials.named import NamedEvidence
+from bgmodel.trials.named_evidence import NamedEvidence
+from bgmodel.trials.task_trials import EvidenceTable, read_once, trials_of
 from circuits.circuit import Circuit
 from circuits.declaration.edits import VERBS, Edits, parsed
 from circuits.declaration.table_writer import identity

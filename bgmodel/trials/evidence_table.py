@@ -18,7 +18,7 @@ from bgmodel.support.files import read_table
 from bgmodel.support.processes import check_evidence_memory
 from bgmodel.trials.columns import check_alike, check_numeric, check_spelt, names_once
 from bgmodel.trials.files import DECIMAL_SIGN, SEPARATORS, read_text
-from bgmodel.trials.named import RESULT, NamedEvidence
+from bgmodel.trials.named_evidence import RESULT, NamedEvidence
 from circuits.arrays import Array
 from circuits.errors import DataWarning, InputError, within
 

@@ -14,7 +14,7 @@ import numpy as np
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.responses import BIN_S, BinnedResponses, Grid
-from bgmodel.fitting.simulated.circuit import NONE
+from bgmodel.fitting.simulated.circuit_model import NONE
 from bgmodel.fitting.simulated.crossings import simulated
 from circuits.arrays import Array, Integers
 from figures.data.measure_fits import fitted_circuit

@@ -17,7 +17,7 @@ from bgmodel.fitting.design import Design, design_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.model_comparison import Better, better_by, predicted
 from bgmodel.fitting.person_fit import fit_likelihood
-from bgmodel.fitting.simulated.circuit import (
+from bgmodel.fitting.simulated.circuit_model import (
     MECHANISMS,
     NONE,
     SIMULATION_SEED,

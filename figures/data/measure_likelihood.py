@@ -16,7 +16,7 @@ import pandas as pd
 
 from bgmodel import stream
 from bgmodel.fitting.responses import BIN_S, Grid, responded
-from bgmodel.fitting.simulated.circuit import CircuitModel
+from bgmodel.fitting.simulated.circuit_model import CircuitModel
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes
 from bgmodel.fitting.simulated.error import decided
 from bgmodel.fitting.simulated.network import LikelihoodNetwork, read_network

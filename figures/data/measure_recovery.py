@@ -23,7 +23,7 @@ from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.person_fit import widened
 from bgmodel.fitting.posterior import directions, posterior
-from bgmodel.fitting.simulated.circuit import NONE
+from bgmodel.fitting.simulated.circuit_model import NONE
 from bgmodel.fitting.simulated.error import simulation_error
 from circuits.anatomy import DEFAULT
 from circuits.arrays import Array

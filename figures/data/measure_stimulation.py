@@ -18,7 +18,7 @@ from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.model_comparison import Predicted, better_by, predicted
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.person_fit import cells_of
-from bgmodel.fitting.simulated.circuit import (
+from bgmodel.fitting.simulated.circuit_model import (
     MECHANISMS,
     NONE,
     SIMULATION_SEED,

@@ -13,7 +13,7 @@ import pandas as pd
 
 from bgmodel.fitting.algorithms import EXPONENTIAL, GapModel, Model
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.simulated.circuit import NONE, SIMULATION_SEED
+from bgmodel.fitting.simulated.circuit_model import NONE, SIMULATION_SEED
 from bgmodel.trials.reader import read_trials
 from circuits.anatomy import DEFAULT, load_circuit
 from figures.data.measure_fits import PREDICTED, SECONDS, fitted, fitted_circuit, people

@@ -15,8 +15,13 @@ import pandas as pd
 
 from bgmodel import Evidence, gaussian_evidence, stream
 from bgmodel.comparison.designed import RISE_NATS_S, STEP_MS, designs
-from bgmodel.fitting.known.circuit import KnownCircuit
-from bgmodel.fitting.known.likelihood import KnownModel, known_likelihood, observed, readings_from
+from bgmodel.fitting.known.known_circuit import KnownCircuit
+from bgmodel.fitting.known.known_likelihood import (
+    KnownModel,
+    known_likelihood,
+    observed,
+    readings_from,
+)
 from bgmodel.fitting.known.models import EXACT
 from bgmodel.fitting.known.trials import KnownTrials, responding, waiting
 from bgmodel.fitting.optimum import Optimum, optimum

@@ -24,7 +24,7 @@ from figures.learning.tasks import (
     RUNS,
     SCORING_SEED,
     TRIALS,
-    Taught,
+    TaskReadings,
     each_run,
     gratings,
     mean_se,
@@ -74,7 +74,9 @@ def learned_over_trials(name: str, trials: int) -> pd.DataFrame:
     return pd.DataFrame(summaries).assign(held_out=held_out)
 
 
-def _part_over_trials(task: Taught, label: str, rule: str, trials: int, runs: int) -> pd.DataFrame:
+def _part_over_trials(
+    task: TaskReadings, label: str, rule: str, trials: int, runs: int
+) -> pd.DataFrame:
     """Return the scores of each run of a rule over trials, and of counts of as many readings."""
     learned = learn_weights(
         task.learned, seed=SCORING_SEED, rule=rule, runs=runs, name=label,
@@ -98,7 +100,7 @@ def _part_over_trials(task: Taught, label: str, rule: str, trials: int, runs: in
     return pd.concat(parts)
 
 
-def _counted(task: Taught, name: str, readings: int, runs: int) -> LearnedWeights:
+def _counted(task: TaskReadings, name: str, readings: int, runs: int) -> LearnedWeights:
     """Return weights from counts of readings with the truth known, as several runs."""
     rng = stream(SCORING_SEED, "counts", name, readings)
     steps = task.learned.draw(1, rng=0).steps

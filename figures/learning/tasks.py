@@ -34,7 +34,7 @@ TESTED = 4_000
 
 
 @dataclass(frozen=True)
-class Taught:
+class TaskReadings:
     """A task: the readings for learning, and others for scoring."""
 
     learned: FeatureSource
@@ -47,24 +47,24 @@ class Taught:
         return self.scored.draw(TESTED, rng=stream(SCORING_SEED, "scored", name))
 
 
-def of_taps(task: Tactile, t_max: int, fold: int = 0) -> Taught:
+def of_taps(task: Tactile, t_max: int, fold: int = 0) -> TaskReadings:
     """Return a task with decoded taps, one sixth of which scores."""
     learned, scored = tap_features(held_out_taps(), task, t_max=t_max, fold=fold)
-    return Taught(learned, scored, min(len(part) for part in scored.readings))
+    return TaskReadings(learned, scored, min(len(part) for part in scored.readings))
 
 
-def of_cells(channels: int) -> Taught:
+def of_cells(channels: int) -> TaskReadings:
     """Return a task with Poisson cells whose mean input is removed."""
     cells = PoissonFeatures(channels=channels, centred=True, t_max=60)
-    return Taught(cells, cells)
+    return TaskReadings(cells, cells)
 
 
-def of_orientations(count: int) -> list[Taught]:
+def of_orientations(count: int) -> list[TaskReadings]:
     """Return a task with few taps per class, each sixth of which scores in turn."""
     return [of_taps(Orientation(count, 2.0), 40, fold) for fold in range(FOLDS)]
 
 
-MADE: dict[str, Callable[[], list[Taught]]] = {
+MADE: dict[str, Callable[[], list[TaskReadings]]] = {
     "2 mm": lambda: [of_taps(SameDifferent(2.0), 40)],
     "1.5 mm": lambda: [of_taps(SameDifferent(1.5), 100)],
     "Poisson cells, N = 4": lambda: [of_cells(4)],
@@ -77,7 +77,7 @@ TRIALS = dict(zip(MADE, (10_000, 30_000, 10_000, 10_000, 10_000), strict=True))
 
 
 @cache
-def parts_of(name: str) -> list[Taught]:
+def parts_of(name: str) -> list[TaskReadings]:
     """Return the parts of a task by name."""
     return MADE[name]()
 
@@ -91,7 +91,7 @@ MEASURES = ["slope", "r", "relative_time"]
 
 
 def scores(
-    learned: LearnedWeights, task: Taught, name: str, *, stn: bool = True, **known: object
+    learned: LearnedWeights, task: TaskReadings, name: str, *, stn: bool = True, **known: object
 ) -> pd.DataFrame:
     """Return slope, r and relative time of each run, each on other held-out trials."""
     rows = []
@@ -104,7 +104,7 @@ def scores(
     return pd.DataFrame(rows, columns=MEASURES).assign(**known)
 
 
-def each_run(learned: LearnedWeights, task: Taught, name: str) -> dict[str, float]:
+def each_run(learned: LearnedWeights, task: TaskReadings, name: str) -> dict[str, float]:
     """Return mean slope, r and relative time over runs, with standard errors.
 
     Every run is scored on other held-out trials, so that the standard error includes theirs.

@@ -65,7 +65,7 @@ ENTRANTS = (
 )
 
 
-class Expected(NamedTuple):
+class ExpectedChange(NamedTuple):
     """A measure, the sign of its expected change, and the least change that counts."""
 
     measure: str
@@ -73,12 +73,12 @@ class Expected(NamedTuple):
     least: float
 
 
-class Edit(NamedTuple):
+class PublishedEffect(NamedTuple):
     """A change of a circuit or of its evidence, its source, and the expected effect."""
 
     published: str
     edited: Callable[[Circuit], Circuit]
-    expected: Expected
+    expected: ExpectedChange
     conflict: float = 0.0
 
 
@@ -90,33 +90,33 @@ def _fewer_stn(table: Circuit) -> Circuit:
     return table.lesion("STN", 0.1)
 
 
-FASTER, SLOWER = (Expected("mean_percent", sign, 2.0) for sign in (-1, 1))
-EDITS: Mapping[str, Edit] = {
-    "conflict": Edit(
+FASTER, SLOWER = (ExpectedChange("mean_percent", sign, 2.0) for sign in (-1, 1))
+EDITS: Mapping[str, PublishedEffect] = {
+    "conflict": PublishedEffect(
         "STN fires more (people, Zaghloul 2012, abstract)",
         _same,
-        Expected("stn_percent", 1, 1.0),
+        ExpectedChange("stn_percent", 1, 1.0),
         CONFLICT,
     ),
-    "a tenth of STN lost": Edit(
+    "a tenth of STN lost": PublishedEffect(
         "less accurate (rats, Baunez 2001, abstract)",
         _fewer_stn,
-        Expected("accuracy", -1, 0.01),
+        ExpectedChange("accuracy", -1, 0.01),
     ),
-    "a tenth of STN lost, conflict": Edit(
+    "a tenth of STN lost, conflict": PublishedEffect(
         "faster under conflict (people, stimulated, Cavanagh 2011)", _fewer_stn, FASTER, CONFLICT
     ),
-    "a fifth of GPe lost": Edit(
+    "a fifth of GPe lost": PublishedEffect(
         "slower (derived from Bogacz & Gurney 2007)",
         lambda table: table.lesion("GPe", 0.2),
         SLOWER,
     ),
-    "dopamine 1.15": Edit(
+    "dopamine 1.15": PublishedEffect(
         "hastier (people, Chakroun 2023, abstract)",
         lambda table: table.dopamine(1.15),
         FASTER,
     ),
-    "dopamine 0.85": Edit(
+    "dopamine 0.85": PublishedEffect(
         "slower (derived from Bogacz & Gurney 2007)",
         lambda table: table.dopamine(0.85),
         SLOWER,
@@ -216,7 +216,7 @@ def differences(
     return row
 
 
-def verdict(row: Mapping[str, Any], expected: Expected) -> str:
+def verdict(row: Mapping[str, Any], expected: ExpectedChange) -> str:
     """Return whether a change is as expected, or why its row leaves this open."""
     if row["forced"] > MOST_FORCED:
         return NEVER
@@ -225,7 +225,7 @@ def verdict(row: Mapping[str, Any], expected: Expected) -> str:
     return outcome(expected, row[f"{expected.measure}_low"], row[f"{expected.measure}_high"])
 
 
-def outcome(expected: Expected, low: float, high: float) -> str:
+def outcome(expected: ExpectedChange, low: float, high: float) -> str:
     """Compare the interval of a change with the least change that counts."""
     if expected.direction < 0:
         low, high = -high, -low

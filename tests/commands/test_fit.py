@@ -11,9 +11,9 @@ import pytest
 
 from bgmodel.fitting import optimum
 from bgmodel.fitting.algorithms import DRIFT_SD, SPREAD, START, GapModel
+from bgmodel.fitting.fit_results import EACH, ESTIMATES, FitFolder
 from bgmodel.fitting.parameters import RESPONSE
-from bgmodel.fitting.several import EACH, ESTIMATES, FitFolder
-from bgmodel.fitting.simulated.circuit import CircuitModel
+from bgmodel.fitting.simulated.circuit_model import CircuitModel
 from bgmodel.support.files import read_provenance, read_table
 from circuits.errors import FitWarning
 from tests.drawn import drawn
@@ -58,7 +58,7 @@ def brief(request, monkeypatch):
     if "thorough" not in request.fixturenames:
         monkeypatch.setattr(optimum, "TOLERANCE_NATS", 0.5)
         monkeypatch.setattr(optimum, "POPULATION", 8)
-        monkeypatch.setattr("bgmodel.fitting.several.save_figure", lambda _, path: path.touch())
+        monkeypatch.setattr("bgmodel.fitting.fit_results.save_figure", lambda _, path: path.touch())
         monkeypatch.setattr("bgmodel.fitting.quantiles.draw_fits", lambda *_: None)
 
 

@@ -8,7 +8,7 @@ import pytest
 from bgmodel.cli import _plain_warnings, main
 from bgmodel.commands import output
 from bgmodel.commands.output import say_before, stages
-from bgmodel.fitting.several import stem
+from bgmodel.fitting.fit_results import stem
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.anatomy import load_circuit
 from tests.helpers import run, some_evidence

@@ -15,7 +15,7 @@ from bgmodel.experiments.record import Changes
 from bgmodel.integrators.at_thresholds import behaviour_of
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.simulated_evidence import separated_evidence
-from bgmodel.trials.given import EvidenceTable
+from bgmodel.trials.task_trials import EvidenceTable
 from circuits import anatomy
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits

@@ -12,7 +12,7 @@ from bgmodel.learning import weights
 from bgmodel.learning.learned_weights import LearnedWeights
 from bgmodel.tactile.task import SameDifferent
 from bgmodel.task import Gaussian
-from bgmodel.trials.given import EvidenceTable
+from bgmodel.trials.task_trials import EvidenceTable
 from circuits.declaration.edits import Edits
 from circuits.errors import NoiseWarning
 from tests.helpers import refusing

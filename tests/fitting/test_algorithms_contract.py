@@ -9,7 +9,7 @@ from bgmodel.fitting.algorithms import BIAS, GAPS, SENSITIVITY, GapModel
 from bgmodel.fitting.parameters import RESPONSE
 from bgmodel.fitting.responses import Grid
 from bgmodel.fitting.simulated.alternatives import ManyCircuitModel
-from bgmodel.fitting.simulated.circuit import MECHANISMS, CircuitModel
+from bgmodel.fitting.simulated.circuit_model import MECHANISMS, CircuitModel
 from bgmodel.fitting.simulated.error import PARTS
 from bgmodel.fitting.simulated.msprt import MsprtModel
 from bgmodel.fitting.simulated.race import LcaModel, RaceModel

@@ -17,7 +17,7 @@ from bgmodel.fitting.misfit import FIXED, TOGETHER, Excess, group_misfit, misfit
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.responses import moments
-from bgmodel.fitting.simulated.circuit import CircuitModel
+from bgmodel.fitting.simulated.circuit_model import CircuitModel
 from bgmodel.fitting.simulated.error import jackknifed, without_parts
 from circuits.anatomy import load_circuit
 from tests.drawn import TRUTH, choices, drawn

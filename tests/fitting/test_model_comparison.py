@@ -11,8 +11,8 @@ from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.model_comparison import (
     Better,
     ModelComparison,
+    ModelScore,
     Predicted,
-    Score,
     _divided,
     better_by,
     compare_fits,
@@ -52,7 +52,7 @@ def twice(right):
 def score(trials, person=None, without=None):
     person = np.zeros(len(trials), int) if person is None else person
     parts = np.zeros((0, len(trials))) if without is None else without
-    return Score(Predicted(trials, parts), person, 0.0, 1)
+    return ModelScore(Predicted(trials, parts), person, 0.0, 1)
 
 
 def test_a_model_without_sensitivity_is_told_from_the_right_one(some, right):

@@ -15,7 +15,7 @@ from bgmodel.fitting.optimum import TOLERANCE_NATS, Optimum, _scales, _slid, opt
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.responses import moments
-from bgmodel.fitting.simulated.circuit import CircuitModel
+from bgmodel.fitting.simulated.circuit_model import CircuitModel
 from bgmodel.trials.reader import read_trials
 from circuits.anatomy import load_circuit
 from circuits.errors import FitWarning

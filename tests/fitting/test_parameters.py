@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from bgmodel.fitting.algorithms import WEIBULL, GapModel
 from bgmodel.fitting.parameters import Parameter, freedom
-from bgmodel.fitting.simulated.circuit import MECHANISMS, CircuitModel
+from bgmodel.fitting.simulated.circuit_model import MECHANISMS, CircuitModel
 from circuits.anatomy import load_circuit
 from tests.helpers import ROOT, refusing
 

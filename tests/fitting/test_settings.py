@@ -15,7 +15,7 @@ from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.settings import FitSettings, settings_of
 from bgmodel.fitting.simulated.alternatives import MODELS
-from bgmodel.fitting.simulated.circuit import MECHANISMS
+from bgmodel.fitting.simulated.circuit_model import MECHANISMS
 from bgmodel.trials.reader import read_trials
 from circuits import anatomy
 from tests.helpers import refused, refusing

@@ -16,7 +16,7 @@ from bgmodel.integrators.at_thresholds import decide_at_thresholds
 from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
 from bgmodel.integrators.criterion import gain_of
 from bgmodel.simulated_evidence import expecting, separated_evidence
-from bgmodel.trials.named import NamedEvidence, trial_table
+from bgmodel.trials.named_evidence import NamedEvidence, trial_table
 from circuits import anatomy
 from circuits.anatomy import load_circuit, macaque
 from circuits.engines import Algebra, Population, Rate, Spikes, engine_of

@@ -21,7 +21,7 @@ from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learner
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from bgmodel.task import Gaussian
-from bgmodel.trials.given import EvidenceTable
+from bgmodel.trials.task_trials import EvidenceTable
 from tests.helpers import long_table, refused, refusing
 
 SHORT = Learner(episodes=1500)

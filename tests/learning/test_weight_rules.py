@@ -7,7 +7,7 @@ import pytest
 
 from bgmodel.learning.critics import (
     Affine,
-    Confidence,
+    ConfidenceCritic,
     ReadOutConfidence,
     RunningMean,
     Trial,
@@ -18,7 +18,7 @@ from bgmodel.learning.weight_rules import (
     ConfidenceRule,
     Hebbian,
     OpponentActor,
-    Reinforce,
+    ReinforceRule,
     rule_of,
 )
 
@@ -68,7 +68,7 @@ def test_the_confidence_rule_is_the_gradient_of_the_log_probability_of_the_rewar
         p = p[np.arange(RUNS), trial.choice]
         return np.where(trial.reward == 1, np.log(p), np.log1p(-p))
 
-    error = trial.reward - Confidence().expected(np.zeros((RUNS, 0)), trial)
+    error = trial.reward - ConfidenceCritic().expected(np.zeros((RUNS, 0)), trial)
     change = ConfidenceRule().change(weights, trial, error)
     assert change == pytest.approx(numerical_gradient(log_probability, weights), abs=1e-8)
 
@@ -91,7 +91,8 @@ def test_reinforce_is_the_gradient_of_the_log_probability_of_the_choice():
         return np.log(p[np.arange(RUNS), trial.choice])
 
     known = 0.3 * numerical_gradient(log_probability, weights)
-    assert Reinforce().change(weights, trial, np.full(RUNS, 0.3)) == pytest.approx(known, abs=1e-8)
+    change = ReinforceRule().change(weights, trial, np.full(RUNS, 0.3))
+    assert change == pytest.approx(known, abs=1e-8)
 
 
 def test_the_hebbian_rule_rests_at_the_log_odds_of_a_reward():
@@ -123,7 +124,7 @@ def test_critics_of_confidence_are_capped_where_the_circuit_is():
     trial = trial_of(5 * some_weights(2), choice=[0] * RUNS)
     trial = replace(trial, read_out=np.linspace(0.5, 1.2, RUNS))
     nothing, p = np.zeros((RUNS, 0)), trial.posterior[:, 0]
-    assert Confidence().expected(nothing, trial) == pytest.approx(p)
+    assert ConfidenceCritic().expected(nothing, trial) == pytest.approx(p)
     critic, value = ReadOutConfidence(0.9, rate=0.5), trial.read_out
     state = critic.start(RUNS)
     assert critic.expected(state, trial) == pytest.approx(np.minimum(value, 0.9))

@@ -16,7 +16,7 @@ from bgmodel.simulated_evidence import expecting, separated_evidence
 from bgmodel.support.checks import is_number, is_whole, one_per_trial, reals, whole
 from bgmodel.support.files import read_table
 from bgmodel.trials.evidence_table import read_evidence_table
-from bgmodel.trials.named import NamedEvidence, trial_table
+from bgmodel.trials.named_evidence import NamedEvidence, trial_table
 from circuits import engines
 from circuits.anatomy import CIRCUITS, load_circuit
 from circuits.errors import InputError

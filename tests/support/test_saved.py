@@ -9,10 +9,14 @@ from matplotlib.figure import Figure
 
 import bgmodel as bg
 from bgmodel.deciding.decision import Decision
+from bgmodel.fitting.known.known_likelihood import known_likelihood
+from bgmodel.fitting.known.models import EXACT
+from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.learning.deciders import WeightLearner
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.saved import TREE, Facts, save, span
 from tests.helpers import refused
+from tests.known_trials import simulated
 
 QUICK = Learner(500)
 CIRCUIT = bg.load_circuit("macaque").edited("lesion STN 10%", "dopamine 0.95")
@@ -46,6 +50,9 @@ RESULTS = {
     ),
     "experiment": lambda: bg.Experiment.from_text(EXPERIMENT).run(),
     "exam": lambda: bg.Exam.shipped().only(["resting rates"]).take("macaque", share=0.05),
+    "fit on known evidence": lambda: fit_likelihood(
+        known_likelihood(EXACT["msprt"], simulated(40, t_max=10))
+    ),
     "touch": lambda: bg.touch(TASK, values=(2, 4), folds=3, trials=100, learner=QUICK),
 }
 

@@ -9,7 +9,7 @@ from bgmodel.support.processes import NoMemoryError
 from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.plan import Plan
 from bgmodel.task import Gaussian
-from bgmodel.trials.given import EvidenceTable
+from bgmodel.trials.task_trials import EvidenceTable
 from tests.helpers import long_table, refused, some_evidence
 
 TASK = Gaussian(trials=60, t_max=30)

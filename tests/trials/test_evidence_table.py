@@ -14,7 +14,7 @@ from bgmodel.support.files import write_table
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.task import Orientation, SameDifferent
 from bgmodel.trials.evidence_table import read_evidence_table, trials_from_table
-from bgmodel.trials.named import trial_table
+from bgmodel.trials.named_evidence import trial_table
 from circuits.errors import CalibrationWarning, DataWarning
 from tests.helpers import long_table, refused, unwarned
 from tests.read import at, changed, renamed, without, written

@@ -27,7 +27,7 @@ import numpy.typing as npt
 from bgmodel.fitting.algorithms import BIAS, DRIFT_SD, GAPS, SENSITIVITY, SPREAD, START
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.responses import BIN_S, Grid
-from bgmodel.fitting.simulated.circuit import LEVELS, LOWEST_LOG_ODDS, THRESHOLD, CircuitModel
+from bgmodel.fitting.simulated.circuit_model import LEVELS, LOWEST_LOG_ODDS, THRESHOLD, CircuitModel
 from bgmodel.fitting.simulated.crossings import (
     BATCH,
     LARGEST_EXPONENT,

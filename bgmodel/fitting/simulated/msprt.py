@@ -20,7 +20,7 @@ import numpy.typing as npt
 from bgmodel.fitting.algorithms import SENSITIVITY
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.responses import Grid
-from bgmodel.fitting.simulated.circuit import SIMULATION_SEED, THRESHOLD, TRIALS
+from bgmodel.fitting.simulated.circuit_model import SIMULATION_SEED, THRESHOLD, TRIALS
 from bgmodel.fitting.simulated.crossings import interpolated, log_odds
 from bgmodel.fitting.simulated.error import PARTS, InParts
 from bgmodel.support.checks import whole

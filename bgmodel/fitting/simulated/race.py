@@ -14,7 +14,7 @@ import numpy.typing as npt
 from bgmodel.fitting.algorithms import BOUND, SENSITIVITY, Model, distinct
 from bgmodel.fitting.parameters import RESPONSE, Parameter
 from bgmodel.fitting.responses import BIN_S, Grid
-from bgmodel.fitting.simulated.circuit import SIMULATION_SEED, TRIALS
+from bgmodel.fitting.simulated.circuit_model import SIMULATION_SEED, TRIALS
 from bgmodel.fitting.simulated.error import PARTS, InParts
 from bgmodel.integrators.sprt_theory import OVERSHOOT
 from bgmodel.support.checks import whole

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bgmodel.fitting.known.kernels import hazards, kernel, kernels
-from bgmodel.fitting.known.likelihood import known_likelihood
+from bgmodel.fitting.known.known_likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
 from bgmodel.fitting.known.trials import KnownTrials
 from bgmodel.fitting.optimum import optimum

@@ -8,7 +8,7 @@ import pytest
 
 from bgmodel import stream
 from bgmodel.fitting.responses import BIN_S, Grid, responded
-from bgmodel.fitting.simulated.circuit import CircuitModel
+from bgmodel.fitting.simulated.circuit_model import CircuitModel
 from bgmodel.fitting.simulated.crossings import DRIFTS
 from bgmodel.fitting.simulated.error import decided
 from bgmodel.fitting.simulated.network import INPUTS, PARAMETERS, LikelihoodNetwork, read_network

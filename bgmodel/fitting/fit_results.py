@@ -1,4 +1,4 @@
-"""Fits of several people or models as one result, and their folder of tables, figures, draws."""
+"""Results of fits to several people or models, their report, and their folder of files."""
 
 from __future__ import annotations
 

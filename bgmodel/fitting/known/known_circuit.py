@@ -13,7 +13,7 @@ from bgmodel.fitting.known.hazard import lowest_between
 from bgmodel.fitting.known.models import LEAK, Values, leaky_sums, read, sizes
 from bgmodel.fitting.known.trials import KnownTrials, gaps_s, intervals
 from bgmodel.fitting.parameters import Parameter
-from bgmodel.fitting.simulated.circuit import SIMULATION_SEED
+from bgmodel.fitting.simulated.circuit_model import SIMULATION_SEED
 from bgmodel.integrators.basal_ganglia import REFUSED_TIMES, BasalGanglia
 from bgmodel.integrators.criterion import gain_of
 from circuits.arrays import Array, Integers

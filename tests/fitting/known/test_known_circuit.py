@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bgmodel.fitting.known.circuit import KnownCircuit, on_grid
 from bgmodel.fitting.known.hazard import lowest_between
-from bgmodel.fitting.known.likelihood import known_likelihood
+from bgmodel.fitting.known.known_circuit import KnownCircuit, on_grid
+from bgmodel.fitting.known.known_likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
 from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.integrators.sprt import Msprt

@@ -1,4 +1,4 @@
-"""Trial tables: decisions in the format of other tools of the field."""
+"""Evidence with names of its hypotheses, and tables of the decisions on it, one row per trial."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from scipy.stats import norm
 
 import bgmodel as bg
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.fitting.known.likelihood import OnTrials, known_likelihood
+from bgmodel.fitting.known.known_likelihood import OnTrials, known_likelihood
 from bgmodel.fitting.known.models import EXACT, runs_of_cues
 from bgmodel.fitting.known.trials import known_design, known_trials
 from bgmodel.fitting.misfit import misfit

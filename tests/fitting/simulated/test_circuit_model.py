@@ -7,8 +7,8 @@ import pytest
 
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.responses import BIN_S, Grid, moments
-from bgmodel.fitting.simulated import circuit as module
-from bgmodel.fitting.simulated.circuit import MECHANISMS, Axis, CircuitModel, Mechanism
+from bgmodel.fitting.simulated import circuit_model as module
+from bgmodel.fitting.simulated.circuit_model import MECHANISMS, Axis, CircuitModel, Mechanism
 from bgmodel.fitting.simulated.crossings import FirstPassageTimes, simulated
 from circuits.anatomy import load_circuit
 from circuits.declaration.table_writer import digest

@@ -6,7 +6,7 @@ import pytest
 
 from bgmodel import Msprt, first_crossing
 from bgmodel.evidence import Evidence
-from bgmodel.trials.named import NamedEvidence, trial_table
+from bgmodel.trials.named_evidence import NamedEvidence, trial_table
 from tests.helpers import refused, some_evidence
 
 

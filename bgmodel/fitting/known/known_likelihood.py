@@ -11,8 +11,8 @@ import numpy as np
 
 from bgmodel.evidence import Evidence
 from bgmodel.fitting.design import Design
-from bgmodel.fitting.known.circuit import KnownCircuit, Simulated
 from bgmodel.fitting.known.hazard import answered, decisions, delayed
+from bgmodel.fitting.known.known_circuit import KnownCircuit, Simulated
 from bgmodel.fitting.known.models import LEAK, Exact, ExactModel, Values, read, runs_of_cues
 from bgmodel.fitting.known.trials import KnownTrials, responding, waiting
 from bgmodel.fitting.likelihood import RESPONSES, Likelihood, Peak

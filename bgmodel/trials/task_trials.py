@@ -1,4 +1,4 @@
-"""Trials of a task: drawn, or given in a table of evidence."""
+"""Trials of a task: drawn, or read from a table of evidence."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 from bgmodel.evidence import checked_prior
 from bgmodel.support.seeds import stream
 from bgmodel.task import Drawn, Task
-from bgmodel.trials.named import NamedEvidence
+from bgmodel.trials.named_evidence import NamedEvidence
 from circuits.errors import require
 
 
