@@ -14,10 +14,9 @@ from bgmodel.trials.cautions import (
     check_deadline,
     check_signs,
     check_times,
-    warn_of_abrupt,
     without_rounding,
 )
-from bgmodel.trials.files import shipped
+from bgmodel.trials.files import shipped, shipped_table
 from bgmodel.trials.reader import read_trials
 from circuits.errors import DataWarning
 from tests.helpers import refused, told, unwarned
@@ -241,15 +240,14 @@ def test_trials_without_a_response_are_no_copies():
 
 @pytest.mark.parametrize("name", ["pedersen_frank_2020", "stop_signal_cnp"])
 def test_fast_trials_that_were_left_out_of_many_people_are_asked_about(name):
-    trials = read_trials(name)
-    rt_s = (
-        trials.rt_s
-        if trials.ssd_s is None
-        else np.where(np.isnan(trials.ssd_s), trials.rt_s, np.nan)
-    )
-    tenth = pd.Series(rt_s).groupby(trials.participant).transform(lambda some: some.quantile(0.1))
-    cut = np.where(rt_s < tenth, np.nan, rt_s)
-    assert told(lambda: warn_of_abrupt(rt_s, trials.participant)) == []
-    assert len(told(lambda: warn_of_abrupt(cut, trials.participant))) == 1
-    coarse = np.ceil(5 * cut) / 5
-    assert told(lambda: warn_of_abrupt(coarse, trials.participant)) == []
+    table, _ = shipped_table(name)
+    tenth_s = table.groupby("participant_id")["rt"].transform("quantile", 0.1)
+    cut = table[~(table["rt"] < tenth_s)].reset_index(drop=True)
+
+    def asked(some):
+        return [text for text in told(lambda: read_trials(some)) if "abruptly" in text]
+
+    assert asked(table) == []
+    assert len(asked(cut)) == 1
+    assert asked(cut.assign(rt=np.ceil(5 * cut["rt"]) / 5)) == []
+    assert asked(cut[cut.groupby("participant_id").cumcount() < 79]) == []

@@ -100,3 +100,12 @@ def test_errors_of_recovered_numbers_are_in_standard_errors(monkeypatch, likelih
     assert set(z.groups) == {"gain", "past", "course", *OF_SUMS}
     assert z.size()["gain"] == 3
     assert 0.3 < z.std()["course"] < 3
+
+
+def test_cells_follow_the_clicks_of_their_own_trials_alone(likelihood, monkeypatch):
+    trials = likelihood.simulated(true_vector(likelihood), np.random.default_rng(7))
+    monkeypatch.setattr(compared, "trials_of", lambda _: trials)
+    with quiet():
+        gains = compared.controls("", 3, shuffles=2)
+    beyond = (gains["gain"] / gains["error"]).abs().gt(2.5).groupby(gains["shuffle"]).sum()
+    assert beyond.tolist() == [2, 0, 0]  # the third of the cells has no gain

@@ -77,6 +77,16 @@ def test_a_part_has_the_densities_of_its_trials(simulated):
     assert np.allclose(part.choices(vector), likelihood.choices(vector)[some])
 
 
+def test_a_trial_without_a_choice_is_simulated_without_one(simulated):
+    vector, _, trials = simulated
+    choice = np.where(np.arange(300) < 100, -1, trials.readings.choice)
+    rt_s = np.where(choice < 0, np.nan, trials.rt_s)
+    readings = replace(trials.readings, choice=choice)
+    some = replace(trials, readings=readings, response=choice.astype(np.int8), rt_s=rt_s)
+    made = likelihood_of(some).simulated(vector, np.random.default_rng(5))
+    assert ((made.readings.choice < 0) == (choice < 0)).all()
+
+
 def test_scores_are_derivatives_of_each_trial(simulated):
     vector, likelihood, _ = simulated
     scores = likelihood.scores(vector)
@@ -102,10 +112,10 @@ def test_simulated_numbers_are_recovered(simulated):
     assert (np.abs(peak.vector - vector)[some] < 3.5 * error[some]).all()
 
 
-def without_noise(trials):
-    """Return the likelihood without noise of the sum, with a fixed leak and no recent rates."""
+def without_noise(trials, effect=0.0):
+    """Return the likelihood without noise of the sum, with a fixed leak and effect of the past."""
     fixed = {"noise": 0.02, "start_noise": 0.02, "leak_per_s": 1.0}
-    past = {f"{cell} past": 0.0 for cell in trials.spikes.names}
+    past = {f"{cell} past": effect for cell in trials.spikes.names}
     return likelihood_of(trials, fix=fixed | past, free=["+choice_noise"])
 
 
@@ -155,11 +165,12 @@ def test_the_front_door_returns_a_fit(simulated):
 
 
 def test_a_start_is_the_regression_given_what_is_fixed(simulated):
-    """A regression that had the recent rates of cells would start with courses for them."""
-    likelihood = without_noise(simulated[2])
-    slope = likelihood.scores(likelihood.starts()[0]).sum(axis=0)
-    of_cells = [k for k, name in enumerate(likelihood.freedom.names) if name[0].isdigit()]
-    assert np.abs(slope[of_cells]).max() < 1.0
+    """A regression with another effect of the past would start with courses for that one."""
+    for effect in (0.0, 0.2):
+        likelihood = without_noise(simulated[2], effect)
+        slope = likelihood.scores(likelihood.starts()[0]).sum(axis=0)
+        of_cells = [k for k, name in enumerate(likelihood.freedom.names) if name[0].isdigit()]
+        assert np.abs(slope[of_cells]).max() < 1.0
 
 
 def test_a_fit_starts_with_and_without_a_leak_and_ends_at_the_higher_peak():
