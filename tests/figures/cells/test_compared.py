@@ -103,7 +103,9 @@ def test_errors_of_recovered_numbers_are_in_standard_errors(monkeypatch, likelih
 
 
 def test_cells_follow_the_clicks_of_their_own_trials_alone(likelihood, monkeypatch):
-    trials = likelihood.simulated(true_vector(likelihood), np.random.default_rng(7))
+    vector = true_vector(likelihood, noise=0.02, start_noise=0.02)
+    vector[np.char.endswith(likelihood.freedom.names, "gain")] *= 3
+    trials = likelihood.simulated(vector, np.random.default_rng(7))
     monkeypatch.setattr(compared, "trials_of", lambda _: trials)
     with quiet():
         gains = compared.controls("", 3, shuffles=2)
