@@ -7,7 +7,13 @@ import pytest
 from bgmodel import Evidence, Msprt
 from bgmodel.integrators.at_thresholds import decoded_input
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.steady import leader_drive, leader_out, out_shift, steady_out
+from bgmodel.integrators.steady import (
+    leader_drive,
+    leader_out,
+    noise_of_out,
+    out_shift,
+    steady_out,
+)
 from circuits.anatomy import load_circuit
 from circuits.engines import Spikes
 
@@ -82,3 +88,20 @@ def test_the_decoder_of_a_steady_input_is_the_test():
     out = decoded_input(activity, model.trace(activity, steady), tau_ms=100.0).out_nats[:, -200:, 0]
     wanted = Msprt(GAIN).run(steady).out_nats[0, -1, 0]
     assert out.mean() == pytest.approx(wanted, abs=0.03)
+
+
+@pytest.mark.parametrize("channels", [2, 3, 4])
+def test_the_cells_of_the_default_circuit_are_where_the_noise_is(channels):
+    """Variances a_i / n_i are least if n_i goes with the root of a_i (Cauchy & Schwarz).
+
+    ``macaque_small`` shows what another split costs.
+    """
+    excess = {}
+    for name in ("macaque", "macaque_small"):
+        circuit = load_circuit(name, channels)
+        noise = noise_of_out(circuit, 0.9)
+        cells = np.array([circuit.population(row).neurons for row in noise["population"]])
+        least = (noise["sd_nats"] * np.sqrt(cells)).sum() ** 2 / cells.sum()
+        excess[name] = (noise["sd_nats"] ** 2).sum() / least
+    assert 1.0 <= excess["macaque"] < 1.03
+    assert excess["macaque_small"] > 1.4
