@@ -48,8 +48,8 @@ FINE = 92_002, 1000, 0.0005
     [
         (EXPONENTIAL, {}, (92_001, 400, 0.002)),
         (WEIBULL, {"fall_shape": 3.0}, (92_001, 400, 0.002)),
-        *(pytest.param(gap, {"fall_shape": 3.0}, FINE, marks=pytest.mark.validate)
-          for gap in (EXPONENTIAL, HYPERBOLIC, WEIBULL)),
+        *(pytest.param(gap, more, FINE, marks=pytest.mark.validate)
+          for gap, more in ((EXPONENTIAL, {}), (HYPERBOLIC, {}), (WEIBULL, {"fall_shape": 3.0}))),
     ],
 )  # fmt: skip
 def test_the_log_likelihood_is_that_of_pyddm(gap, more, size):
