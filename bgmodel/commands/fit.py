@@ -116,7 +116,7 @@ def fit(
     if fits.comparison is not None:
         output.note("\n" + fits.comparison.summary())
     shown, drawn = fits.to_dataframe(), EACH_DRAWN
-    text, facts = ["\n" + shown.round(4).to_string(index=False)], {}
+    text, facts = ["\n" + fits.summary().to_string()], {}
     if isinstance(fits, GroupFits):
         drawn = GROUP_DRAWN
         text.append(fits.notes())

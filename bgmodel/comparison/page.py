@@ -278,5 +278,10 @@ def _same(ax: Axes, table: pd.DataFrame, pairs: pd.DataFrame) -> None:
 
 def _legend_below(ax: Axes, columns: int = 1) -> None:
     """Put the legend below the Axes, where it covers no data."""
-    place: Look = {"loc": "upper left", "bbox_to_anchor": (-0.12, -0.24), "borderaxespad": 0}
+    from matplotlib.transforms import ScaledTranslation
+
+    # In inches: a distance that depends on the size of the Axes would change as they are laid out.
+    below = ScaledTranslation(-0.2, -0.45, ax.figure.dpi_scale_trans)
+    place: Look = {"loc": "upper left", "bbox_to_anchor": (0, 0), "borderaxespad": 0}
+    place["bbox_transform"] = ax.transAxes + below
     ax.legend(ncols=columns, columnspacing=1.0, handlelength=2.0, **place)

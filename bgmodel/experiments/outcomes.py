@@ -49,6 +49,11 @@ VERDICTS = {
     WITHOUT: "decides without evidence, which is no agreement",
 }
 """Wording of each verdict on a page."""
+SMALLER = (
+    "to test what remains, make the manipulation smaller, or add the edit compensate, which "
+    "restores resting rates"
+)
+"""Next step if the manipulated circuit decides without evidence."""
 PREDICTED = ("predicted before the run", "change", "trials", "verdict")
 """Heading of the verdicts on a page."""
 Judged = Callable[..., str]
@@ -321,6 +326,8 @@ def predicted(
         rows.append((asked, cell, trials, f"the model {VERDICTS[row['outcome']]}"))
         if row["reason"]:
             reasons.append(f"{asked}: {row['reason']}")
+    if any(VERDICTS[WITHOUT] in row[-1] for row in rows):
+        reasons.append(SMALLER)
     return rows, reasons
 
 

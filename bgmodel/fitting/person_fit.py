@@ -213,8 +213,9 @@ def fit_likelihood(
 
     Warns of whatever makes the result doubtful; ``tell`` is called with the progress.
     """
-    tell("optimum")
-    fitted = optimum(likelihood, tell=lambda done, best: tell(f"optimum {done}: {best:.1f}"))
+    tell("search")
+    so_far = "search: log likelihood {1:.1f} after {0} evaluations".format
+    fitted = optimum(likelihood, tell=lambda done, best: tell(so_far(done, best)))
     fitted = resolved(fitted)
     likelihood = fitted.likelihood
     warn_of_slow(fitted)

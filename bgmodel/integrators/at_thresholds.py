@@ -120,7 +120,8 @@ def thresholds_of(
         raise InputError(
             f"{circuit.name} rests at OUT = {rest_out(circuit):.2f} and resolves no OUT below "
             f"{circuit.readable_nats[0]:.2f}: at all thresholds, {about.min():.2f} to "
-            f"{about.max():.2f} nats, it would decide without evidence, or never",
+            f"{about.max():.2f} nats, it would decide without evidence, or never; make edits "
+            "smaller, or add compensate",
             "circuit",
         )
     return usable

@@ -130,8 +130,8 @@ def acts_as(circuit: Circuit, before: Circuit | None = None) -> str:
         return ""
     way = "lower" if shift < 0 else "higher"
     return (
-        f"acts as a criterion {way} by {abs(shift):.3g} nats: OUT is {way} by as much whatever the "
-        f"evidence, so that the circuit decides at {math.exp(shift):.3g} times the posterior"
+        f"acts as a criterion {way} by {abs(shift):.3g} nats: it shifts OUT by as much whatever "
+        f"the evidence, so that the circuit decides at {math.exp(shift):.3g} times the posterior"
     )
 
 

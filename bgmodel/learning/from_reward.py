@@ -107,14 +107,23 @@ class FromReward(Facts):
         return (
             f"learned {self.unit} {self.learned.mean():.2f} (sd {self.learned.std():.2f} over "
             f"{len(self.learned)} runs), best {self.best:.2f}, regret {texts[0]} %{begun}"
+            f"{self._as_posterior()}"
         )
 
+    def _as_posterior(self) -> str:
+        """Return the posterior that learned log odds of a criterion mean, as text, or ""."""
+        if self.unit != CRITERION:
+            return ""
+        posterior = 1 / (1 + np.exp(-self.learned.mean()))
+        return f"; learned criterion: a posterior of {posterior:.2f}"
+
     def summary(self) -> pd.DataFrame:
-        """Return learned and best value, and regret with its 95 % interval, one row each."""
+        """Return learned and best value, and regret, with 95 % intervals, one row each."""
         rows = {"learned": _over_runs(self.learned), "best": [self.best] * 3}
         rows |= {f"regret_percent, {name}": list(row) for name, row in self.regrets.iterrows()}
         table = pd.DataFrame.from_dict(rows, orient="index", columns=["value", "low", "high"])
-        return Readable(table.rename_axis("measure").reset_index())
+        legend = f"learned, best: {self.unit}; low to high: 95 % interval{self._as_posterior()}"
+        return Readable(table.rename_axis("measure").reset_index()).with_note(legend)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return ``table``."""

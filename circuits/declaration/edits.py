@@ -91,10 +91,11 @@ VERBS = {
 # fmt: on
 """All kinds of edits, in the order in which they are applied."""
 NOTES = {
-    "scale": "scale multiplies what a pathway signals and leaves its tone, the effect of its "
-    "source's steady firing; to lose axons, which takes both, use cut",
-    "cut": "cut takes a fraction of a pathway's axons, with what they signal and their tone, the "
-    "effect of its source's steady firing; to leave the tone, use scale",
+    "scale": "scale multiplies the signal of a pathway, the deviation of its source from "
+    "baseline_hz, and keeps its tone, the effect of firing at baseline_hz: resting rates change "
+    "unless the source rests at its baseline_hz; cut takes both, compensate restores resting rates",
+    "cut": "cut takes a fraction of a pathway's axons, with their signal and their tone, the "
+    "effect of firing at baseline_hz; scale keeps the tone, compensate restores resting rates",
 }
 """Notes on edits that are easily confused."""
 SAME_NUMBER = {

@@ -90,7 +90,9 @@ def test_a_circuit_that_decides_without_evidence_is_not_compared(tmp_path, refus
     task = words("--task channels=3 d_prime=0.8 trials=100 t_max=10")
     halved = ("--edits", "scale ctx->STN 0.5", "neurons 40")
     compared = ("compare", "--save", tmp_path / "a.csv", *task, *halved)
-    assert "decide without evidence" in refusal(*compared)
+    refused = refusal(*compared)
+    assert "decide without evidence" in refused
+    assert "or add compensate" in refused
     learned = words("learn --what dopamine --circuit spiking_msprt --edits 'scale ctx->STN 0.5'")
     assert "no level of dopamine" in refusal(*learned, "--save", tmp_path / "a.csv")
     assert not list(tmp_path.iterdir())

@@ -119,6 +119,7 @@ def test_an_experiment_that_decides_nothing_does_not_agree(experiment_file, engi
     shown = capsys.readouterr().out
     assert re.search(r"mean_ms down, by 20 .*the model decides without evidence", shown)
     assert "agrees" not in shown
+    assert shown.count("or add the edit compensate") == 1
     verdicts = pd.read_csv(out)["outcome"].dropna()
     assert list(verdicts) == [WITHOUT]
 

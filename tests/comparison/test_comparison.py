@@ -44,6 +44,11 @@ def test_a_comparison_is_a_short_table_a_long_one_and_a_picture():
     assert comparison.to_dataframe() is comparison.table
     assert "agreement" in repr(comparison)
     figure = comparison.plot()
+    places = []
+    for _ in range(2):  # first drawn as later: before it is laid out, labels may lie outside
+        figure.draw_without_rendering()
+        places.append(figure.axes[0].get_position().bounds)
+    assert places[0] == pytest.approx(places[1], rel=0.01)
     labels = [line.get_label() for line in figure.axes[0].get_lines()]
     assert {"MSPRT", "MSPRT at its gain", "Circuit", "Race"} <= set(labels)
     pairs = comparison.pairs

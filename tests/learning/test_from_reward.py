@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import expit
 
 import bgmodel as bg
 from bgmodel.integrators.sprt_theory import GaussianIncrements, optimal_separation
@@ -73,6 +74,9 @@ def test_all_that_reward_moves_has_one_kind_of_result(task, model, what):
     rows = learned.summary().set_index("measure")
     assert rows.loc["learned", "value"] == pytest.approx(learned.learned.mean())
     assert rows.loc["regret_percent, learned", "value"] == learned.regret
+    assert f"learned, best: {learned.unit}" in repr(learned.summary())
+    as_posterior = f"a posterior of {expit(learned.learned.mean()):.2f}"
+    assert (as_posterior in repr(learned)) is (model is not None and what == THRESHOLD)
     assert learned.to_dataframe().groupby("run").ngroups == 2
     assert learned.plot().axes[0].get_xlabel()
     assert f"{learned.learned.mean():.2f}" in repr(learned)

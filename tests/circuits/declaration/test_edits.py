@@ -14,6 +14,8 @@ from circuits.anatomy import load_circuit
 from circuits.declaration.courses import Course
 from circuits.declaration.edits import FRACTION, VERBS, Edits
 from circuits.declaration.edits import parsed as parsed_line
+from circuits.dynamics.fixed_point import resting_hz
+from circuits.engines import run
 from tests.helpers import refused
 
 TABLE = load_circuit("spiking_msprt", 2)
@@ -281,6 +283,20 @@ def test_a_rebound_compensates_the_others_too():
     assert TABLE.edited("compensate") == TABLE
     with refused("nucleus"):
         TABLE.edited("rebound GPi 0.5")
+
+
+@pytest.mark.parametrize(("path", "tone"), [("STN->SNr", False), ("GPe->STN", True)])
+def test_scaled_and_cut_axons_differ_by_their_tone_until_it_is_compensated(path, tone):
+    """The baseline of STN is 0 Hz: its axons have no tone, and halving their signal is a cut."""
+    circuit = load_circuit("macaque", 2)
+    half = [f"scale {path} 0.5"], [f"cut {path} 50%"]
+    scaled, cut = (resting_hz(circuit.edited(*each)) for each in half)
+    assert (scaled == pytest.approx(cut)) is not tone
+    assert (scaled == pytest.approx(resting_hz(circuit))) is tone
+    drive = [[[0.5, -0.5]]]
+    compensated = (circuit.edited(*each, "compensate") for each in half)
+    one, other = (run(each, drive, engine="algebra", step_ms=50) for each in compensated)
+    assert one.output_nats == pytest.approx(other.output_nats)
 
 
 def test_keep_rest_needs_a_row_that_is_added():
