@@ -13,6 +13,7 @@ from circuits.declaration.row_edits import NAMES, naming, new_rows
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import CircuitTable
 from circuits.declaration.table_writer import digest
+from circuits.declaration.table_writer import text as file_text
 from circuits.declaration.verbs import EditableTable
 from circuits.drawing import draw
 from circuits.errors import InputError, require
@@ -137,6 +138,10 @@ class Circuit(EditableTable):
         from circuits.engines.brian2.script import script
 
         return script(network_of(self, drive, step_ms, seed, trial, engine), seed, trial)
+
+    def to_toml(self) -> str:
+        """Return the circuit as the text of a file, which ``load_circuit`` reads."""
+        return file_text(self)
 
     def add(self, name: str, /, *, keep_rest: bool = False, **fields: object) -> Self:
         """Return the circuit with a new nucleus, pathway or course, or with a motif.

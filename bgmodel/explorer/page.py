@@ -180,10 +180,8 @@ class Explorer:
     @quiet()
     def file(self, name: str) -> io.BytesIO:
         """Return a file of the state; the outcome is computed if it is not known."""
-        from circuits.declaration.table_writer import text
-
         if name == "circuit.toml":
-            return io.BytesIO(text(self.state.circuit).encode())
+            return io.BytesIO(self.state.circuit.to_toml().encode())
         key, outcome = self.runs.memory.outcome or ("", None)
         if outcome is None or key != self.state.key:
             outcome = self.state.experiment.run()

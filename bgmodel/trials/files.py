@@ -32,7 +32,10 @@ def read_rows(path: Path) -> pd.DataFrame:
     if path.suffix == ".parquet":
         return read_table(path)
     if path.suffix not in SEPARATORS:
-        raise InputError(f"a table is read from .csv, .tsv or .parquet, got {str(path)!r}", "path")
+        raise InputError(
+            f"a table is read from .csv, .tsv or .parquet, got {str(path)!r}: save it as .csv",
+            "path",
+        )
     if not path.is_file():
         raise InputError(f"there is no table {str(path)!r}", "path", path)
     return read_text(path)

@@ -67,7 +67,7 @@ def test_every_edited_table_comes_back_from_its_file(name, channels, edits):
             circuit = edit(circuit)
         except ValueError:  # two of a name, or a lesion of another kind
             continue
-    restored = table_reader.parse(table_writer.text(circuit), "mine.toml")
+    restored = table_reader.parse(circuit.to_toml(), "mine.toml")
     assert restored == circuit
     assert table_writer.digest(restored) == table_writer.digest(circuit)
 
