@@ -134,18 +134,18 @@ def _head(circuit: CircuitTable, resting: Mapping[str, float]) -> str:
 
 
 def _off(circuit: CircuitTable) -> str:
-    """Return a line on OUT - (-ln P) at the fixed point; empty if the unit is not nats."""
+    """Return a line on the error of OUT at the fixed point; empty if the unit is not nats."""
     if circuit.unit != NATS:
         return ""
     try:
         low, high = off_nats(circuit)
-        text = f"all competitors level {low:+.3f} to {high:+.3f}"
+        text = f"{low:+.3f} to {high:+.3f} with equal competitors"
         if circuit.channels > 2:
             low, high = off_nats(circuit, 1)
-            text += f", one competitor and the others far behind {low:+.3f} to {high:+.3f}"
+            text += f", {low:+.3f} to {high:+.3f} with one competitor and the others far behind"
     except ValueError as error:
         text = f"not known ({error})"
-    return f"\nOUT - (-ln P) at the fixed point, where it is read, nats: {text}"
+    return f"\nerror of OUT at the fixed point, OUT + ln P where OUT is readable, nats: {text}"
 
 
 def _family(circuit: CircuitTable) -> str:
