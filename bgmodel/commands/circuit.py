@@ -180,8 +180,6 @@ def run(
     if stop is not None and condition.task == Gaussian():
         condition = replace(condition, task=STOPPED)
     _check_files(condition, stop, nwb_trials, **more)
-    must = "needs --stop: the picture is of stop trials"
-    require(stop is not None or output.plot is None, "plot", must, str(output.plot))
     trials = condition.drawn(STREAM)
     evidence = trials.evidence
     rates = None if stop is None else False
@@ -215,6 +213,7 @@ def run(
     )
     output.show(text, result, gain=decision.gain, circuit=model.circuit.name)
     output.write(result, **behind)
+    output.draw(decision.plot)
     if save_rates is not None and means is not None:
         files.write_table(means.table(), save_rates, **behind)
         output.note(f"-> {save_rates}")

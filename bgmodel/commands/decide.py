@@ -84,7 +84,6 @@ def decide(
     seed
         Seed of all random numbers.
     """
-    output.unused("plot")
     output.check(task=task)
     given = {"boundary_separation": boundary_separation, "posterior": posterior}
     whole("seed", seed, 0)
@@ -125,6 +124,7 @@ def decide(
     output.show(text, result, **facts)
     behind = options_of(task=task, prior=prior, forced=forced, **given)
     output.write(result, drawn, command=behind)
+    output.draw(decision.plot)
 
 
 MANY_TRIALS = Gaussian(trials=1000, t_max=110)

@@ -57,7 +57,9 @@ def test_where_no_criterion_is_given_it_is_a_gap_of_4_or_a_posterior_of_82_in_10
     ):
         assert run(*command, "--save", out, *few) == 0
         left_out = out.read_bytes(), read_provenance(out)
-        assert run(*command, "--save", out, *few, *level) == 0
+        drawing = tmp_path / f"{command[0]}.svg"
+        assert run(*command, "--save", out, *few, *level, "--plot", drawing) == 0
+        assert "Decision time from the onset of evidence" in drawing.read_text()
         assert (out.read_bytes(), read_provenance(out)) == left_out
 
 
