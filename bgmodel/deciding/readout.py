@@ -105,8 +105,9 @@ class ReadOut:
     def _unread(self, threshold: float) -> str:
         at, of = "", ""
         if self.unit == NATS:
-            at = f", a posterior of {np.exp(-self.lowest):.3f}"
-            of = f", one of {np.exp(-threshold):.3f}" if threshold >= 0 else ""
+            highest = np.floor(1000 * np.exp(-self.lowest)) / 1000  # which may be given
+            at = f", so that posteriors must be at most {highest:.3f}"
+            of = f", a posterior of {np.exp(-threshold):.3f}" if threshold >= 0 else ""
         return (
             f"{self.name} resolves no OUT below {self.lowest:.3g} {self.unit}{at}; the threshold "
             f"is {threshold:.2f} {self.unit}{of}"

@@ -152,6 +152,16 @@ def test_a_lesion_that_decides_nothing_is_warned_of_and_one_that_needs_no_eviden
         first_crossing(eager.run(EVIDENCE), posterior=0.9)
 
 
+def test_the_highest_posterior_that_is_named_may_be_given():
+    read_out = readout_of(MODEL.circuit)
+    with pytest.raises(ValueError, match="posteriors must be at most") as caught:
+        read_out.one(None, 0.999, 2)
+    named = float(str(caught.value).split("at most ")[1].split(";")[0])
+    assert read_out.one(None, named, 2) > 0
+    with refused("thresholds"):
+        read_out.one(None, named + 0.001, 2)
+
+
 @pytest.mark.parametrize(("late", "early"), [(2, 0), (3, 0), (0, 2), (0, 3)])
 def test_more_than_half_of_the_trials_are_a_majority(late, early):
     counts = np.array([late]), np.array([early])
