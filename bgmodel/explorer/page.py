@@ -206,9 +206,9 @@ class Explorer:
             self.controls.show(before)
             self._accept()
 
-    def stop(self) -> None:
+    def stop(self, *, wait: bool = False) -> None:
         """Cancel the runs when the page is closed."""
-        self.runs.stop()
+        self.runs.stop(wait=wait)
 
     def _step(self, name: str) -> None:
         """Undo, redo or reset."""

@@ -3,12 +3,15 @@
 import http.client
 import socket
 import threading
+import time
+from types import SimpleNamespace
 from urllib.parse import urlsplit
 
 import pytest
 
 pytest.importorskip("panel", reason="the explorer needs Panel: pip install '.[explore]'")
 
+from bgmodel.explorer.runs import PanelRuns
 from bgmodel.explorer.server import HOST, Served
 from tests.explorer.helpers import small
 
@@ -110,3 +113,20 @@ def test_it_listens_to_this_machine_alone(served):
         if other.startswith("127."):
             pytest.skip("this machine has no other address")
         assert probe.connect_ex((other, served.port)) != 0
+
+
+def test_an_interrupted_server_waits_for_the_run_that_it_cancels():
+    """A run in a thread fails with a traceback if Python ends before it."""
+    runs, begun, ended = PanelRuns(print, print), threading.Event(), []
+
+    def panels():
+        begun.set()
+        time.sleep(0.2)
+        ended.append(True)
+        yield from ()
+
+    runs._submit(small("bogacz_gurney"), panels)
+    assert begun.wait(60)
+    server = SimpleNamespace(run_until_shutdown=lambda: None)
+    Served.run(SimpleNamespace(server=server, explorers=[runs]))
+    assert ended
