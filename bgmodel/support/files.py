@@ -136,7 +136,8 @@ def check_new(path: str | Path, *, force: bool = False) -> None:
     if len(path.name.encode()) > MOST_NAME_BYTES:
         raise InputError(f"a file's name has at most {MOST_NAME_BYTES} bytes", "path", path.name)
     if not force and (path.exists() or path.is_symlink()):
-        raise InputError(f"{str(path)!r} already exists: give another name, or --force", "path")
+        way = "give another name, or force=True, at the terminal --force"
+        raise InputError(f"{str(path)!r} already exists: {way}", "path")
     check_provenance_place(path)
 
 
