@@ -179,8 +179,6 @@ BAD_USE = {
     f"touch watch {WATCHED} --plot a.png": "plot",
     f"touch watch {WATCHED}": "path",
     f"touch watch nowhere{WATCHED[1:]}": "folder",
-    "decide --plot a.png": "plot",
-    "circuit run --plot a.png": "plot",
     "circuit export --save a.py --plot a.png": "plot",
     "exam --save a.csv": "save",
     "experiment --plot a.png": "plot",
