@@ -90,6 +90,9 @@ class Task:
     def __post_init__(self) -> None:
         check_types(self, type(self).__name__)
         check_positive(step_ms=self.step_ms)
+        for each in fields(self):  # 2 and 2.0 are one setting, but other names of random numbers
+            if kind := {"float": float, "int": int}.get(str(each.type)):
+                object.__setattr__(self, each.name, kind(getattr(self, each.name)))
 
     @property
     def file(self) -> Path | None:

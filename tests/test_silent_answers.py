@@ -14,14 +14,16 @@ from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.sides import check_sides
 from bgmodel.support.files import write_table
+from bgmodel.tactile.decoder import Training, train
 from bgmodel.tactile.source import load_taps, source
-from bgmodel.tactile.task import EdgeDirection
+from bgmodel.tactile.task import EdgeDirection, EdgeTurn
 from bgmodel.trials.evidence_table import read_evidence_table, trials_from_table
 from bgmodel.trials.reader import Columns, read_trials
 from bgmodel.trials.task_trials import EvidenceTable, trials_of
 from circuits.engines import run
 from circuits.errors import DataWarning, EditWarning, NoiseWarning
 from tests.helpers import refused, refusing, told, unwarned
+from tests.tactile.striped import pushed_taps, striped_taps
 
 
 def evidence(trials=120, **options):
@@ -72,8 +74,34 @@ def edges(count=600):
 def test_copies_of_taps_are_doubted(tmp_path):
     path = tmp_path / "decoded.csv"
     write_table(pd.concat([edges(60)] * 5), path)
-    with pytest.warns(DataWarning, match="240 of 300 taps are copies"):
-        load_taps(path)
+    for taps in (path, pd.concat([edges(60)] * 5).assign(image=np.arange(300).astype(str))):
+        with pytest.warns(DataWarning, match="240 of 300 taps are copies"):
+            load_taps(taps)
+    with unwarned():  # a few coincide, because they are rounded
+        assert load_taps(load_taps()).duplicated().sum() > 500
+
+
+@pytest.mark.parametrize("made", [pushed_taps, lambda *asked: striped_taps(*asked)])
+def test_taps_for_training_are_doubted_as_those_for_decisions_are(made):
+    pytest.importorskip("torch")
+    taps = made(60, 1)
+    training = Training(taps.stimulus, epochs=1, batch=8, width=0.05)
+    with pytest.warns(DataWarning, match="60 of 120 taps are copies"):
+        train(taps.select(np.tile(np.arange(60), 2)), seed=1, training=training)
+    radians = replace(taps, labels=np.radians(taps.labels))
+    with pytest.warns(DataWarning, match="radians"):
+        train(radians, seed=1, training=training)
+    assert not told(train, taps, seed=1, training=training)
+
+
+@pytest.mark.parametrize("column", ["yaw_deg", "edge_deg"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, "left"])
+def test_a_tap_without_a_number_is_named(column, value):
+    wrong = edges().astype(object)
+    wrong.loc[7, column] = value
+    for task in (EdgeDirection(4, 5.0), EdgeTurn(2, 5.0)):
+        with refused(f"{column} .*1 are not: first row 7"):
+            task.evidence(10, taps=wrong, seed=1)
 
 
 def copied():
@@ -104,6 +132,7 @@ def biased_session():
         (DataWarning, "give -15 for -15 %", lambda: Expected(
             "mean_ms", value=-0.15, low=-0.2, high=-0.1, unit="percent", source="none")),
         (DataWarning, "radians", lambda: source(np.radians(edges()), EdgeDirection(4, 5.0))),
+        (DataWarning, "radians", lambda: source(np.radians(edges() % 360), EdgeTurn(2, 5.0))),
         (EditWarning, "times are in ms", lambda: bg.load_circuit("macaque").add(
             "dopamine", amount=0.2, from_ms=0.1, to_ms=0.3)),
         (EditWarning, "no row of spiking_msprt has a receptor",

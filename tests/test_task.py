@@ -47,7 +47,6 @@ def test_a_task_draws_the_trials_that_it_is_asked_for(task):
 
 def test_taps_may_be_a_table_or_its_file(tmp_path):
     task, taps = SameDifferent(2.0, trials=20), load_taps()
-    taps = taps[taps["period_mm"] == 2]  # of other gratings, some are copies
     taps.to_parquet(tmp_path / "mine.parquet")
     drawn = task.evidence(seed=1)
     for source in (taps, tmp_path / "mine.parquet", str(tmp_path / "mine.parquet")):

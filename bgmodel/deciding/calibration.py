@@ -17,6 +17,8 @@ STANDARD_ERRORS = 3.29
 """Half the width of a 99.9 % interval: one false alarm in a thousand comparisons."""
 
 
+LEAST_SCALE = 0.02
+"""Nats per unit below which log-likelihoods tell nothing of the truth."""
 STOP = 0.9
 """Readings are compared with the truth up to this posterior: later ones add little."""
 SCALED_TRIALS = 10_000
@@ -69,6 +71,12 @@ def warn_of_units(evidence: Evidence) -> None:
         return
     scale = _nats_per_unit(told, some)
     if SCALES[0] < scale < SCALES[1]:
+        return
+    if scale < LEAST_SCALE:
+        CalibrationWarning.warn(
+            "the log-likelihoods tell nothing of the truth or contradict it: look for reversed "
+            "signs, exchanged columns, or the truth of other trials"
+        )
         return
     likely = [name for name, nats in UNITS.items() if abs(np.log(scale / nats)) < NEAR]
     units = "".join(
@@ -162,7 +170,10 @@ def warn_of_decisions(evidence: Evidence, decision: Decision) -> None:
     decided = decision.choice != UNDECIDED
     times = np.where(decided, decision.time_ms, 0.0)  # NaN is not the time of a reading
     stated = posterior_at(evidence, times, decision.choice)
-    if warning := against_evidence(stated[decided & ~decision.forced], evidence.hypotheses):
+    in_time, count = decided & ~decision.forced, evidence.hypotheses
+    # Without a decision in time, those that the deadline made still have an accuracy.
+    warning = against_evidence(stated[in_time], count) or against_evidence(stated[decided], count)
+    if warning:
         CalibrationWarning.warn(warning)
     if evidence.truth is None:
         return

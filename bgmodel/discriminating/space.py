@@ -104,8 +104,9 @@ class Space:
             require(len(values) > 0, name, "must have at least one value", values)
             once = len(set(values)) == len(values)
             require(once, name, "must not have a value twice, which is no difference", values)
-        for channels in self.channels:
-            whole("channels", channels, 2)
+        # 1 and 1.0 are one d', but other names of random numbers.
+        object.__setattr__(self, "d_prime", tuple(map(float, self.d_prime)))
+        object.__setattr__(self, "channels", tuple(whole("channels", n, 2) for n in self.channels))
         check_positive(step_ms=self.step_ms)
         for name, low, high in (
             *(("d_prime", 1e-3, 10), ("conflict", 0, 0.999), ("stop_nats", 0, 2)),

@@ -173,7 +173,8 @@ class Feedback:
     """Share of trials with any reward; weights change in these only."""
 
     def __post_init__(self) -> None:
-        check_range(0, 1, valid=self.valid, given=self.given)
+        check_range(0.5, 1, valid=self.valid)  # below, it would teach the opposite
+        check_range(0, 1, given=self.given)
         check_finite(right=self.right, wrong=self.wrong)
         require(self.right > self.wrong, "right", f"must exceed wrong, {self.wrong:g}", self.right)
         if self.given == 0:

@@ -43,7 +43,7 @@ from bgmodel.trials.task_trials import EvidenceTable, read_once, trials_of
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.arrays import Array
 from circuits.engines import engine_of
-from circuits.errors import InputError, require
+from circuits.errors import InputError, LearningWarning, require
 from circuits.plots import PALETTE, one_panel, styled
 
 if TYPE_CHECKING:
@@ -269,7 +269,7 @@ def planned(
         require(posterior is None, "posterior", must, posterior)
         must = "must have 2 alternatives for the boundary separation of the test"
         require(task.channels == 2, "channels", must, task.channels)
-        begun = START_GAP if start is None else start
+        begun = START_GAP if start is None else float(start)
         check_start(begun, "start")
         return partial(_of_test, task, begun, source, **same, **more)
     _know(more, "levels")
@@ -450,7 +450,11 @@ def _weights(
     regrets = pd.DataFrame([_over_runs(percent)], ["learned"], ["value", "low", "high"])
     slope = learned.calibration(test).slope
     table = learned.to_dataframe()
-    return FromReward(WEIGHTS, UNITS[WEIGHTS], slope, 1.0, regrets, table, (), learned, test)
+    few = f"{np.isnan(percent).sum()} of {runs} runs do not reach 90 % correct: regret is unknown"
+    cautions = (few,) if np.isnan(percent).any() else ()
+    for caution in cautions:
+        LearningWarning.warn(caution)
+    return FromReward(WEIGHTS, UNITS[WEIGHTS], slope, 1.0, regrets, table, cautions, learned, test)
 
 
 def _features(

@@ -120,6 +120,9 @@ class Learner:
             self.episodes,
         )
         check_positive(rate=self.rate, baseline_rate=self.baseline_rate)
+        slow = 1 / self.episodes
+        must = f"must be above {slow:.3g}, or no trial is left to learn from, and at most 1"
+        require(slow < self.baseline_rate <= 1, "baseline_rate", must, self.baseline_rate)
         require(self.half_episodes > 0, "half_episodes", "must be > 0", self.half_episodes)
         check_finite(carried=self.carried)
 

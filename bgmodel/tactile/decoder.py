@@ -22,7 +22,7 @@ from bgmodel.tactile.networks import (
     onnx_bytes,
     set_scale,
 )
-from bgmodel.tactile.taps import Taps
+from bgmodel.tactile.taps import Taps, warn_of_copied_taps, warn_of_radians
 from circuits.arrays import Integers, Reals, Truths
 from circuits.errors import InputError, require
 
@@ -325,6 +325,9 @@ def train(
         raise InputError(
             f"yaw_deg must be within {low:g}..{high:g}, got {yaw.min():g}..{yaw.max():g}", "yaw_deg"
         )
+    warn_of_radians(yaw)
+    copies = len(taps) - len(np.unique(taps.numbers()))
+    warn_of_copied_taps(copies, len(taps), "the decoder is validated on taps that it was fitted to")
     held = round(training.validation * len(taps))
     if held < 1 or len(taps) - held < 2 * training.batch:
         raise InputError(

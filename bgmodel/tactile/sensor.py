@@ -155,8 +155,8 @@ def simulate_taps(
 
     tip, skin = tip or Tip(), skin or Skin()
     count = check_taps(taps, periods_mm, tip)
-    rng = stream(seed, "simulate", *yaw_deg)
     requested = np.asarray(yaw_deg, dtype=float)
+    rng = stream(seed, "simulate", *requested)
     yaws = np.resize(requested, count) if requested.size else rng.uniform(-90, 90, count)
     library = contact_library(LibraryPlan(skin=skin, radius_mm=tip.radius_mm), workers=workers)
     periods = np.repeat(np.asarray(periods_mm, dtype=float), taps)

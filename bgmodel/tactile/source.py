@@ -19,6 +19,7 @@ from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum, read_provenance, read_table
 from bgmodel.support.seeds import generator
 from bgmodel.tactile.likelihood import Density, Pool, TabulatedLikelihood, fit_likelihood
+from bgmodel.tactile.taps import warn_of_copied_taps
 from bgmodel.task import Drawn
 from circuits.arrays import Array
 from circuits.errors import CalibrationWarning, DataWarning, InputError, require
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
 FOLDS = 6
 MOST_HYPOTHESES = 8
 STEP_MS = 500.0
-COPIED = 0.01
-"""Share of duplicate taps from which a warning is given."""
 SILENT_NATS = 0.1
 """Mean log-likelihood ratio of a reading below which a task is considered uninformative, nats."""
 SHIPPED = Path(str(resources.files("bgmodel") / "data" / "held_out_taps.parquet"))
@@ -248,21 +247,18 @@ def load_taps(taps: pd.DataFrame | str | Path | None = None) -> pd.DataFrame:
     else:
         require(isinstance(taps, str | Path), "taps", "must be a table or a path", taps)
         name, table = Path(taps).name, read_table(Path(taps))
-    known = table["trained_on"].sum() if "trained_on" in table else 0
+    known = 0
+    if "trained_on" in table:
+        known = int(table["trained_on"].map(str).isin(["True", "1", "1.0"]).sum())
     if known:
         raise InputError(
             f"the decoder of {name} was trained on {known} of its {len(table)} taps: decode "
             "taps that were not used in its training",
             "taps",
         )
-    if table is taps:
-        return table
-    copies = int(table.duplicated().sum())
-    if copies > COPIED * len(table):
-        DataWarning.warn(
-            f"{copies} of {len(table)} taps are copies of others: likelihoods are scored on taps "
-            "that they were fitted to"
-        )
+    copies = int(table.select_dtypes("number").duplicated().sum())
+    so = "likelihoods are scored on taps that they were fitted to"
+    warn_of_copied_taps(copies, len(table), so)
     return table
 
 

@@ -13,14 +13,32 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bgmodel.support.files import from_json, read_arrays, replacing
-from circuits.arrays import Array, Integers, Singles
-from circuits.errors import InputError, require
+from circuits.arrays import Array, Integers, Reals, Singles
+from circuits.errors import DataWarning, InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
 
 STIMULI = ("grating", "edge")
 """Kinds of stimuli."""
+COPIED = 0.05
+"""Share of copies from which a warning is given: in 50 000 taps that are rounded to 0.1 degrees,
+1.4 % coincide by chance."""
+MANY = 30
+"""Number of taps from which their yaws are checked for radians."""
+
+
+def warn_of_copied_taps(copies: int, taps: int, so: str) -> None:
+    """Warn if many taps are copies of others; ``so`` is the consequence."""
+    if copies > COPIED * taps:
+        DataWarning.warn(f"{copies} of {taps} taps are copies of others: {so}")
+
+
+def warn_of_radians(yaw_deg: Reals) -> None:
+    """Warn if the yaws of many taps end where angles in radians do: at pi/2, pi or 2 pi."""
+    widest = np.abs(yaw_deg).max(initial=0.0)
+    if len(yaw_deg) >= MANY and any(0.955 < widest / (k * np.pi / 2) < 1.0001 for k in (1, 2, 4)):
+        DataWarning.warn(f"yaw_deg runs to {widest:.3g}: it seems to be in radians, not degrees")
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,25 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
+import pandas as pd
 
 from bgmodel.support.checks import check_range
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.likelihood import Pool
 from bgmodel.tactile.networks import wrapped
 from bgmodel.tactile.source import Tactile
+from bgmodel.tactile.taps import warn_of_radians
 from circuits.arrays import Array
-from circuits.errors import DataWarning, InputError, require
-
-if TYPE_CHECKING:
-    import pandas as pd
+from circuits.errors import InputError, require
 
 TOLERANCE_DEG = 0.5
 """Largest deviation of a pair's true rotation from that of its hypothesis, degrees."""
-MANY = 30
-"""Number of taps from which their yaws are checked for radians."""
 
 
 @dataclass(frozen=True)
@@ -164,11 +161,6 @@ class _Edge(Tactile):
         yaw, so a fold of every sixth tap would contain no two taps of nearly the same yaw.
         """
         table = columns(taps, ["yaw_deg", self.column], "an edge").to_numpy(dtype=np.float64)
-        widest = np.abs(table[:, 0]).max(initial=0.0)
-        if 3.0 < widest < 3.15 and len(table) >= MANY:
-            DataWarning.warn(
-                f"yaw_deg runs to {widest:.3g}: it seems to be in radians, not degrees"
-            )
         return [table[stream(0, "order of taps").permutation(len(table))]]
 
 
@@ -253,7 +245,7 @@ def of_grating(
 
 
 def columns(taps: pd.DataFrame, wanted: list[str], stimulus: str) -> pd.DataFrame:
-    """Return columns of decoded taps; ValueError if the table is for another stimulus."""
+    """Return columns of decoded taps as numbers; ValueError if it has no such columns or gaps."""
     lacking = [name for name in wanted if name not in taps]
     if lacking:
         raise InputError(
@@ -261,4 +253,10 @@ def columns(taps: pd.DataFrame, wanted: list[str], stimulus: str) -> pd.DataFram
             f"{', '.join(wanted)}: the table has no {', '.join(lacking)}",
             "taps",
         )
-    return taps[wanted]
+    table: pd.DataFrame = taps[wanted].apply(pd.to_numeric, errors="coerce")
+    wrong = ~np.isfinite(table.to_numpy(dtype=np.float64))
+    for row, column in np.argwhere(wrong)[:1]:
+        must = f"must be finite in every tap, {wrong[:, column].sum()} are not: first row {row}"
+        raise InputError.of(wanted[column], must, taps[wanted[column]].iloc[row])
+    warn_of_radians(table["yaw_deg"].to_numpy())
+    return table

@@ -27,6 +27,12 @@ LOSS = ["lesion STN 10%"]
 QUICK = Space(d_prime=(1.0,), accuracy=(0.85,), deadline_ms=(1000.0,))
 
 
+def test_whole_numbers_name_the_same_random_numbers_as_others():
+    assert repr(Space(channels=(2.0, 4), d_prime=(1, 2))) == repr(
+        Space(channels=(2, 4), d_prime=(1.0, 2.0))
+    )
+
+
 @pytest.fixture(scope="module")
 def tests():
     return bg.discriminate("msprt", "max vs average", space=FOUR, trials=1000, check_trials=4000)

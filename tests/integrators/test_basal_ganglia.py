@@ -256,6 +256,15 @@ def test_an_edit_that_an_engine_makes_no_use_of_is_warned_of(edit, without, used
         BasalGanglia(edit(macaque()), used, seed=SEED if used == "population" else None)
 
 
+def test_decisions_against_the_evidence_at_the_deadline_are_warned_of():
+    """What is left of OUT without D1 comes from D2, and rises with the evidence."""
+    evidence = separated_evidence(100, 20, 0.7, rng=3, step_ms=50.0)
+    with pytest.warns(CalibrationWarning, match="choices go against the evidence"):
+        decided = BasalGanglia(macaque().lesion("D1"), "algebra").decide(evidence, posterior=0.82)
+    assert decided.forced.all()
+    assert (decided.choice == evidence.truth).mean() < 0.2
+
+
 def test_decisions_against_the_evidence_are_warned_of_with_and_without_a_truth():
     evidence = separated_evidence(100, 60, 0.7, rng=3, step_ms=50.0)
     for given_truth in (evidence, replace(evidence, truth=None)):

@@ -23,6 +23,7 @@ from bgmodel.learning.reinforce import Learner
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from bgmodel.task import Gaussian
 from bgmodel.trials.task_trials import EvidenceTable
+from circuits.errors import LearningWarning
 from tests.helpers import long_table, refused, refusing
 
 SHORT = Learner(episodes=1500)
@@ -32,10 +33,11 @@ GAP = {**FEW, "xi": 50.0, "start_separation": 0.5, "learner": SHORT}
 
 
 def test_the_gap_of_the_test_is_that_of_its_own_function():
-    """The same streams: numbers stored before are found again."""
-    task = SameDifferent(2.0)
-    learned = learn(task, learner=SHORT, **FEW)
-    table, summary = learn_gap(task.source(), name=(2.0, 0), t_max=40, **GAP)
+    """The same streams, for 2 and for 2.0: numbers stored before are found again."""
+    task = SameDifferent(2)
+    learned = learn(task, learner=SHORT, start=1, **FEW)
+    given = GAP | {"start_separation": 1.0}
+    table, summary = learn_gap(task.source(), name=(2.0, 0), t_max=40, **given)
     assert learned.what == THRESHOLD
     np.testing.assert_array_equal(learned.learned, summary["learned_separation"])
     assert learned.best == summary["optimal_separation"]
@@ -80,6 +82,14 @@ def test_all_that_reward_moves_has_one_kind_of_result(task, model, what):
     assert learned.to_dataframe().groupby("run").ngroups == 2
     assert learned.plot().axes[0].get_xlabel()
     assert f"{learned.learned.mean():.2f}" in repr(learned)
+
+
+def test_weights_that_never_suffice_are_told():
+    steps = WeightLearner(trials=200, rate=100.0)
+    with pytest.warns(LearningWarning, match="2 of 2 runs do not reach 90 % correct"):
+        learned = learn(Gaussian(d_prime=0.7, t_max=15), what=WEIGHTS, learner=steps, **FEW)
+    assert np.isnan(learned.regret)
+    assert learned.cautions
 
 
 def test_taps_of_another_sensor_teach_another_threshold():

@@ -92,6 +92,11 @@ TWO, LEVELS = np.ones((2, 3)), np.array([1.0, 1.1])
 test_bad_input_to_learning_gets_one_clear_sentence = refusing(
     (lambda: Learner(episodes=10), "episodes must be at least last"),
     (lambda: Learner(rate=-1), "rate must be > 0"),
+    (
+        lambda: Learner(episodes=3000, baseline_rate=1e-5),
+        "baseline_rate must be above 0.000333, or no trial is left",
+    ),
+    (lambda: Learner(baseline_rate=1.5), "baseline_rate at most 1"),
     (lambda: smoothed(np.ones(3), 0), "window must be >= 1"),
     (lambda: exhaustive_search([], [1.0]), "evidence at least one trial"),
     (lambda: trials_of([], xi=0.0), "xi must be > 0"),

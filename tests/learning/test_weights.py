@@ -176,6 +176,7 @@ test_options_out_of_range_are_refused = pytest.mark.filterwarnings("ignore:overf
         (lambda: Feedback(given=0), "given learning needs feedback"),
         (lambda: Feedback(right=0), "right must exceed wrong"),
         (lambda: Feedback(valid=1.1), "valid"),
+        (lambda: Feedback(valid=0.4), "valid"),
         (lambda: WeightLearner(trials=0), "trials"),
         (lambda: WeightLearner(rate=0), "rate"),
         (lambda: WeightLearner(gain_plus=-1), "gain_plus"),

@@ -266,6 +266,17 @@ def test_logarithms_to_another_base_are_told_by_the_truth(channels, unit, nats):
         trials_from_table(long_table(evidence))
 
 
+def test_evidence_against_the_truth_has_no_unit():
+    """No positive factor mends it: signs or names are reversed."""
+    evidence = separated_evidence(2000, 30, 0.4, rng=5)
+    for wrong in (
+        replace(evidence, log_likelihood=-evidence.log_likelihood),
+        replace(evidence, truth=np.roll(evidence.truth, 1)),
+    ):
+        with pytest.warns(CalibrationWarning, match="tell nothing of the truth or contradict it"):
+            trials_from_table(long_table(wrong))
+
+
 def test_natural_logarithms_are_never_taken_for_others():
     """The z score of each table is at most 3.29 in all but one of a thousand."""
     with unwarned():
