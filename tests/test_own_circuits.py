@@ -26,9 +26,10 @@ from circuits.declaration.rows import Population, Projection
 from circuits.dynamics.fixed_point import resting_hz, resting_state, wired
 from circuits.dynamics.loops import amplifying
 from circuits.engines import run
+from circuits.errors import RangeWarning
 from circuits.laws.controls import correlated, linear_stn
 from circuits.laws.stability import growth, onset
-from tests.helpers import refused
+from tests.helpers import refused, unwarned
 
 NOISY = ["population", "spikes"]
 RATE_HZ, GAIN, CELLS = 60.0, 20.0, 100
@@ -91,7 +92,7 @@ def cured(circuit, message):
 def test_the_cure_of_a_read_out_off_chance_keeps_its_rate(bias, channels):
     circuit = reads(30.0, channels=channels, bias_nats=bias)
     out = rest_out(circuit)
-    assume(not 0 < out < 1.05 * np.log(channels))
+    assume(abs(out / np.log(channels) - 1) > 0.05)
     (doubt,) = doubts(circuit)
     better = cured(circuit, doubt)
     assert rest_out(better) == pytest.approx(np.log(channels), abs=1e-3)
@@ -107,6 +108,21 @@ def test_a_threshold_that_needs_no_evidence_comes_with_the_cure():
     lesioned = bg.BasalGanglia(load_circuit("macaque").lesion("STN"), "rate")
     with pytest.raises(ValueError, match=r"without evidence$"):
         lesioned.decide(evidence, posterior=0.7)
+
+
+@pytest.mark.parametrize(("bias", "later"), [(1.6, False), (1.9, True)])
+def test_a_posterior_is_doubted_where_out_rests_off_chance(bias, later):
+    """-ln P rests at chance: elsewhere a threshold of -ln P stops at another posterior than P."""
+    evidence = bg.gaussian_evidence(200, d_prime=0.7, t_max=60, seed=1)
+    off, right = (bg.BasalGanglia(reads(30.0, bias_nats=b), "rate") for b in (bias, None))
+    with pytest.warns(RangeWarning, match="stops at other posteriors than asked for: set SNr.bias"):
+        steps = off.decide(evidence, posterior=0.65).steps.mean()
+    edited = bg.BasalGanglia(load_circuit("macaque").set("SNr.bias_nats", -1.2), "rate")
+    assert rest_out(edited.circuit) > 0.8
+    with unwarned():
+        assert later == (steps > right.decide(evidence, posterior=0.65).steps.mean())
+        off.threshold(0.4, None)
+        edited.threshold(None, 0.65)
 
 
 def ring(*weights, bias_nats=0.0, baseline_hz=20.0, **fields):

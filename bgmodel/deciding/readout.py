@@ -32,6 +32,7 @@ class ReadOut:
     unit: str = NATS  # "nats" for OUT = -ln P, "nats of log odds" for the SPRT, or another
     warn_of_noise: Callable[[float], None] | None = None  # called with a threshold
     advice: str = ""  # how to change where OUT rests
+    off: bool = False  # whether it rests where no posterior follows from it
 
     @property
     def of_test(self) -> bool:
@@ -71,6 +72,10 @@ class ReadOut:
         self.check(level)
         if posterior is None:
             self.doubt(level, hypotheses)
+        elif self.off:
+            RangeWarning.warn(
+                f"{self.name} stops at other posteriors than asked for: {self.advice}"
+            )
         return level
 
     def check(self, thresholds: npt.ArrayLike) -> None:

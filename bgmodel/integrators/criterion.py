@@ -109,7 +109,8 @@ def check_threshold(circuit: Circuit, threshold_nats: float) -> None:
 def readout_of(circuit: Circuit) -> ReadOut:
     """Return the meaning of thresholds on a circuit's OUT: where it rests, how low it can go."""
     low, advice = circuit.readable_nats[0], off_chance(circuit)
-    return ReadOut(circuit.name, low, rest_out(circuit), circuit.unit, advice=advice)
+    off = bool(advice) and circuit.unedited is None
+    return ReadOut(circuit.name, low, rest_out(circuit), circuit.unit, advice=advice, off=off)
 
 
 def doubts(circuit: Circuit) -> list[str]:
@@ -154,7 +155,8 @@ def off_chance(circuit: Circuit) -> str:
         np.log(circuit.channels),
         rest_out(circuit),
     )
-    usual = circuit.readable_nats[0] < rest < 1.05 * chance or circuit != circuit.unlesioned
+    near = min(abs(rest - known) for known in (chance, circuit.readable_nats[1])) < 0.05 * chance
+    usual = near or circuit != circuit.unlesioned
     if usual or circuit.unit != NATS or row.transfer != "linear" or np.isinf(rest):
         return ""
     wiring, x = wired(circuit.steady), resting_state(circuit.steady)[0]
