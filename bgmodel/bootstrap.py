@@ -71,7 +71,10 @@ def _numbered(groups: npt.ArrayLike, trials: int) -> npt.NDArray[np.intp]:
 
 def interval(values: Array) -> tuple[float, float, float]:
     """Return the first entry, the value, and the 95 % interval of the others, its resamples."""
-    ends = np.nanquantile(values[1:], [0.025, 0.975]) if mostly_known(values) else (np.nan, np.nan)
+    ends = np.full(2, np.nan)
+    if mostly_known(values):
+        with np.errstate(invalid="ignore"):  # between infinite resamples an end is unknown
+            ends = np.nanquantile(values[1:], [0.025, 0.975])
     return float(values[0]), float(ends[0]), float(ends[1])
 
 

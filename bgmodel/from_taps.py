@@ -203,12 +203,12 @@ def touch(
     if values is None:
         values = PERIODS_MM if grating else STEPS_DEG
     axis = "period of the grating (mm)" if grating else "step between alternatives (deg)"
-    taps = load_taps(task.taps if taps is None else taps)
 
     def task_of(stimulus: float) -> Tactile:
         return task.changed(**{task.main: stimulus})
 
     with collected() as caught:
+        taps = load_taps(task.taps if taps is None else taps)
         readings = folds_of(taps, task, folds)
         readings.sources[0].warn_if_silent()
         evidence = readings.draw(trials, T_MAX, rng=stream(seed, "touch"), step_ms=step_ms)
@@ -369,7 +369,7 @@ def _one_decision(
         out = out.rename_axis("time_ms").reset_index()
         long = out.melt("time_ms", var_name="channel", value_name="out_nats").assign(who=who)
         courses.append(long.astype({"channel": int}))
-        decision = first_crossing(trace, threshold, forced=False)
+        decision = first_crossing(trace, threshold, forced=False, checked=False)
         decided.append((who, int(decision.choice[0]), float(decision.time_ms[0])))
     columns = ["who", "choice", "time_ms"]
     return pd.concat(courses), pd.DataFrame(decided, columns=columns)

@@ -96,8 +96,11 @@ def test_a_result_comes_back_from_its_table(touched):
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_a_decoder_of_nothing_decides_at_chance_and_says_so():
-    touched = told(taps_of(900, scrambled=True), EdgeTurn)
-    assert any("does not distinguish the 2 hypotheses" in remark for remark in touched.remarks)
+    taps = taps_of(900, scrambled=True)
+    touched = told(pd.concat([taps, taps[:60]]), EdgeTurn)
+    for said in ("60 of 960 taps are copies", "does not distinguish the 2 hypotheses"):
+        assert any(said in remark for remark in touched.remarks)
+    assert not any("1 of 1 trials" in remark for remark in touched.remarks)
     assert touched.numbers["one_reading_accuracy"] == pytest.approx(0.5, abs=0.05)
     assert touched.numbers["test_accuracy"] == pytest.approx(0.5, abs=0.12)
     assert not len(touched.learning)

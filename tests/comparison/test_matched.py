@@ -230,6 +230,14 @@ def test_an_interval_is_known_where_the_value_is_and_all_but_a_twentieth_of_its_
     assert np.isnan(interval(values)).all()
 
 
+def test_an_end_among_infinite_resamples_is_unknown():
+    some = np.append(np.linspace(0, 1, 101), [np.inf] * 4)
+    with unwarned():
+        value, low, high = interval(some)
+    assert (value, low) == (0, pytest.approx(0.03, abs=0.01))
+    assert not np.isfinite(high)
+
+
 def test_the_latency_is_that_of_accuracies_from_85_to_98_per_cent_and_of_no_others():
     """A line through times outside says nothing, and one through the ends does."""
     accuracy = np.linspace(0.7, 0.999, 2991)[None]
