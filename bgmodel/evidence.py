@@ -22,7 +22,7 @@ from bgmodel.support.checks import (
 )
 from bgmodel.support.saved import Facts
 from circuits.arrays import Array, Integers, Reals
-from circuits.errors import InputError, require
+from circuits.errors import DataWarning, InputError, require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -128,6 +128,10 @@ class Evidence(Facts):
         object.__setattr__(self, "baseline", _checked_baseline(self.baseline))
         check_range(0, MOST_MS, onset_ms=self.onset_ms, step_ms=self.step_ms)
         check_positive(step_ms=self.step_ms)
+        if self.step_ms < 1:
+            DataWarning.warn(
+                f"step_ms, the time between readings in ms, is {self.step_ms:g}: is it in seconds?"
+            )
         if self.expectancy_nats is not None:
             steps = whole_steps(self.onset_ms, self.step_ms)
             expected = _checked_expectancy(self.expectancy_nats, (len(values), steps))

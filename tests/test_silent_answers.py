@@ -61,8 +61,12 @@ def test_a_step_in_seconds_is_doubted(tmp_path):
     path = tmp_path / "mine.csv"
     rows = [(t, k, 0.1 * t, 0.0) for t in range(12) for k in range(3)]
     pd.DataFrame(rows, columns=["trial", "step", "ll_a", "ll_b"]).to_csv(path, index=False)
-    with pytest.warns(DataWarning, match="is it in seconds"):
-        read_evidence_table(path, step_ms=0.05)
+    for made in (
+        lambda: read_evidence_table(path, step_ms=0.05),
+        lambda: evidence(20, step_ms=0.05),
+        lambda: replace(evidence(20), step_ms=0.05),
+    ):
+        assert [text for text in told(made) if "is it in seconds" in text]
 
 
 def edges(count=600):

@@ -20,7 +20,7 @@ from bgmodel.trials.columns import check_alike, check_numeric, check_spelt, name
 from bgmodel.trials.files import DECIMAL_SIGN, SEPARATORS, read_text
 from bgmodel.trials.named_evidence import RESULT, NamedEvidence
 from circuits.arrays import Array
-from circuits.errors import DataWarning, InputError, within
+from circuits.errors import InputError, within
 
 KEYS = ("participant_id", "trial")
 """Columns that identify trials, the first one only if a table has it."""
@@ -41,12 +41,7 @@ def read_evidence_table(
     plain = path.suffix in SEPARATORS and path.is_file()
     table = read_csv_table(path) if plain else read_table(path)
     try:
-        trials = trials_from_table(table, prior=prior, onset_ms=onset_ms, step_ms=step_ms)
-        if step_ms < 1:
-            DataWarning.warn(
-                f"step_ms, the time between readings in ms, is {step_ms:g}: is it in seconds?"
-            )
-        return trials
+        return trials_from_table(table, prior=prior, onset_ms=onset_ms, step_ms=step_ms)
     except ValueError as error:
         raise within(path.name, error, "path") from None
 
