@@ -137,6 +137,9 @@ def biased_session():
             "mean_ms", value=-0.15, low=-0.2, high=-0.1, unit="percent", source="none")),
         (DataWarning, "radians", lambda: source(np.radians(edges()), EdgeDirection(4, 5.0))),
         (DataWarning, "radians", lambda: source(np.radians(edges() % 360), EdgeTurn(2, 5.0))),
+        (DataWarning, "edge_deg .*radians", lambda: source(
+            edges().assign(edge_deg=np.radians(np.linspace(-180, 180, 600))),
+            EdgeDirection(4, 5.0))),
         (EditWarning, "times are in ms", lambda: bg.load_circuit("macaque").add(
             "dopamine", amount=0.2, from_ms=0.1, to_ms=0.3)),
         (EditWarning, "no row of spiking_msprt has a receptor",

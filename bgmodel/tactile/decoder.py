@@ -325,7 +325,7 @@ def train(
         raise InputError(
             f"yaw_deg must be within {low:g}..{high:g}, got {yaw.min():g}..{yaw.max():g}", "yaw_deg"
         )
-    warn_of_radians(yaw)
+    warn_of_radians("yaw_deg", yaw)
     copies = len(taps) - len(np.unique(taps.numbers()))
     warn_of_copied_taps(copies, len(taps), "the decoder is validated on taps that it was fitted to")
     held = round(training.validation * len(taps))

@@ -25,7 +25,7 @@ COPIED = 0.05
 """Share of copies from which a warning is given: in 50 000 taps that are rounded to 0.1 degrees,
 1.4 % coincide by chance."""
 MANY = 30
-"""Number of taps from which their yaws are checked for radians."""
+"""Number of taps from which their angles are checked for radians."""
 
 
 def warn_of_copied_taps(copies: int, taps: int, so: str) -> None:
@@ -34,11 +34,11 @@ def warn_of_copied_taps(copies: int, taps: int, so: str) -> None:
         DataWarning.warn(f"{copies} of {taps} taps are copies of others: {so}")
 
 
-def warn_of_radians(yaw_deg: Reals) -> None:
-    """Warn if the yaws of many taps end where angles in radians do: at pi/2, pi or 2 pi."""
-    widest = np.abs(yaw_deg).max(initial=0.0)
-    if len(yaw_deg) >= MANY and any(0.955 < widest / (k * np.pi / 2) < 1.0001 for k in (1, 2, 4)):
-        DataWarning.warn(f"yaw_deg runs to {widest:.3g}: it seems to be in radians, not degrees")
+def warn_of_radians(name: str, angles: Reals) -> None:
+    """Warn if the angles of many taps end where those in radians do: at pi/2, pi or 2 pi."""
+    widest = np.abs(angles).max(initial=0.0)
+    if len(angles) >= MANY and any(0.955 < widest / (k * np.pi / 2) < 1.0001 for k in (1, 2, 4)):
+        DataWarning.warn(f"{name} runs to {widest:.3g}: it seems to be in radians, not degrees")
 
 
 @dataclass(frozen=True, eq=False)

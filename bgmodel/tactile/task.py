@@ -258,5 +258,6 @@ def columns(taps: pd.DataFrame, wanted: list[str], stimulus: str) -> pd.DataFram
     for row, column in np.argwhere(wrong)[:1]:
         must = f"must be finite in every tap, {wrong[:, column].sum()} are not: first row {row}"
         raise InputError.of(wanted[column], must, taps[wanted[column]].iloc[row])
-    warn_of_radians(table["yaw_deg"].to_numpy())
+    for name in wanted[-2:]:
+        warn_of_radians(name, table[name].to_numpy())
     return table
