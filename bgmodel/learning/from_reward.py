@@ -100,7 +100,7 @@ class FromReward(Facts):
     def verdict(self) -> str:
         """Return the learned value, the best one, and the regret, in one sentence."""
         texts = [
-            shown(x, low, high, ".1f") if low < high else f"{x:.1f}"
+            shown(x, low, high, ".1f") if low < high or np.isnan(x) else f"{x:.1f}"
             for x, low, high in self.regrets.to_numpy()
         ]
         begun = f" (at the start {texts[1]} %)" if len(texts) > 1 else ""

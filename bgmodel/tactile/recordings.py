@@ -162,9 +162,9 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals 
     track = _tracker(rest_mm / scale + centre)
     moved, counts = zip(*_map(track, taps, workers, "tracking"), strict=True)
     if (few := min(counts)) < len(rest_mm) / 2:
-        raise ValueError(
-            f"{images[counts.index(few)]}: only {few} of {len(rest_mm)} pins were detected"
-        )
+        scale_of = "" if rest is None else f"; is mm_per_px, {mm_per_px:g}, that of the layout?"
+        of_all = f"only {few} of {len(rest_mm)} pins were detected{scale_of}"
+        raise ValueError(f"{images[counts.index(few)]}: {of_all}")
     labels["markers_found"] = counts
     return Taps((np.stack(moved) * scale).astype(np.float32), rest_mm, labels, stimulus)
 

@@ -29,8 +29,9 @@ class Network(Mapping[str, "Population | Projection"]):
         check_rows(self.name, Population, self.populations)
         check_rows(self.name, Projection, self.projections)
         object.__setattr__(self, "_known", {p.name: p for p in self.populations})
-        if len(self._known) != len(self.populations):
-            raise InputError(f"{self.name}: two populations have the same name", "populations")
+        names = [p.name for p in self.populations]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise InputError(f"{self.name}: two populations are {twice[0]}", "populations")
         names = [p.name for p in self.projections]
         if twice := [name for name in names if names.count(name) > 1]:
             reason = f"{self.name}: two rows are {twice[0]}: each needs its own receptor"

@@ -89,6 +89,7 @@ def test_weights_that_never_suffice_are_told():
     with pytest.warns(LearningWarning, match="2 of 2 runs do not reach 90 % correct"):
         learned = learn(Gaussian(d_prime=0.7, t_max=15), what=WEIGHTS, learner=steps, **FEW)
     assert np.isnan(learned.regret)
+    assert "regret unknown %" in learned.verdict()
     assert learned.cautions
 
 

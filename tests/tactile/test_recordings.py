@@ -254,6 +254,12 @@ def test_bad_recordings_are_named(tmp_path, spoil, message):
     assert "\n" not in str(caught.value)
 
 
+def test_another_scale_than_that_of_the_layout_is_asked_for(recording):
+    rest_mm = recordings.read_taps(recording, mm_per_px=MM_PER_PX).rest_mm
+    with pytest.raises(ValueError, match=r"mm_per_px, 0\.66, that of the layout"):
+        recordings.read_taps(recording, mm_per_px=0.66, rest=rest_mm)
+
+
 @pytest.mark.parametrize(
     "changes",
     [{"mm_per_px": 0.0}, {"mm_per_px": np.nan}, {"workers": 0}, {"limit": 0}, {"pins": 0}]
