@@ -84,8 +84,9 @@ def tap_features(
     it. Fold ``fold`` (0..5) is scored; the other five are for learning, and the exact likelihoods
     are fitted to them.
     """
-    likelihood = source(taps, task, fold=fold).likelihood
-    pool = task.pool(taps)
+    known = source(taps, task, fold=fold)
+    known.warn_if_silent()
+    likelihood, pool = known.likelihood, task.pool(taps)
     held = [np.arange(len(part)) % FOLDS == fold for part in pool]
     parts = [
         task.readings([part[mask == out] for part, mask in zip(pool, held, strict=True)])

@@ -119,7 +119,8 @@ class LearnedWeights(Facts):
         for run in range(self.runs):
             learned = _centred(self.gain * self.log_likelihoods(features, run)[read])
             both = (learned * exact).mean()
-            slope[run] = both / (exact**2).mean()
+            with np.errstate(invalid="ignore"):  # uninformative readings have no slope
+                slope[run] = both / (exact**2).mean()
             r[run] = both / np.sqrt(max((exact**2).mean() * (learned**2).mean(), 1e-300))
         return Calibration(slope, r)
 

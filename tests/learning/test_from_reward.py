@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.special import expit
 
@@ -20,11 +21,11 @@ from bgmodel.learning.from_reward import (
 )
 from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learner
-from bgmodel.tactile.task import EdgeTurn, SameDifferent
+from bgmodel.tactile.task import EdgeDirection, EdgeTurn, SameDifferent
 from bgmodel.task import Gaussian
 from bgmodel.trials.task_trials import EvidenceTable
 from circuits.errors import LearningWarning
-from tests.helpers import long_table, refused, refusing
+from tests.helpers import long_table, refused, refusing, told
 
 SHORT = Learner(episodes=1500)
 RATE = bg.BasalGanglia("macaque", "rate")
@@ -91,6 +92,19 @@ def test_weights_that_never_suffice_are_told():
     assert np.isnan(learned.regret)
     assert "regret unknown %" in learned.verdict()
     assert learned.cautions
+
+
+def test_taps_that_tell_nothing_teach_no_weights():
+    rng = np.random.default_rng(4)
+    taps = pd.DataFrame({"yaw_deg": np.linspace(-180, 180, 600, endpoint=False)})
+    taps["edge_deg"] = rng.permutation(taps["yaw_deg"])
+    steps = WeightLearner(trials=100)
+    said = told(
+        lambda: learn(EdgeDirection(4, 20.0), what=WEIGHTS, taps=taps, learner=steps, **FEW)
+    )
+    assert len(said) == 2
+    assert "does not distinguish the 4 hypotheses" in said[0]
+    assert "2 of 2 runs do not reach 90 % correct" in said[1]
 
 
 def test_taps_of_another_sensor_teach_another_threshold():
