@@ -8,7 +8,7 @@ import pytest
 
 from bgmodel.tactile.library import Library
 from bgmodel.tactile.pressing import LibraryPlan, press
-from bgmodel.tactile.sensor import Nuisance, noiseless, simulate
+from bgmodel.tactile.sensor import Nuisance, noiseless, simulate, simulate_taps
 from bgmodel.tactile.skin import Skin, Tip
 from bgmodel.tactile.taps import Taps
 from tests.helpers import refused
@@ -28,6 +28,13 @@ def test_smooth_plate_does_not_tell_its_yaw():
     # About a hundredth of the marker noise; at 36 mm, the control, ten times as much.
     assert rms_um(LibraryPlan().field_side_mm) < 0.12
     assert rms_um(36.0) > 1.2
+
+
+def test_yaws_as_whole_numbers_have_the_noise_of_others(monkeypatch):
+    monkeypatch.setattr("bgmodel.tactile.library.contact_library", lambda *asked, **options: None)
+    monkeypatch.setattr("bgmodel.tactile.sensor.simulate", lambda *asked, rng, **options: rng)
+    whole, other = (simulate_taps(3, (2.0,), yaws) for yaws in ((-45, 45), (-45.0, 45.0)))
+    assert whole.random() == other.random()
 
 
 def test_quarter_turn_permutes_the_pins(library):
