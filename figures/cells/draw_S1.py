@@ -66,6 +66,6 @@ def draw(
         )  # fmt: skip
     axes[2].axhline(0, color="0.8", lw=0.8, zorder=0)
     axes[2].set(xlabel="cell", ylabel="gain per click (log rate)")
-    axes[2].legend(frameon=False, fontsize=7)
+    axes[2].legend(frameon=False, fontsize=7, loc="lower right")
     letter(axes[2], "c  gains by clicks")
     return figure
