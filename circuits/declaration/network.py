@@ -58,7 +58,7 @@ class Network(Mapping[str, "Population | Projection"]):
         """Return a row by name."""
         if not isinstance(name, str) or name not in self._known:
             reason = f"{self.name} has no nucleus {shown(name)}: {', '.join(self._known)}"
-            raise InputError(reason, "nucleus", name)
+            raise InputError(reason + self._output(name), "nucleus", name)
         return self._known[name]
 
     def projection(self, name: str) -> Projection:
@@ -80,7 +80,13 @@ class Network(Mapping[str, "Population | Projection"]):
             return joining
         valid = ", ".join(p.name for p in rows or self.projections)
         reason = f"{self.name} has no pathway {pair} {synapse}".rstrip()
-        raise InputError(f"{reason}: {valid}", "synapse" if rows else "pathway")
+        place = "synapse" if rows else "pathway"
+        raise InputError(f"{reason}: {valid}{self._output(pair)}", place)
+
+    def _output(self, name: object) -> str:
+        """Return which nucleus stands for GPi, if that is asked for, or ""."""
+        one = "GPi" in str(name) and "SNr" in self._known
+        return " (SNr stands for both output nuclei, GPi and SNr)" if one else ""
 
     def row(self, name: str) -> Population | Projection:
         """Return a row by its name: ``"STN"``, ``"STN->GPe"`` or ``"STN->GPe NMDA"``."""
