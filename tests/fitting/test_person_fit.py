@@ -56,7 +56,7 @@ def test_an_interval_holds_the_value_and_is_as_wide_as_its_error_says(likelihood
     assert (table["value"] < table["high"]).all()
     width = (table["high"] - table["low"]) / table["standard_error"]
     assert width.to_numpy() == pytest.approx(2 * 1.645, rel=0.35)
-    assert told[0] == "optimum"
+    assert len(told) > 1
     assert told[-1] == "posterior 120"
 
 
