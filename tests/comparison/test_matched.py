@@ -62,6 +62,14 @@ def test_a_delay_is_an_offset_and_nothing_else():
     assert (measured(late, latency_ms=0.0).query("measure == 'accuracy_gap'")["high"] < 0).all()
 
 
+def test_forced_is_the_share_of_trials_that_the_deadline_decides():
+    some = np.broadcast_to(np.arange(800) < 200, TEST.forced.shape)
+    table = measured(replace(TEST, forced=some), accuracies=(0.9,))
+    error = np.sqrt(0.25 * 0.75 / 800)
+    assert value(table, "forced") == pytest.approx(0.25)
+    assert value(table, "forced", column="low") == pytest.approx(0.25 - 1.96 * error, abs=0.01)
+
+
 @pytest.mark.parametrize("kind", ["sign", "shuffled"])
 def test_wrong_evidence_reaches_no_accuracy_that_could_agree(kind):
     """Negative controls: an accuracy that is not reached gives no figure, and no interval."""
