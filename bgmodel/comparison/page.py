@@ -280,7 +280,7 @@ def _legend_below(ax: Axes, columns: int = 1) -> None:
     """Put the legend below the Axes, where it covers no data."""
     from matplotlib.transforms import ScaledTranslation
 
-    # In inches: a distance that depends on the size of the Axes would change as they are laid out.
+    # In inches, since the layout changes the size of the Axes.
     below = ScaledTranslation(-0.2, -0.45, ax.figure.dpi_scale_trans)
     place: Look = {"loc": "upper left", "bbox_to_anchor": (0, 0), "borderaxespad": 0}
     place["bbox_transform"] = ax.transAxes + below

@@ -122,6 +122,6 @@ class Served:
         try:
             self.server.run_until_shutdown()
         finally:
-            for wait in (False, True):  # a run that goes on while Python ends would fail
+            for wait in (False, True):  # a run that continues while Python ends would fail
                 for explorer in self.explorers:
                     explorer.stop(wait=wait)

@@ -13,6 +13,7 @@ from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.posterior import ENOUGH, Directions, Posterior, directions
 from bgmodel.fitting.responses import BinnedResponses, Grid, responded
 from bgmodel.fitting.simulated.error import SimulationErrors
+from bgmodel.trials.cautions import ABRUPT, FASTEST, fastest
 from circuits.arrays import Array
 from circuits.errors import FitWarning
 
@@ -218,20 +219,18 @@ EARLIER_S, WIDER_S = (0.0, 0.02, 0.04, 0.06, 0.09, 0.12), (0.0, 0.03, 0.06)
 """Shifts and additional spreads of the non-decision time that a cut may have hidden, s."""
 FEW = 4
 """Most people who are named in a warning."""
-EDGE_NATS, ABRUPT, FASTEST = 7.0, 0.35, 10
-"""Gain in log likelihood above which fast trials are taken to be left out; share of the fastest
-tenth of times, at least ten, in the lower half of their range, which is half if they begin abruptly
-and a fifth if not. Of 240 simulated sets that the model fits, none was warned of, and 5 of 360 that
-it does not fit; without a tenth of the trials, 28 of 30 sets of 1000 and 15 of 30 sets of 300."""
+EDGE_NATS = 7.0
+"""Gain in log likelihood above which fast trials are taken to be left out. Of 240 simulated sets
+that the model fits, none was warned of, and 5 of 360 that it does not fit; without a tenth of the
+trials, 28 of 30 sets of 1000 and 15 of 30 sets of 300."""
 
 
-def _fastest(seen: BinnedResponses) -> tuple[Array, float]:
-    """Return the fastest tenth of times and where they begin: half a step early if rounded, s."""
-    fast = np.sort(seen.rt_s[np.isfinite(seen.rt_s)])
-    step_s = np.diff(np.unique(fast)).min(initial=np.inf)
-    fast = fast[: max(len(fast) // 10, FASTEST)]
+def _first_s(seen: BinnedResponses) -> float:
+    """Return where times begin, s: half a step early if rounded."""
+    times_s = np.unique(seen.rt_s[np.isfinite(seen.rt_s)])
+    step_s = np.diff(times_s).min(initial=np.inf)
     half_s = step_s / 2 if np.isfinite(step_s) else 0.0
-    return fast, max(float(fast[0]) - half_s, seen.window_s[0])
+    return max(float(times_s[0]) - half_s, seen.window_s[0])
 
 
 def cut_nats(fitted: Optimum) -> float:
@@ -241,9 +240,10 @@ def cut_nats(fitted: Optimum) -> float:
     cut. The gain does not count lapses, which may all be slow.
     """
     seen, density = fitted.likelihood.design.observed, fitted.density
-    fast, edge_s = _fastest(seen)
-    if (fast[1:-1] <= (fast[0] + fast[-1]) / 2).mean() < ABRUPT:
+    _, below = fastest(seen.rt_s)
+    if below.mean() < ABRUPT:
         return 0.0
+    edge_s = _first_s(seen)
     cut = replace(seen, window_s=(edge_s, seen.window_s[1]))
     mass, same = density * seen.grid.width_s, np.ones(len(density))
     usual, best = seen.each(density).sum(), 0.0
@@ -266,7 +266,7 @@ def of_cuts(people: Iterable[Optimum]) -> list[str]:
         binned = isinstance(fitted.likelihood, BinnedLikelihood) and seen.untimed is None
         enough = binned and np.isfinite(seen.rt_s).sum() > FASTEST
         if enough and (nats := cut_nats(fitted)) > EDGE_NATS:
-            told.append(f"{who} at {_fastest(seen)[1]:.4g} s ({nats:.1f} nats)")
+            told.append(f"{who} at {_first_s(seen):.4g} s ({nats:.1f} nats)")
     listed = ", ".join(told[:FEW]) + f" and {len(told) - FEW} more" * (len(told) > FEW)
     every = [
         f"response times begin abruptly, of {listed}: the log likelihood is that much "

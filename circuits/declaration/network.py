@@ -84,9 +84,9 @@ class Network(Mapping[str, "Population | Projection"]):
         raise InputError(f"{reason}: {valid}{self._output(pair)}", place)
 
     def _output(self, name: object) -> str:
-        """Return which nucleus stands for GPi, if that is asked for, or ""."""
+        """Return which nucleus represents GPi, if that is asked for, or ""."""
         one = "GPi" in str(name) and "SNr" in self._known
-        return " (SNr stands for both output nuclei, GPi and SNr)" if one else ""
+        return " (SNr represents both output nuclei, SNr and GPi)" if one else ""
 
     def row(self, name: str) -> Population | Projection:
         """Return a row by its name: ``"STN"``, ``"STN->GPe"`` or ``"STN->GPe NMDA"``."""

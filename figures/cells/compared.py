@@ -65,16 +65,16 @@ def trials_of(folder: str) -> Trials:
 
 def likelihood_of(trials: Trials, name: str, *fixed: str) -> CellsLikelihood:
     """Return the likelihood of one animal's trials under a model, with further fixed numbers."""
-    settings = FitSettings(fix=fixed)
+    free: tuple[str, ...] = ()
     if name == NO_SHARED:
-        settings = replace(settings, fix=(*NO_NOISE, *fixed))
+        fixed += NO_NOISE
     elif name == NO_RECENT:
         cells = (cell for session in sessions_of(trials) for cell in session.names)
-        fixed = tuple(f"{numbers_of(cell)[-2]}=0" for cell in cells)
-        # Noise that stands in for slow changes of cells does not decide as a whole.
-        settings = replace(settings, fix=fixed, free=(f"+{CORRELATION}",))
+        fixed += tuple(f"{numbers_of(cell)[-2]}=0" for cell in cells)
+        # Noise that absorbs slow changes of cells does not decide as a whole.
+        free = (f"+{CORRELATION}",)
     encoding = REFERENCE if name in (NO_SHARED, NO_RECENT) else name
-    one = question(settings, trials, [encoding], alone=True)
+    one = question(FitSettings(fix=fixed, free=free), trials, [encoding], alone=True)
     (likelihood,) = one.likelihoods(encoding).values()
     assert isinstance(likelihood, CellsLikelihood)
     return likelihood
@@ -262,7 +262,7 @@ def controls(folder: str, seed: int, shuffles: int) -> pd.DataFrame:
     """Return gains by clicks, and their errors, of spikes as recorded and of other trials'.
 
     Without noise of the sum: a gain on noise that cells share would not need the clicks. Shuffled
-    spikes have the leak of recorded ones, since a leak of their own would be chosen for its gains.
+    spikes have the leak of recorded ones, since one that is fitted to them is chosen for its gains.
     """
     trials = trials_of(folder)
     spikes, rows = trials.spikes, []

@@ -145,7 +145,7 @@ def test_each_participant_gets_a_row_per_number_and_a_figure(thorough, tmp_path,
     assert "parameter trade-offs" in shown
     assert "largest differences between quantiles" in shown
     assert "fewer than 20 errors" in shown
-    assert "simulation_error" not in shown  # nothing is simulated
+    assert "simulation_error" not in shown  # without simulation
     out = tmp_path / "fits" / "mine"
     parameters, cells = (pd.read_csv(out / f"{name}.csv") for name in ("parameters", "cells"))
     held = parameters[parameters["held"]]

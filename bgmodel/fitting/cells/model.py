@@ -267,7 +267,7 @@ def drawn(
     share = seen_share(edges_s)
     level = [(np.expm1(past[:, 0] - recent(np.zeros(1)))) * share[0] for past in session.past]
     counts, pasts = np.zeros(session.counts.shape), np.zeros(session.counts.shape)
-    final = np.empty(count)
+    final, numbers = np.empty(count), _cells(session, values)
     for k in range(bins + 1):
         last = session.bins == k
         if last.any():
@@ -283,7 +283,7 @@ def drawn(
             float(session.middles_s[k]),
         )
         read = encoded_by(encoding, values, sums[:, k] + n)[0]
-        cells = zip(level, _cells(session, values), counts[:, :, k], pasts[:, :, k], strict=True)
+        cells = zip(level, numbers, counts[:, :, k], pasts[:, :, k], strict=True)
         for activity, cell, now, past in cells:
             past[:] = recent(activity / share[k])
             base = session.basis[k] @ cell[:-2] + cell[-2] * past

@@ -168,7 +168,7 @@ def test_a_fraction_above_one_is_refused_with_both_spellings(verb):
         ("lesion STN 150%", "fraction must be within 0..1, got 1.5"),
         ("lesion GPe[2] 50%", "GPe: channel must be within 0..1, got 2"),
         ("lesion GPi", "spiking_msprt has no nucleus 'GPi': ctx"),
-        ("cut STN->GPi", "SNr stands for both output nuclei, GPi and SNr"),
+        ("cut STN->GPi", "SNr represents both output nuclei"),
         ("clamp SNr", "SNr is the read-out"),
         ("neurons 1.5", "neurons must be a whole number"),
         ("set STN.bias 1", "STN has no 'bias': "),
