@@ -5,7 +5,8 @@ An input ``x`` arrives in nats. A population's row maps it to a rate by its *lin
 construction; one that hears "nats" turns x into a membrane potential, which determines its spikes.
 
 Each cell type implements the methods below. A method that it does not implement raises an error
-that names the type and the method; there are no fallbacks.
+that names the type and the method; there are no fallbacks. How it spikes is stated in one of two
+ways: by the quantiles of its intervals if it is a *renewal* cell, or else by its state and a tick.
 """
 
 from __future__ import annotations
@@ -89,7 +90,7 @@ class Cell:
     hears : str
         "nats", the input, which the cell filters itself; or "hz", the rate of its line.
     state : tuple of str
-        State variables of a spiking cell.
+        State variables of a spiking cell that is no renewal cell.
     of_rates : tuple of str
         Constants that also affect rates, not only spikes.
     longest_tick_ms : float
@@ -115,6 +116,11 @@ class Cell:
         """Lowest rate that its line may take, Hz."""
         return 0.0
 
+    @classmethod
+    def renewal(cls) -> bool:
+        """Return whether its spikes are a renewal process; the first factor acts on its rate."""
+        return cls.interval_quantiles is not Cell.interval_quantiles
+
     # ---- laws
 
     def membrane_ms(self) -> float:
@@ -138,6 +144,13 @@ class Cell:
         return self.lacks("varied", "the population engine, where cells differ,")
 
     # ---- spikes
+
+    def interval_quantiles(self, probability: Array) -> Array:
+        """Return quantiles of its intervals at probabilities (P,) in (0, 1); their mean is 1.
+
+        Intervals are in expected spikes: those of a steady rate r are 1/r times as long.
+        """
+        return self.lacks("interval_quantiles", "engines that spike")
 
     def constants(self, factors: Array, dt_ms: float) -> Constants:
         """Return the constants of a tick by name, in single precision: the arguments of ``begin``.
@@ -179,15 +192,17 @@ def register(kind: C) -> C:
     ------
     ValueError
         If it is not a frozen dataclass derived from ``Cell``, ``hears`` is unknown, it spikes but
-        has no state, or the name is taken by another type.
+        has neither intervals nor a state, or the name is taken by another type.
     """
     name = check_kind(kind, Cell, "a cell type")
     must = f"must be one of {', '.join(HEARS)}"
     require(kind.hears in HEARS, "hears", must, kind.hears, owner=name)
-    rate = kind.spikes or kind.hears == "hz"
-    require(rate, "hears", "must be hz where cells do not spike", kind.hears, owner=name)
-    state = not kind.spikes or (kind.state and isinstance(kind.state, tuple))
-    must = "must be a tuple of the variables' names where cells spike"
+    ticking = kind.spikes and not kind.renewal()
+    rate = ticking or kind.hears == "hz"
+    must = "must be hz for renewal cells, and where cells do not spike"
+    require(rate, "hears", must, kind.hears, owner=name)
+    state = not ticking or (kind.state and isinstance(kind.state, tuple))
+    must = "must be a tuple of the variables' names where cells spike by a tick"
     require(state, "state", must, kind.state, owner=name)
     check_free(name, kind, CELLS, "a cell type")
     CELLS[name] = kind

@@ -3,30 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
-from circuits.cells.cell import BrianText, Cell, Constants, Line, Response, register
+from circuits.cells.cell import Cell, Line, Response, register
 from circuits.cells.response import renewal_spectrum
-from circuits.cells.single import ONE, ZERO, choose, fused, single
 from circuits.checks import check_range, check_types
 
-FOUR = np.float32(4)
-
-
-def _begin(uniform: Any, noise_step: Any, factor: Any) -> tuple[Any, ...]:
-    return (single(uniform),)
-
-
-def _tick(heard: Any, ones: Any, phi: Any, noise_step: Any, factor: Any) -> tuple[Any, ...]:
-    width = noise_step * single(np.sqrt(heard))
-    push = factor * single(heard) - FOUR * width
-    moved = phi + fused(width, ones, push)
-    fired = moved >= ONE
-    return fired, moved - choose(fired, ONE, ZERO)
+NODES, REACH = 20_001, 12.0
+"""Points at which the distribution of intervals is inverted, and how far they reach, in cv."""
 
 
 @register
@@ -40,28 +28,22 @@ class Phase(Cell):
     """
 
     cv: float
-    state: ClassVar[tuple[str, ...]] = ("phi",)
     longest_tick_ms: ClassVar[float] = 0.25
-    begin = staticmethod(_begin)
-    tick = staticmethod(_tick)
-    brian: ClassVar[BrianText | None] = BrianText(
-        tick="""
-            width = single(noise_step*single(sqrt(hz*dt_s)))
-            push = single(single(factor*single(hz*dt_s)) - 4*width)
-            phi = single(phi + fused(width, ones(word, t_in_timesteps), push))
-        """,
-        spike="phi >= 1",
-        reset="phi = phi - 1",
-    )
 
     def __post_init__(self) -> None:
         check_types(self, "a Phase cell")
         check_range(0, 1, cv=self.cv)
 
-    def constants(self, factors: Array, dt_ms: float) -> Constants:
-        """Return the noise per bit over the root of a tick's mean advance, and the rate factor."""
-        noise_step = np.float32(self.cv * np.sqrt(factors[0] / 2))
-        return {"noise_step": noise_step, "factor": np.float32(factors[0])}
+    def interval_quantiles(self, probability: Array) -> Array:
+        """Return quantiles of the inverse Gaussian with mean 1 (Cox & Miller 1965)."""
+        if self.cv == 0:
+            return np.ones_like(probability)
+        from scipy.special import log_ndtr, ndtr
+
+        x = np.exp(np.linspace(-REACH * self.cv, REACH * self.cv, NODES))
+        root = self.cv * np.sqrt(x)
+        returned = np.exp(2 / self.cv**2 + log_ndtr(-(1 + x) / root))
+        return np.asarray(np.interp(probability, ndtr((x - 1) / root) + returned, x))
 
     def varied(self, factors: Array) -> tuple[Cell, float]:
         """Return the same cell; the first factor acts on its rate."""

@@ -1,5 +1,7 @@
 """Counter-based noise: a pure function of seed, trial, population, channel, neuron and tick.
 
+For the intervals of renewal cells, the number of spikes so far takes the place of the tick.
+
 No number depends on an earlier draw, so the noise of a cell depends neither on lesions elsewhere
 nor on the batch, and all engines draw the same. The word of a neuron is lowbias32 (Wellons 2018) of
 its index under a 64-bit tick key from the SplitMix64 finaliser (Steele, Lea & Flood 2014).
@@ -22,6 +24,7 @@ TICKS_A_WORD = 4
 START_TICK = 2**62
 CONNECTIONS_TICK = START_TICK + 1
 CELLS_TICK = START_TICK + 2
+TRAIN_TICK = START_TICK + 5  # the three before are those of factors on constants
 
 Words = npt.NDArray[np.uint32]
 
@@ -69,6 +72,17 @@ def words(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.uint
     index = np.arange(neurons) if np.ndim(neurons) == 0 else np.asarray(neurons)
     high, low = (np.uint32(half) for half in tick_key(stream, tick))
     return lowbias32(index.astype(np.uint32), high, low)
+
+
+def train_words(stream: int, neurons: npt.ArrayLike, counts: npt.ArrayLike) -> Words:
+    """Return the word that gives the interval after each neuron's spikes so far, its counts.
+
+    It depends on no tick: in two runs whose rates differ, a cell has the same intervals.
+    """
+    index = np.asarray(neurons, dtype=np.uint32)
+    index = index + np.asarray(counts).astype(np.uint32) * np.uint32(GOLDEN_32)
+    high, low = (np.uint32(half) for half in tick_key(stream, TRAIN_TICK))
+    return lowbias32(index, high, low)
 
 
 def lowbias32(index: Words, high: Words | np.uint32, low: Words | np.uint32) -> Words:

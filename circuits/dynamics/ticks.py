@@ -7,11 +7,12 @@ At tick k, with all rates of earlier ticks known:
    ``x = A x + (1 - A) input``; a cell that hears nats filters in its membrane instead; the factor
    is 1 and the course 0 unless the circuit has courses (``timed``);
 3. cells: populations without spikes transmit ``r[k] = rates(x)``, spiking ones
-   ``r[k] = spikes / (neurons dt)``;
+   ``r[k] = spikes / (neurons dt)``; a renewal cell fires, once in a tick at most, if its clock,
+   the sum of ``rates(x) dt``, has reached its next spike;
 4. read-out: ``o = R o + (1 - R) r[k]``.
 
-Cells use single precision, everything else double. The update of a cell consists of products and
-sums ``a + b c``, each rounded once to single precision: a spike depends on the last bit of a
+Cells with a tick use single precision, everything else double. Their update consists of products
+and sums ``a + b c``, each rounded once to single precision: a spike depends on the last bit of a
 potential, so an engine that rounded elsewhere would produce other spikes. A product of singles is
 exact in double precision, so ``single(a + b*c)`` equals a processor's fused multiply-add.
 
@@ -160,11 +161,16 @@ class Scheme:
         return self.wiring.deliver @ rates, x, rates
 
     def constants(self, block: int) -> Constants:
-        """Return the constants of a block's cells: scalars, or (neurons,) if heterogeneous."""
+        """Return the constants of a block's cells: scalars, or (neurons,) if heterogeneous.
+
+        The intervals of renewal cells are multiplied by ``slow``.
+        """
         row, circuit = self.wiring.rows[block], self.wiring.circuit
         factors = ALL_ALIKE
         if row.heterogeneity:
             factors = cell_factors(circuit, row.name, int(self.wiring.channel[block]))
+        if row.cell.renewal():
+            return {"slow": np.float32(1 / factors[0])}
         return tick_constants(row.cell, factors, self.dt_ms)
 
 

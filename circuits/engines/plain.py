@@ -13,6 +13,7 @@ import numpy as np
 
 from circuits.activity import Activity, spike_tables, warn_beyond_range
 from circuits.arrays import Array, Index, Truths
+from circuits.cells import renewal
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
@@ -90,9 +91,11 @@ class _Trial:
         w = scheme.wiring
         self.scheme, self.clock, self.courses, self.w = scheme, clock, courses, w
         self.cells = {
-            b: _Cells(scheme, b, noise.stream_key(seed, trial, w.names[b]))
-            for b in range(w.blocks)
-            if w.rows[b].spiking
+            b: (_Renewal if row.cell.renewal() else _Ticking)(
+                scheme, b, noise.stream_key(seed, trial, w.names[b])
+            )
+            for b, row in enumerate(w.rows)
+            if row.spiking
         }
         self.own, weight = _own_inputs(scheme)
         self.common = replace(w, weight=weight)
@@ -136,7 +139,7 @@ class _Trial:
 
 
 class _Cells:
-    """The cells of one block in one trial."""
+    """The cells of one block in one trial; kinds of cells add ``fire``."""
 
     def __init__(self, scheme: Scheme, block: int, stream: int) -> None:
         w = scheme.wiring
@@ -144,10 +147,7 @@ class _Cells:
         self.wiring, self.block, self.neurons = w, block, self.row.neurons
         self.spike_hz = spike_hz(self.neurons, scheme.dt_ms)
         self.decay = scheme.block_decay[block]
-        cell, constants = self.row.cell, scheme.constants(block)
-        self.step = cell.tick or cell.lacks("tick", "the plain engine")
-        self.constants = list(constants.values())
-        self.state: tuple[Any, ...] = starting_state(cell, constants, stream, self.neurons)
+        self.constants = scheme.constants(block)
         # A scalar as long as all cells receive the same input.
         self.x = np.full(1, scheme.start[1][block])
 
@@ -157,20 +157,59 @@ class _Cells:
         if self.row.cell.hears == "hz":  # expected spikes in a tick, of all cells or of each
             self.x = self.decay * self.x + (1 - self.decay) * nats
             heard = self.wiring.block_rates(self.block, self.x) * self.dt_s
-        if k % noise.TICKS_A_WORD == 0:
-            words = noise.words(self.stream, k // noise.TICKS_A_WORD, self.neurons)
-            self.counts = noise.byte_counts(words)
-        ones = noise.counts_at(self.counts, k)
-        fired, *state = self.step(heard, ones, *self.state, *self.constants)
-        self.state = tuple(self._each(value) for value in state)
-        per_cell: Truths = self._each(fired)
-        return per_cell
+        fired: Truths = self.fire(k, heard)
+        return fired
+
+    def fire(self, k: int, heard: Any) -> Truths:
+        raise NotImplementedError
 
     def _each(self, value: Any) -> Any:
         """Return a value of all cells, or of each, as an array over cells."""
         # numpy.broadcast_to takes longer than most uses of the values.
         per_cell = np.shape(value) == (self.neurons,)
         return value if per_cell else np.broadcast_to(value, self.neurons)
+
+
+class _Renewal(_Cells):
+    """Cells that fire when their clock, in expected spikes, has reached their next spike."""
+
+    def __init__(self, scheme: Scheme, block: int, stream: int) -> None:
+        super().__init__(scheme, block, stream)
+        cell = self.row.cell
+        self.slow = self._each(np.float64(self.constants["slow"]))
+        self.intervals = renewal.intervals(cell)
+        self.clock, self.counts = np.zeros(1), np.zeros(self.neurons, np.uint32)
+        words = noise.train_words(stream, np.arange(self.neurons), self.counts)
+        self.due = self.slow * renewal.wait(renewal.first_spikes(cell), words)
+
+    def fire(self, k: int, heard: Any) -> Truths:
+        self.clock = self.clock + heard
+        fired: Truths = self.clock >= self.due
+        who = np.flatnonzero(fired)
+        self.counts[who] += np.uint32(1)
+        words = noise.train_words(self.stream, who, self.counts[who])
+        self.due[who] += self.slow[who] * renewal.wait(self.intervals, words)
+        return fired
+
+
+class _Ticking(_Cells):
+    """Cells whose type has a tick."""
+
+    def __init__(self, scheme: Scheme, block: int, stream: int) -> None:
+        super().__init__(scheme, block, stream)
+        cell = self.row.cell
+        self.step = cell.tick or cell.lacks("tick", "the plain engine")
+        self.state: tuple[Any, ...] = starting_state(cell, self.constants, stream, self.neurons)
+
+    def fire(self, k: int, heard: Any) -> Truths:
+        if k % noise.TICKS_A_WORD == 0:
+            words = noise.words(self.stream, k // noise.TICKS_A_WORD, self.neurons)
+            self.counts = noise.byte_counts(words)
+        ones = noise.counts_at(self.counts, k)
+        fired, *state = self.step(heard, ones, *self.state, *self.constants.values())
+        self.state = tuple(self._each(value) for value in state)
+        per_cell: Truths = self._each(fired)
+        return per_cell
 
 
 class _OwnInputs:

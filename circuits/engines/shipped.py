@@ -133,7 +133,7 @@ class Spikes(CompiledEngine, SpikingEngine):
     id: ClassVar[str] = "spikes"
     module: ClassVar[str] = "circuits.engines.spikes.run"
     description: ClassVar[str] = "spikes of every cell, compiled, for thousands of trials"
-    cell_bytes: ClassVar[float] = 40.0
+    cell_bytes: ClassVar[float] = 60.0
 
     progress: bool = False  #: Whether to show the progress of a run.
 

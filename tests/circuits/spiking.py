@@ -1,12 +1,13 @@
-"""A small spiking circuit, an adaptive exponential cell in it, and its spikes."""
+"""A small spiking circuit, cell types to put into it, and its spikes."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from circuits import anatomy
-from circuits.cells import AdEx
+from circuits.cells import AdEx, BrianText, Cell
+from circuits.cells.single import ONE, ZERO, choose, fused, single
 from circuits.engines import run
 
 SPIKING = ("spikes", "brian2", "plain")
@@ -32,6 +33,43 @@ DRIVE = np.zeros((2, 2, 2))
 DRIVE[0, :, 0] = DRIVE[1, :, 1] = np.array([0, 1.4])
 DRIVE -= DRIVE.mean(axis=2, keepdims=True)
 GIVEN = {"step_ms": 25.0, "seed": 3, "settle_ms": 20.0}
+
+
+FOUR = np.float32(4)
+
+
+def begin_phase(uniform, noise_step, factor):
+    return (single(uniform),)
+
+
+def tick_phase(heard, ones, phi, noise_step, factor):
+    width = noise_step * single(np.sqrt(heard))
+    moved = phi + fused(width, ones, factor * single(heard) - FOUR * width)
+    fired = moved >= ONE
+    return fired, moved - choose(fired, ONE, ZERO)
+
+
+@dataclass(frozen=True)
+class Diffusing(Cell):
+    """The diffusion whose passages ``Phase`` draws, tick by tick; a test registers a twin of it."""
+
+    cv: float = 0.3
+    state = ("phi",)
+    begin = staticmethod(begin_phase)
+    tick = staticmethod(tick_phase)
+    brian = BrianText(
+        tick="""
+            width = single(noise_step*single(sqrt(hz*dt_s)))
+            push = single(single(factor*single(hz*dt_s)) - 4*width)
+            phi = single(phi + fused(width, ones(word, t_in_timesteps), push))
+        """,
+        spike="phi >= 1",
+        reset="phi = phi - 1",
+    )
+
+    def constants(self, factors, dt_ms):
+        noise_step = np.float32(self.cv * np.sqrt(factors[0] / 2))
+        return {"noise_step": noise_step, "factor": np.float32(factors[0])}
 
 
 def with_cell(circuit, name, cell):

@@ -13,14 +13,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circuits.arrays import Array, Index
+from circuits.arrays import Index
+from circuits.cells.renewal import first_spikes, wait
 from circuits.declaration.rows import Projection
 from circuits.dynamics import noise
+from circuits.dynamics.noise import TRAIN_TICK, train_words
 from circuits.dynamics.ticks import Scheme, Timed, spike_hz, starting_state
 from circuits.dynamics.wiring import Wiring, fan_in, units_of
 from circuits.engines.brian2 import text as brian_text
+from circuits.engines.brian2.noise import keys_at
 
-Values = dict[tuple[str, str], Array]
+Values = dict[tuple[str, str], npt.NDArray[Any]]
 """(group, variable) -> values."""
 Columns = tuple[npt.NDArray[Any], ...]
 """Sources, targets, and further values of each synapse."""
@@ -185,7 +188,8 @@ class Layout:
         w = self.wiring
         streams = noise.stream_keys(seed, first_trial + np.arange(self.trials), w.names)
         values = self._units() | self._blocks()
-        values["blocks", "stream"] = streams.ravel().astype(np.int64)
+        keys = streams.ravel().astype(np.int64)
+        values["blocks", "stream"], values["blocks", "train"] = keys, keys_at(keys, TRAIN_TICK)
         for name in self.populations:
             values |= self._cells_start(name, streams)
         if self.line:
@@ -197,10 +201,18 @@ class Layout:
         row, blocks = self.wiring.circuit.population(name), self.wiring.blocks_of(name)
         constants = {b: self.scheme.constants(b) for b in blocks}
         pairs = [(constants[b], int(one[b])) for one in streams for b in blocks]
-        begun = [starting_state(row.cell, *pair, row.neurons) for pair in pairs]
+        variables: tuple[str, ...] = row.cell.state
+        begun: list[tuple[npt.NDArray[Any], ...]]
+        if row.cell.renewal():
+            variables, cells = ("due",), np.arange(row.neurons)
+            table = first_spikes(row.cell)
+            waits = ((c["slow"], wait(table, train_words(key, cells, 0))) for c, key in pairs)
+            begun = [(np.float64(slow) * each,) for slow, each in waits]
+        else:
+            begun = [starting_state(row.cell, *pair, row.neurons) for pair in pairs]
         return {
             (name, variable): np.concatenate([state[i] for state in begun]).astype(np.float64)
-            for i, variable in enumerate(row.cell.state)
+            for i, variable in enumerate(variables)
         }
 
     def unit_laws(self, group: str) -> list[str]:

@@ -17,6 +17,8 @@ import pandas as pd
 
 from circuits.activity import Activity, spike_table
 from circuits.arrays import Array
+from circuits.cells import Cell
+from circuits.cells import renewal as renewals
 from circuits.dynamics import noise
 from circuits.dynamics.ticks import Clock
 from circuits.engines.brian2 import text as brian_text
@@ -60,6 +62,7 @@ class BrianNetwork:
         self.sample_ticks = int(np.gcd(clock.settle_ticks, clock.sample_ticks))
         self.groups: dict[str, Group] = {}
         self.connections: list[Group] = []
+        self.intervals: list[list[float]] = []
         for name in layout.units:
             self._units(name)
         self._blocks()
@@ -73,6 +76,7 @@ class BrianNetwork:
             "monitored": [object_name(name) for name in self.spikes],
             "names": names,
             "timed": timed,
+            "intervals": np.array(self.intervals or [[0.0]]),
             "groups": self.groups,
             "connections": self.connections,
         }
@@ -147,12 +151,16 @@ class BrianNetwork:
 
     def _cells(self, name: str) -> None:
         layout, row = self.layout, self.layout.wiring.circuit.population(name)
-        text = row.cell.brian or row.cell.lacks("brian", "the brian2 engine")
+        renewal = row.cell.renewal()
+        text = brian_text.RENEWAL if renewal else row.cell.brian
+        text = text or row.cell.lacks("brian", "the brian2 engine")
         block = layout.wiring.blocks_of(name)[0]
         constants = layout.constants(block)
         names = {n: v for n, v in constants.items() if not np.ndim(v)}
         hears = row.cell.hears
-        state = [brian_text.CELL_STATE, f"{hears} : 1", *(f"{n} : 1" for n in row.cell.state)]
+        of_kind = brian_text.RENEWAL_STATE if renewal else brian_text.TICKING_STATE
+        state = [brian_text.CELL_STATE, of_kind, f"{hears} : 1"]
+        state += [f"{n} : 1" for n in row.cell.state]
         state += [f"{n} : 1 (constant)" for n in constants if n not in names]
         hear, own_inputs = brian_text.HEAR[hears], layout.own_to_cells(name)
         if own_inputs:
@@ -165,11 +173,15 @@ class BrianNetwork:
         spikes = {"threshold": text.spike, "reset": text.reset}
         about = f"{row.neurons} cells in each channel: {row.cite}"
         cells = self._group(name, "\n".join(state), about, names=names, spikes=spikes)
-        links = {"key": "key", f"block_{heard}": heard}
+        key = "train" if renewal else "key"
+        links = {key: key, f"block_{heard}": heard}
         cells["links"] = {n: ("blocks", theirs, "block") for n, theirs in links.items()}
         # The gather is separate: within the tick it would prevent vectorisation.
-        draw = (0, noise.TICKS_A_WORD, "word = byte_counts(cell, key)")
-        cells["code"] = [draw, (1, 1, hear), (2, 1, text.tick)]
+        cells["code"] = [(1, 1, hear), (2, 1, text.tick)]
+        if renewal:
+            names["of_cells"] = self._table(row.cell)
+        else:
+            cells["code"].insert(0, (0, noise.TICKS_A_WORD, brian_text.DRAW))
         add = "rate_hz_post += a_spike"
         self._connect(name, "blocks", layout.cells_to_blocks(name), add, "a_spike")
         if own_inputs:
@@ -177,6 +189,13 @@ class BrianNetwork:
         if layout.own_inputs:
             add = "arrived_post += a_spike"
             self._connect(name, "own_inputs", layout.cells_to_own(name), add, "a_spike")
+
+    def _table(self, cell: Cell) -> int:
+        """Return the row of a renewal cell's intervals among those of the network."""
+        ends = renewals.intervals(cell).tolist()
+        if ends not in self.intervals:
+            self.intervals.append(ends)
+        return self.intervals.index(ends)
 
     # ---- results
 
@@ -224,10 +243,10 @@ def assembled(brian: Any, parts: dict[str, Any]) -> Any:
     ms, dt_ms, names = brian.ms, parts["dt_ms"], parts["names"]
     clocks = {n: brian.Clock(n * dt_ms * ms) for n in (1, names["word_ticks"])}
     timed = {n: brian.TimedArray(v, dt=apart * ms) for n, (v, apart) in parts["timed"].items()}
-    shared = functions(brian) | timed | names
+    shared = functions(brian, parts["intervals"]) | timed | names
     numpy = {"codeobj_class": brian.NumpyCodeObject}  # what the functions have code for
     on_tick = {"clock": clocks[1]} | numpy
-    wide = dict.fromkeys(("stream", "key", "block"), np.int64)
+    wide = dict.fromkeys(("stream", "train", "key", "block"), np.int64)
     made, others = {}, []
     for name, part in parts["groups"].items():
         made[name] = brian.NeuronGroup(

@@ -13,9 +13,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circuits.arrays import Integers
+from circuits.arrays import Array, Integers
+from circuits.cells.renewal import wait
 from circuits.cells.single import choose, exponential, fused, single
-from circuits.dynamics.noise import GOLDEN, TICKS_A_WORD, byte_counts, lowbias32, mix_all
+from circuits.dynamics.noise import (
+    GOLDEN,
+    GOLDEN_32,
+    TICKS_A_WORD,
+    byte_counts,
+    lowbias32,
+    mix_all,
+)
 
 
 def unsigned(values: npt.ArrayLike) -> npt.NDArray[np.uint32]:
@@ -23,10 +31,10 @@ def unsigned(values: npt.ArrayLike) -> npt.NDArray[np.uint32]:
     return np.atleast_1d(np.asarray(values)).astype(np.uint32)
 
 
-def keys_at(stream: Integers, tick: Integers) -> Integers:
+def keys_at(stream: npt.ArrayLike, tick: npt.ArrayLike) -> Integers:
     """Return the key of each stream at a tick, both halves as one int64 (``noise.tick_key``)."""
-    z = np.atleast_1d(tick).astype(np.uint64) + np.uint64(1)
-    z = np.atleast_1d(stream).astype(np.uint64) + z * np.uint64(GOLDEN)
+    z = np.atleast_1d(np.asarray(tick)).astype(np.uint64) + np.uint64(1)
+    z = np.atleast_1d(np.asarray(stream)).astype(np.uint64) + z * np.uint64(GOLDEN)
     return mix_all(z).astype(np.int64)
 
 
@@ -47,6 +55,15 @@ def ones_at(counts: Integers, tick: Integers) -> npt.NDArray[np.float64]:
     return ((unsigned(counts) >> shift) & np.uint32(15)).astype(np.float64)
 
 
+def interval_after(
+    tables: Array, of_cells: npt.ArrayLike, cell: Integers, fired: Integers, key: Integers
+) -> Array:
+    """Return the interval after each renewal cell's spikes so far (``noise.train_words``)."""
+    index = unsigned(cell) + unsigned(fired) * np.uint32(GOLDEN_32)
+    word = lowbias32(index, unsigned(np.asarray(key) >> 32), unsigned(key))
+    return wait(tables[int(np.max(of_cells))], word)
+
+
 def load_brian() -> ModuleType:
     """Import Brian2 without letting it take over error reporting."""
     hook = sys.excepthook
@@ -57,8 +74,11 @@ def load_brian() -> ModuleType:
     return module
 
 
-def functions(brian: Any) -> dict[str, Any]:
-    """Return the functions that the code calls, as functions of the module ``brian2`` by name."""
+def functions(brian: Any, intervals: Array) -> dict[str, Any]:
+    """Return the functions that the code calls, as functions of the module ``brian2`` by name.
+
+    The rows of ``intervals`` are the tables of renewal cells.
+    """
     integer, real = "integer", "float"
     table: dict[str, tuple[Any, list[str], str]] = {
         "tick_key": (keys_at, [integer, integer], integer),
@@ -68,6 +88,11 @@ def functions(brian: Any) -> dict[str, Any]:
         "fused": (fused, [real, real, real], real),
         "exponential": (exponential, [real], real),
         "chosen": (choose, ["boolean", real, real], real),
+        "interval": (
+            lambda *which: interval_after(intervals, *which),
+            [integer] * 4,
+            real,
+        ),
     }
     made = {}
     for name, (function, takes, returns) in table.items():

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from circuits.cells.renewal import wait
 from circuits.cells.single import choose, exponential, fused, single
 from circuits.dynamics.noise import byte_counts, lowbias32, mix_all
 from circuits.engines.brian2 import noise
@@ -24,9 +25,9 @@ from circuits.show import text
 SHORT = 60
 """Longest array that is written as numbers."""
 FUNCTIONS: tuple[Callable[..., Any], ...] = (
-    *(mix_all, lowbias32, byte_counts, single, fused, choose, exponential),
+    *(mix_all, lowbias32, byte_counts, single, fused, choose, exponential, wait),
     *(noise.unsigned, noise.keys_at, noise.random_word, noise.noise_bytes, noise.ones_at),
-    *(noise.functions, assembled),
+    *(noise.interval_after, noise.functions, assembled),
 )
 """Functions of which a script holds the source: those that ``assembled`` calls, and itself."""
 

@@ -10,6 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from circuits.arrays import Array
+from circuits.cells.cell import BrianText
 from circuits.declaration import transfer
 
 # ---- delay line of the blocks' rates, oldest first: each element copies the next one's value
@@ -74,6 +75,7 @@ gain_hz_per_nat : 1 (constant)
 lowest_hz : 1 (constant)
 spiking : 1 (constant)      # 1 for cells, 0 for a unit of rate
 stream : integer (constant) # of the noise
+train : integer (constant)  # key of the intervals of renewal cells
 key : integer
 """
 
@@ -94,11 +96,32 @@ TIMED_BLOCK_TICK = BLOCK_TICK.replace("bias + evidence", "bias + evidence + adde
 # ---- cells
 
 CELL_STATE = """
-word : integer
 cell : integer (constant)   # number within its block
 block : integer (constant)
+"""
+
+TICKING_STATE = """
+word : integer
 key : integer (linked)
 """
+
+DRAW = "word = byte_counts(cell, key)"
+
+RENEWAL_STATE = """
+clock : 1                   # expected spikes so far
+due : 1                     # clock at the next spike
+fired : integer             # spikes so far
+train : integer (linked)
+"""
+
+RENEWAL = BrianText(
+    tick="clock = clock + hz*dt_s",
+    spike="clock >= due",
+    reset="""
+fired = fired + 1
+due = due + slow*interval(of_cells, cell, fired, train)
+""",
+)
 
 HEAR = {"nats": "nats = single(block_x)", "hz": "hz = block_hz"}
 

@@ -1,7 +1,8 @@
 """Cell types in the compiled engine.
 
-The types used in the included circuits have dedicated loops (``lanes``), one entry of ``ENTRIES``
-each. Any other spiking type runs through ``loops``, which compiles the type's ``tick`` unchanged.
+Renewal cells of any type run through ``trains``. Of the others, those of the included circuits have
+dedicated loops (``lanes``), one entry of ``ENTRIES`` each; any other type runs through ``loops``,
+which compiles the type's ``tick`` unchanged.
 The loop is called by its address, so that the kernel does not have to be recompiled.
 
 Only single precision is accepted: other numbers would be rounded here but not by NumPy.
@@ -18,7 +19,7 @@ from numba import types
 from numba.cpython.unsafe.tuple import tuple_setitem
 from numba.extending import overload
 
-from circuits.cells import Cell, Lif, Phase, single
+from circuits.cells import Cell, Lif, single
 from circuits.cells.cell import constant_names
 from circuits.dynamics.ticks import ALL_ALIKE
 from circuits.engines.compiling import OPTIONS
@@ -99,21 +100,12 @@ def _lif_varied(cell: Lif, factors: Any, dt_ms: float) -> Any:
     return [constants[name] for name in ("decay", "rest", "slope", "noise_step", "unit")]
 
 
-def _phase_columns(cell: Phase, dt_ms: float) -> Columns:
-    return {"jitter": cell.constants(ALL_ALIKE, dt_ms)["noise_step"], "begin_span": 1.0}
-
-
-def _phase_varied(cell: Phase, factors: Any, dt_ms: float) -> Any:
-    constants = cell.constants(factors, dt_ms)
-    none = np.zeros_like(constants["factor"])
-    return [none, none, none, constants["noise_step"], constants["factor"]]
-
-
 ENTRIES: dict[type[Cell], CompiledCell] = {
     Lif: CompiledCell(kernel.LIF, _lif_columns, _lif_varied),
-    Phase: CompiledCell(kernel.PHASE, _phase_columns, _phase_varied),
 }
 _UNIT = CompiledCell(kernel.RATE, lambda cell, dt_ms: {}, lambda cell, factors, dt_ms: 0.0)
+# The factor on a renewal cell's rate is in its intervals.
+_RENEWAL = CompiledCell(kernel.RENEWAL, lambda cell, dt_ms: {}, lambda cell, factors, dt_ms: 1.0)
 
 
 def _general_varied(cell: Cell, factors: Any, dt_ms: float) -> Any:
@@ -132,6 +124,8 @@ GENERAL = CompiledCell(kernel.GENERAL, _general_columns, _general_varied)
 
 def entry(cell: Cell) -> CompiledCell:
     """Return the entry of a cell; by exact type, as a subclass may have another tick."""
+    if cell.renewal():
+        return _RENEWAL
     return ENTRIES.get(type(cell), GENERAL if cell.spikes else _UNIT)
 
 

@@ -3,8 +3,8 @@
 Input within the next ticks, up to the shortest delay, is known in advance, so each block in turn is
 advanced through such a window of ticks, and then the read-out. This does not change the results.
 
-Sums over populations are double precision, in the order of the Brian2 engine; cells, in
-``lanes``, are single precision.
+Sums over populations are double precision, in the order of the Brian2 engine; cells with a tick,
+in ``lanes``, are single precision. Renewal cells cost nothing until they fire (``trains``).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from circuits.declaration.transfer import EXP_MOST, MOST_NATS
 from circuits.dynamics import noise
 from circuits.engines.compiling import compiled, part
-from circuits.engines.spikes import lanes
+from circuits.engines.spikes import lanes, trains
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from circuits.arrays import Array
     from circuits.engines.spikes.records import Plan, Work
 
-RATE, LIF, PHASE, GENERAL = range(4)
-"""Kinds of loops over cells: none, those of two types, or one compiled from a type's tick."""
+RATE, LIF, RENEWAL, GENERAL = range(4)
+"""Kinds of loops over cells: none, those of a type, or one compiled from a type's tick."""
 _NAMES = ("linear", "rectified", "saturating", "exp", "s_minus_log_s")
 TRANSFERS = {name: code for code, name in enumerate(_NAMES)}
 LINEAR, RECTIFIED, SATURATING, EXP, S_MINUS_LOG_S = TRANSFERS.values()
@@ -102,8 +102,8 @@ def _common(block, first, window, clock, inputs, passed, drive, nats, common):
 
     The order is that of the Brian2 engine; another order would round differently.
     """
-    for t in range(window):
-        common[t] = 0.0
+    # Clocks of renewal cells stand still in ticks beyond the end of the run.
+    common[:] = 0.0
     for e in range(block.input, block.inputs):
         weight, row = inputs[e].weight, passed[inputs[e].index]
         for t in range(window):
@@ -145,7 +145,6 @@ def _receive(block, b, first, window, dt_s, work):
         return
     for t in range(window):
         common[t] *= dt_s
-    _advances(block, window, common, mean_step, work.noise_step)
 
 
 @part
@@ -158,19 +157,6 @@ def _rates(block, b, window, state, common):
     state[b] = x
     for t in range(window):
         common[t] = max(block.baseline + block.gain * _law(block.law, common[t]), block.floor)
-
-
-@part
-def _advances(block, window, mean, mean_step, noise_step):
-    """Turn expected numbers of spikes per tick into the steps of phases."""
-    if block.variation == OWN_CONSTANTS:
-        for t in range(window):
-            mean_step[t], noise_step[t] = mean[t], math.sqrt(mean[t])
-    elif block.kind == PHASE:
-        for t in range(window):
-            each = np.float32(math.sqrt(mean[t])) * block.jitter
-            mean_step[t] = np.float32(mean[t]) - lanes.HALF_BITS * each
-            noise_step[t] = each
 
 
 @numba.njit(inline="always")
@@ -281,14 +267,10 @@ def _identical(work, block, t, ticks):
     """Advance cells that differ only in their noise."""
     v, marks, counts, first, cells = work.v, work.marks, work.counts, block.start, block.filled
     step = _four(work.mean_step, t)
-    if block.kind == LIF:
-        decay, noise_step, top = block.membrane_decay, block.noise_step, block.threshold
-        lanes.lif_identical(
-            v, marks, counts, first, cells, ticks, decay, step, noise_step, top, block.refractory
-        )
-    else:  # Phases: ``plan`` gives no other kind.
-        each = _four(work.noise_step, t)
-        lanes.phase_identical(v, marks, counts, first, cells, ticks, step, each)
+    decay, noise_step, top = block.membrane_decay, block.noise_step, block.threshold
+    lanes.lif_identical(
+        v, marks, counts, first, cells, ticks, decay, step, noise_step, top, block.refractory
+    )
 
 
 @numba.njit(inline="always")
@@ -296,13 +278,8 @@ def _varied(p, work, block, t, ticks, x):
     """Advance cells that differ in their constants and, with x, in their inputs."""
     v, marks, counts, first, cells = work.v, work.marks, work.counts, block.start, block.filled
     constants = p.constants
-    common = _four(work.mean_step, t)
-    if block.kind == LIF:
-        top, held = block.threshold, block.refractory
-        lanes.lif_varied(v, marks, counts, first, cells, ticks, common, x, constants, top, held)
-    else:
-        root, each = _four(work.noise_step, t), block.jitter
-        lanes.phase_varied(v, marks, counts, first, cells, ticks, common, root, x, constants, each)
+    common, top, held = _four(work.mean_step, t), block.threshold, block.refractory
+    lanes.lif_varied(v, marks, counts, first, cells, ticks, common, x, constants, top, held)
 
 
 @part
@@ -358,10 +335,16 @@ def _sample(clock, i, total, low_pass, rates, out):
 def _fire(p, work, block, b, t, k, stream):
     """Advance the cells of a block by the ticks of one word of noise, or by one tick."""
     clock, most = p.clock[0], _most(work)
-    _cells(p, work, block, t, p.ticks, (lanes.tick_key(stream, k // WORD), k % WORD))
+    if block.kind == RENEWAL:
+        trains.fire(p, work, block, b, t, block.variation == OWN_INPUTS, stream)
+    else:
+        _cells(p, work, block, t, p.ticks, (lanes.tick_key(stream, k // WORD), k % WORD))
     for i in range(len(p.ticks)):
         now = (k + i) & (clock.ring - 1)
-        work.ring[b, now] = lanes.how_many(work.marks, block.filled, i) * block.spike_hz
+        if block.kind == RENEWAL:
+            work.ring[b, now] = work.fired[i] * block.spike_hz
+        else:
+            work.ring[b, now] = lanes.how_many(work.marks, block.filled, i) * block.spike_hz
         if clock.listing:
             place = now * len(p.blocks) + b
             work.spiked_n[place] = lanes.listed(
@@ -421,6 +404,8 @@ def begin(p, work, streams):
             work.cell_x[j] = block.rest_x
         if block.kind == LIF and block.variation != IDENTICAL:
             lanes.in_own_units(work.v, block.start, block.filled, p.constants)
+        if block.kind == RENEWAL:
+            trains.begin(p, work, block, b, streams[b])
         if block.kind == GENERAL:
             lanes.place(block.place, work.states, p.tick_constants, block.start, key, block.cells)
     for c in range(len(p.readout)):

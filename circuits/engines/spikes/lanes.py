@@ -1,4 +1,4 @@
-"""Fast loops of the spikes engine over cells.
+"""Fast loops of the spikes engine over cells with a tick.
 
 Trials run one at a time; the compiler turns a loop over neighbouring cells into vector
 instructions. A word of noise serves four ticks, and a cell advances through all four while its
@@ -23,7 +23,6 @@ float32. The tests compare each loop with plain NumPy.
 
 from __future__ import annotations
 
-import math
 from functools import wraps
 
 import numba
@@ -47,7 +46,6 @@ NOISE_STEP, FACTOR = 3, 4
 """Rows of the cells' constants: effect of a bit of noise, and factor on the rate."""
 FOUR, SINGLE = (0, 1, 2, 3), (0,)
 """Ticks by which a loop advances its cells at once."""
-HALF_BITS = np.float32(4.0)
 
 _GOLDEN = np.uint64(noise.GOLDEN)
 _I32 = ir.IntType(32)
@@ -344,49 +342,6 @@ def lif_varied(v, marks, counts, start, cells, ticks, common, x, constants, thre
             pushed = fused(slope[j], heard, rest[j])
             step = fused(noise_step[j], ones_at(noise, t), pushed)
             y, spike = _lif(y, fused(y, decay[j], step), threshold, refractory)
-            marked |= np.uint8(spike) << np.uint8(t)
-        v[j] = y
-        marks[c] = marked
-
-
-@numba.njit(inline="always")
-def _phase(old, mean_step):
-    """Return the next phase of a cell, and whether it fires; visible until the next tick."""
-    new = (old - ONE if old >= ONE else old) + mean_step
-    return new, new >= ONE
-
-
-@part
-def phase_identical(v, marks, counts, start, cells, ticks, mean_step, noise_step):
-    """Advance phases that differ only in their noise."""
-    for i in range(cells & WHOLE):
-        c, j = np.uint64(i), np.uint64(start + i)
-        x, noise, marked = v[j], counts[j], np.uint8(0)
-        for t in range(len(ticks)):
-            x, spike = _phase(x, fused(noise_step[t], ones_at(noise, t), mean_step[t]))
-            marked |= np.uint8(spike) << np.uint8(t)
-        v[j] = x
-        marks[c] = marked
-
-
-@part
-def phase_varied(v, marks, counts, start, cells, ticks, mean, mean_root, x, constants, each):
-    """Advance phases with individual expected steps: x, or the mean times the cell's factor.
-
-    The jitter of an advance m is ``each sqrt(m)``; mean_root is that of the mean, and a cell's
-    noise step ``each`` times the root of its factor.
-    """
-    if constants is None:
-        return
-    noise_step, factor = constants[NOISE_STEP], constants[FACTOR]
-    for i in range(cells & WHOLE):
-        c, j = np.uint64(i), np.uint64(start + i)
-        y, noise, marked = v[j], counts[j], np.uint8(0)
-        for t in range(len(ticks)):
-            m = mean[t] * factor[j] if x is None else x[t, c]
-            width = mean_root[t] * noise_step[j] if x is None else each * math.sqrt(m)
-            step = fused(width, ones_at(noise, t), m - HALF_BITS * width)
-            y, spike = _phase(y, step)
             marked |= np.uint8(spike) << np.uint8(t)
         v[j] = y
         marks[c] = marked

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,12 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
+from circuits.cells import Cell, renewal
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics.ticks import Clock, Scheme, Timed, cell_factors, rows, spike_hz, timed
 from circuits.dynamics.wiring import Wiring, fan_in
 from circuits.engines.compiling import edges
 from circuits.engines.compiling import records as filled
-from circuits.engines.spikes import kernel, lanes, records
+from circuits.engines.spikes import kernel, lanes, records, trains
 from circuits.engines.spikes.cells import GENERAL, CompiledCell, entry
 from circuits.errors import InputError
 
@@ -47,6 +49,10 @@ def plan(wiring: Wiring, clock: Clock, kept: npt.NDArray[np.bool_]) -> records.P
         tick_constants=_tick_constants(places),
         factors=places.courses.factors,  # (rows, ticks); ``course`` is the row of a unit; 0: none
         nats=nats,  # the same for blocks
+        slow=_slow(places),  # (cells,) factors on the intervals of renewal cells
+        # (tables, bins + 1) of their intervals, and of the waits for their first spikes
+        intervals=_tables(places, renewal.intervals),
+        first_spikes=_tables(places, renewal.first_spikes),
     )
 
 
@@ -103,6 +109,19 @@ class _Places:
         return -(-self.cells // lanes.LANES) * lanes.LANES
 
     @cached_property
+    def renewals(self) -> list[Cell]:
+        """Distinct renewal cells."""
+        return list(dict.fromkeys(r.cell for r in self.wiring.rows if r.cell.renewal()))
+
+    @cached_property
+    def buckets(self) -> tuple[Array, Array]:
+        """Buckets of each block, a power of 2 or 0, and how many the clock passes per spike."""
+        waiting = np.array([row.cell.renewal() for row in self.wiring.rows]) * self.cells
+        a_spike = np.maximum(waiting / trains.A_BUCKET, 1.0)
+        count = 2 ** np.ceil(np.log2(trains.TURNS * a_spike)).astype(np.int64)
+        return np.where(waiting, count, 0), a_spike
+
+    @cached_property
     def start(self) -> npt.NDArray[np.int64]:
         return np.concatenate([[0], np.cumsum(self.filled)[:-1]]).astype(np.int64)
 
@@ -147,6 +166,10 @@ def _blocks(places: _Places, kept: Any, input_from: Any, own_inputs: Any, of_blo
         wiring.blocks,
         kind=[made.kind for made in places.entries],
         variables=[len(row.cell.state) for row in wiring.rows],
+        table=[_index(places.renewals, row.cell) for row in wiring.rows],
+        bucket=np.cumsum(places.buckets[0]) - places.buckets[0],
+        buckets=places.buckets[0],
+        buckets_a_spike=places.buckets[1],
         nats=[row.cell.hears == "nats" for row in wiring.rows],
         law=[_law(row.transfer) for row in wiring.rows],
         drive=wiring.columns,
@@ -214,8 +237,7 @@ def _constants(places: _Places) -> npt.NDArray[np.float32] | None:
     """Return the constants (5, cells) of cells that differ; None, to compile less, if none do.
 
     For a Lif: decay, rest (corrected for the mean of the noise), slope, noise step, unit of
-    potential; for the others the last is a factor on the rate, and the noise step is that of a
-    Phase, cv times the root of half of it.
+    potential; for the others only the last counts, a factor on the rate.
     """
     if not places.variation.any():
         return None
@@ -226,6 +248,27 @@ def _constants(places: _Places) -> npt.NDArray[np.float32] | None:
         factors = cell_factors(places.circuit, row.name, channel)
         constants[:, here] = places.entries[b].varied(row.cell, factors, places.scheme.dt_ms)
     return constants
+
+
+def _index(cells: list[Cell], cell: Cell) -> int:
+    """Return the place of a cell in a list, 0 if it is not there."""
+    return cells.index(cell) if cell in cells else 0
+
+
+def _slow(places: _Places) -> npt.NDArray[np.float32]:
+    """Return the factor on the intervals of each renewal cell, 1 for others."""
+    slow = np.ones(int(places.filled.sum()), np.float32)
+    for b, row in enumerate(places.wiring.rows):
+        if row.cell.renewal():
+            here = slice(places.start[b], places.start[b] + places.cells[b])
+            slow[here] = places.scheme.constants(b)["slow"]
+    return slow
+
+
+def _tables(places: _Places, table: Callable[[Cell], Array]) -> npt.NDArray[np.float32]:
+    """Return a table of each distinct renewal cell; one of zeros if there is none."""
+    tables = [table(cell) for cell in places.renewals]
+    return np.array(tables or [np.zeros(renewal.BINS + 1)], dtype=np.float32)
 
 
 def _tick_constants(places: _Places) -> npt.NDArray[np.float32]:
@@ -309,9 +352,7 @@ def workspace(p: records.Plan) -> records.Work:
         state=np.zeros(blocks),  # filtered inputs, nats
         total=np.zeros(blocks),  # sums of rates over a sample
         common=np.zeros(window),  # common input of the cells of one block, nats
-        # its effect on a cell's state; if cells differ, that input (Lif) or the mean advance
-        mean_step=np.zeros(window, np.float32),
-        noise_step=np.zeros(window, np.float32),  # per bit; if cells differ, root of mean_step
+        mean_step=np.zeros(window, np.float32),  # its effect on a cell's state, or that input
         # of cells without dedicated loops; their inputs follow
         states=np.zeros((int(p.blocks["variables"].max(initial=1)), cells), np.float32),
         heard=np.zeros((kernel.WORD, widest)),
@@ -324,4 +365,10 @@ def workspace(p: records.Plan) -> records.Work:
         spiked=np.zeros(ring * blocks * most, np.int32),  # cells that fired in the last ticks
         spiked_n=np.zeros(ring * blocks, np.int32),  # their number
         low_pass=np.zeros(len(p.readout)),  # low-passed rates of the read-out, Hz
+        trains=np.zeros(cells, records.TRAIN),  # renewal cells
+        clocks=np.zeros(blocks),  # their clocks, in expected spikes
+        own_clocks=np.zeros(cells if connected else 0),  # the same where inputs differ
+        buckets=np.zeros(int(p.blocks["buckets"].sum()), np.int32),  # first cell of each
+        fired=np.zeros(kernel.WORD, np.int64),  # cells of one block that fired in each tick
+        at=np.zeros(kernel.WORD),  # its clock after each tick
     )

@@ -12,12 +12,13 @@ CLOCK = record(
 )
 BLOCK = record(
     i8="kind variables nats law drive input inputs own_input own_inputs start cells filled "
-    "variation kept advance place course",
-    f8="spike_hz baseline gain floor decay filter_gain bias drive_gain rest_x rest_hz",
-    f4="membrane_decay rest slope noise_step threshold jitter refractory begin begin_span",
+    "variation kept advance place course table bucket buckets",
+    f8="buckets_a_spike spike_hz baseline gain floor decay filter_gain bias drive_gain rest_x "
+    "rest_hz",
+    f4="membrane_decay rest slope noise_step threshold refractory begin begin_span",
 )
 OF_TYPE = (
-    "membrane_decay", "rest", "slope", "noise_step", "threshold", "jitter", "refractory",
+    "membrane_decay", "rest", "slope", "noise_step", "threshold", "refractory",
     "begin", "begin_span", "advance", "place",
 )  # fmt: skip
 """Fields of a block that its cell type sets; see ``cells.Entry``."""
@@ -27,17 +28,20 @@ OWN_INPUT = record(
     i8="target start delay own_source own_sources course", f4="decay jump weight rest"
 )
 OWN_SOURCE = record(i8="source connections")
+TRAIN = record(f8="due", f4="slow", i4="fired link")
+"""A renewal cell: the clock at its next spike, the factor on its intervals, its spikes so far, and
+the next cell of its bucket."""
 
 
 Plan = namedtuple(
     "Plan",
     "clock blocks units sources inputs own_inputs own_sources connections readout ticks constants "
-    "tick_constants factors nats",
+    "tick_constants factors nats slow intervals first_spikes",
 )
 """A circuit and a clock in the kernel's format; made by ``plan.plan``, which describes each."""
 Work = namedtuple(
     "Work",
-    "v counts x cell_x ring state total common mean_step noise_step states heard marks unit "
-    "passed own_input scale sums spiked spiked_n low_pass",
+    "v counts x cell_x ring state total common mean_step states heard marks unit passed "
+    "own_input scale sums spiked spiked_n low_pass trains clocks own_clocks buckets fired at",
 )
 """Working memory of a trial; made by ``plan.workspace``, which describes each."""

@@ -8,7 +8,16 @@ import pytest
 
 from circuits.cells import CELLS, Cell, Phase, Rate, register, single
 from circuits.cells.cell import RESERVED
-from tests.circuits.spiking import ADEX, BASE, SPIKING, lacking, one_sentence, spikes_of, with_cell
+from tests.circuits.spiking import (
+    ADEX,
+    BASE,
+    SPIKING,
+    Diffusing,
+    lacking,
+    one_sentence,
+    spikes_of,
+    with_cell,
+)
 from tests.helpers import refused
 
 
@@ -40,7 +49,13 @@ def test_a_type_that_cannot_be_one_is_refused_at_registration():
     one_sentence(lambda: register(int), "subclass of Cell")
     one_sentence(lambda: register(Plain), "frozen=True")
     one_sentence(lambda: register(Deaf), "hears must be one of nats, hz")
+
+    @dataclass(frozen=True)
+    class Hearing(Phase):
+        hears = "nats"
+
     one_sentence(lambda: register(Stateless), "Stateless: state must be a tuple")
+    one_sentence(lambda: register(Hearing), "Hearing: hears must be hz for renewal cells")
     twin = dataclass(frozen=True)(type("Lif", (Phase,), {"__module__": "elsewhere"}))
     one_sentence(lambda: register(twin), "there is a cell type Lif already")
 
@@ -64,8 +79,9 @@ ONE = np.float32(1)
 
 
 def fitting(**answers):
-    """Return a circuit whose GPe has a custom Phase-like cell type with other methods."""
-    kind = dataclass(frozen=True)(type("Fitting", (Phase,), {"__module__": __name__, **answers}))
+    """Return a circuit whose STN has a custom cell type with a tick and other methods."""
+    given = {"__module__": __name__, **answers}
+    kind = dataclass(frozen=True)(type("Fitting", (Diffusing,), given))
     return with_cell(BASE, "STN", register(kind)(0.3))
 
 

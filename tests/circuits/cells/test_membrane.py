@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 from scipy.special import erfc
 
 from circuits import anatomy
-from circuits.cells import Lif, Phase
+from circuits.cells import Lif
 from circuits.cells.membrane import fit_current, lif_mean_mv, lif_rate_hz
 from circuits.checks import whole_ticks
 from circuits.dynamics import noise
@@ -18,18 +18,16 @@ from circuits.dynamics import noise
 SPIKING = anatomy.spiking_msprt()
 # Population: the rates over which its current is fitted, and the largest departure from its line.
 LINES = {"D1": (5, 60, 0.03), "D2": (3, 7, 0.06), "GPe": (20, 70, 0.01), "SNr": (5, 80, 0.04)}
-Z_LIMIT = 4.0  # some 30 rates below
 
 
 def counted(cell, drive, dt_ms, run_ms, rest_ms=0.0, shift_mv=0.0):
-    """Return the spikes of each cell in run_ms after rest_ms; drives in mV, or in Hz."""
+    """Return the spikes of each cell in run_ms after rest_ms; drives in mV."""
     stream = noise.stream_key(11, 0, f"{cell.kind.lower()} {dt_ms}")
-    step = {"Lif": lif_step, "Phase": phase_step}[cell.kind]
-    state = noise.uniform(stream, noise.START_TICK, drive.size) * (cell.kind == "Phase")
+    state = np.zeros(drive.size)
     ready = np.zeros(drive.size, dtype=int)
     held = whole_ticks("refractory_ms", getattr(cell, "refractory_ms", 0.0), dt_ms)
     spikes = np.zeros(drive.size, dtype=int)
-    advance = step(cell, drive, dt_ms, shift_mv)
+    advance = lif_step(cell, drive, dt_ms, shift_mv)
     first = round(rest_ms / dt_ms)
     for k in range(first + round(run_ms / dt_ms)):
         fired = advance(state, stream, k, k >= ready)
@@ -49,19 +47,6 @@ def lif_step(cell, mean, dt_ms, shift_mv):
         v[free] = moved[free]
         fired = v >= threshold
         v[fired] = cell.reset_mv
-        return fired
-
-    return advance
-
-
-def phase_step(cell, rate_hz, dt_ms, _):
-    mean = rate_hz * dt_ms / 1000
-    scale = cell.cv * np.sqrt(mean)
-
-    def advance(phi, stream, k, _):
-        phi += mean + scale * noise.bits8(stream, k, phi.size)
-        fired = phi >= 1
-        phi[fired] -= 1
         return fired
 
     return advance
@@ -159,19 +144,6 @@ def test_fitted_currents_follow_the_line_and_are_those_of_the_table(name):
 
 
 # ---- the laws that the circuit needs
-
-
-@pytest.mark.parametrize("tick_ms", [0.1, Phase.longest_tick_ms])
-def test_phase_cells_are_exponential_over_six_nats_and_as_regular_as_stated(tick_ms):
-    cell = SPIKING.population("STN").cell
-    nats = np.linspace(np.log(0.5), np.log(400), 9)
-    rate_hz, error = measured_hz(cell, np.exp(nats), (250,) * 9, tick_ms, 2000.0)
-    assert np.ptp(nats) > 6
-    assert (np.abs(rate_hz - np.exp(nats)) < Z_LIMIT * error + 1e-3 * rate_hz).all()
-    assert off_an_exponential(nats, rate_hz) < 0.05
-    # Counts over long times vary as those of a renewal process: variance over mean is cv^2.
-    counts = counted(cell, np.full(2000, 100.0), tick_ms, 500.0)
-    assert counts.var() / counts.mean() == pytest.approx(cell.cv**2, rel=0.1)
 
 
 def test_integrate_and_fire_cells_are_no_exponential():

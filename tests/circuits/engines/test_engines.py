@@ -224,5 +224,6 @@ def test_memory_of_cells_is_that_of_what_each_thread_or_trial_works_in():
     work = workspace(plan(wiring, Clock(1, 50), np.zeros(wiring.blocks, bool)))
     assert sum(part.nbytes for part in work) / cells(TABLE) == pytest.approx(each, rel=0.2)
     assert of["spikes", 2] - of["spikes", 1] == each * cells(TABLE)
-    assert of["brian2", 2] - kept == pytest.approx(10 * 2.5 * each * cells(TABLE))
-    assert of["plain", 1] - kept == pytest.approx(2.5 * each * cells(TABLE))
+    # Python's arrays of a cell's variables and constants, each in double precision.
+    assert of["brian2", 2] - kept == pytest.approx(10 * 100 * cells(TABLE))
+    assert of["plain", 1] - kept == pytest.approx(100 * cells(TABLE))

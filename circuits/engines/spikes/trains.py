@@ -1,0 +1,152 @@
+"""Renewal cells in the compiled engine: nothing is computed for a cell until it fires.
+
+The cells of a block share a clock, in expected spikes, and what it will show at the next spike of
+each is known. They wait in *buckets*: short lists, linked through the cells, of those whose next
+spike falls into one stretch of the clock. In a tick the clock passes one or a few buckets, and the
+cells found there fire, or belong to a later turn of the buckets. The cost is thus one of spikes,
+some 15 ns each, not of cells. Where cells differ in their inputs, each has a clock of its own.
+
+The NumPy twin is ``circuits.cells.renewal`` with ``noise.train_words``.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from circuits.cells.renewal import PLACES
+from circuits.dynamics import noise
+from circuits.engines.compiling import part
+from circuits.engines.spikes import lanes
+
+NONE = np.int32(-1)
+"""End of a list of cells."""
+A_BUCKET = 4
+"""Mean number of cells in a bucket that the clock reaches."""
+TURNS = 4
+"""Mean intervals, at least, after which the clock is back at a bucket."""
+FARTHEST = 2.0**62
+"""Buckets that the clock can pass: rates without bound, which a runaway loop has, end there."""
+_PART = (1 << PLACES) - 1
+_SCALE = 2.0**-PLACES
+
+
+@numba.njit(inline="always")
+def _wait(table, cell, fired, key):
+    """Return the interval of a cell after its spikes so far, before it is slowed."""
+    word = lanes.word32(cell + fired * noise.GOLDEN_32, key)
+    place = np.uint64(word >> np.uint32(PLACES))
+    part = np.float64(np.int32(word & np.uint32(_PART))) * _SCALE
+    start = np.float64(table[place])
+    return start + (np.float64(table[place + np.uint64(1)]) - start) * part
+
+
+@numba.njit(inline="always")
+def _passed(block, clock):
+    """Return how many buckets the clock has passed."""
+    return np.int64(min(clock * block.buckets_a_spike, FARTHEST))
+
+
+@numba.njit(inline="always")
+def _queue(work, block, i):
+    """Put a cell into the bucket of its next spike."""
+    cell = work.trains[np.uint64(block.start + i)]
+    bucket = block.bucket + (_passed(block, cell.due) & (block.buckets - 1))
+    cell.link = work.buckets[np.uint64(bucket)]
+    work.buckets[np.uint64(bucket)] = i
+
+
+@part
+def begin(p, work, block, b, stream):
+    """Draw the first spike of each cell of a block."""
+    key = lanes.tick_key(stream, noise.TRAIN_TICK)
+    work.clocks[b] = 0.0
+    for q in range(block.buckets):
+        work.buckets[block.bucket + q] = NONE
+    for i in range(block.cells):
+        cell = work.trains[np.uint64(block.start + i)]
+        cell.slow = p.slow[block.start + i]
+        cell.fired = 0
+        if len(work.own_clocks):
+            work.own_clocks[np.uint64(block.start + i)] = 0.0
+        cell.due = np.float64(cell.slow) * _wait(p.first_spikes[block.table], i, 0, key)
+        _queue(work, block, np.int32(i))
+
+
+@numba.njit(inline="always")
+def _spike(work, block, i, t, table, key, listing):
+    """Let a cell fire in a tick, and draw its next interval."""
+    cell = work.trains[np.uint64(block.start + i)]
+    cell.fired += 1
+    waited = _wait(table, np.int64(i), np.int64(cell.fired), key)
+    cell.due += np.float64(cell.slow) * waited
+    work.fired[np.uint64(t)] += 1
+    if listing:
+        work.marks[np.uint64(i)] |= np.uint8(1) << np.uint8(t)
+
+
+@part
+def fire(p, work, block, b, first, own_inputs, stream):
+    """Advance a block by some ticks, from the ``first`` of its window; count those that fire."""
+    key = lanes.tick_key(stream, noise.TRAIN_TICK)
+    for t in range(len(p.ticks)):
+        work.fired[np.uint64(t)] = 0
+    table, listing = p.intervals[block.table], p.clock[0].listing != 0
+    if listing:
+        work.marks[: block.filled] = 0
+    if own_inputs:
+        _each(p.ticks, work, block, table, key, listing)
+    else:
+        _together(p.ticks, work, block, b, first, table, key, listing)
+
+
+@part
+def _each(ticks, work, block, table, key, listing):
+    """Advance cells with clocks of their own."""
+    for t in range(len(ticks)):
+        for i in range(block.cells):
+            cell = work.trains[np.uint64(block.start + i)]
+            work.own_clocks[np.uint64(block.start + i)] += np.float64(work.x[t, i])
+            if work.own_clocks[np.uint64(block.start + i)] >= cell.due:
+                _spike(work, block, i, t, table, key, listing)
+
+
+@part
+def _together(ticks, work, block, b, first, table, key, listing):
+    """Advance cells with a common clock: look only into the buckets that it passes."""
+    clock, at = work.clocks[b], work.at
+    begun = _passed(block, clock)
+    for t in range(len(ticks)):
+        clock += work.common[first + t]
+        at[np.uint64(t)] = clock
+    work.clocks[b] = clock
+    last = _passed(block, clock)
+    late = NONE
+    for q in range(max(begun, last - block.buckets + 1), last + 1):
+        bucket = block.bucket + (q & (block.buckets - 1))
+        i = work.buckets[np.uint64(bucket)]
+        work.buckets[np.uint64(bucket)] = NONE
+        while i != NONE:
+            cell = work.trains[np.uint64(block.start + i)]
+            following = cell.link
+            t = 0
+            while cell.due <= clock and t < len(ticks):
+                # Counted rather than tested in turn: no branch can foresee the tick.
+                before = 0
+                for later in range(len(ticks)):
+                    before += cell.due > at[np.uint64(later)]
+                t = max(t, before)
+                _spike(work, block, i, t, table, key, listing)
+                t += 1
+            if cell.due <= clock:  # it has just fired, and does so again in the next tick
+                cell.link, late = late, i
+            else:
+                _queue(work, block, i)
+            i = following
+    while late != NONE:
+        cell = work.trains[np.uint64(block.start + late)]
+        following = cell.link
+        bucket = block.bucket + (last & (block.buckets - 1))
+        cell.link = work.buckets[np.uint64(bucket)]
+        work.buckets[np.uint64(bucket)] = late
+        late = following
