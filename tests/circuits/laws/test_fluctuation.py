@@ -121,7 +121,7 @@ MANY = TABLE.with_neurons(1000)
 @pytest.fixture(scope="module")
 def at_rest():
     """Return 1 000 cells at rest: of 300, D1 near silence bends too much for small noise."""
-    return run_spikes(MANY, np.zeros((10, 3, 2)), step_ms=1000, seed=72)
+    return run_spikes(MANY, np.zeros((20, 3, 2)), step_ms=1000, seed=72)
 
 
 @pytest.mark.parametrize("name", ["ctx", "D1", "STN", "GPe", "SNr"])
@@ -129,7 +129,7 @@ def test_power_of_rates_is_what_spikes_show(at_rest, name):
     frequency, power = at_rest.spectrum(name, from_ms=500, segment_ms=500)
     inside = (frequency >= 4) & (frequency <= 300)
     ratio = power[inside] / rate_spectrum(MANY, name, frequency[inside])
-    bands = [part.mean() for part in np.array_split(ratio, 8)]
+    bands = [part.mean() for part in np.array_split(ratio, 4)]  # each known to 2 %
     np.testing.assert_allclose(bands, 1, atol=0.1)
 
 
