@@ -44,7 +44,7 @@ from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.arrays import Array
 from circuits.engines import engine_of
-from circuits.errors import InputError, collected
+from circuits.errors import InputError, collected, require
 from circuits.plots import PALETTE, look, panels, saved, styled
 
 if TYPE_CHECKING:
@@ -157,6 +157,7 @@ class Touched(Facts):
 def touch(
     task: Tactile | None = None,
     taps: pd.DataFrame | str | Path | None = None,
+    model: BasalGanglia | None = None,
     *,
     values: Sequence[float] | None = None,
     trials: int = 1200,
@@ -176,6 +177,9 @@ def touch(
         The question, such as ``EdgeTurn(2, step_deg=5)``; by default ``SameDifferent()``.
     taps : DataFrame or path, optional
         Decoded taps, as from ``load_taps`` or ``Decoder.decode``; by default those of the task.
+    model : BasalGanglia, optional
+        The circuit and its gain, by default ``BasalGanglia("macaque")``. Its engine and the seed of
+        its noise have no effect.
     values : sequence of float, optional
         Stimuli of the psychometric curve, mm or degrees.
     trials : int
@@ -194,11 +198,16 @@ def touch(
     Raises
     ------
     ValueError
-        If the task is not tactile, or there are too few taps for it.
+        If the task is not tactile, there are too few taps for it, or the circuit has a different
+        number of channels.
     """
     task = SameDifferent() if task is None else task
     if not isinstance(task, Tactile):
         raise InputError.of("task", "must be a tactile task, such as bg.SameDifferent()", task)
+    if model is None:
+        model = BasalGanglia(load_circuit(DEFAULT, len(task.names)))
+    channels, must = model.circuit.channels, f"must have {len(task.names)} channels, as the task"
+    require(channels == len(task.names), "model", must, channels)
     grating, value = task.stimulus == "grating", float(getattr(task, task.main))
     if values is None:
         values = PERIODS_MM if grating else STEPS_DEG
@@ -215,8 +224,7 @@ def touch(
         stimuli = sorted({*values, value})
         curve = pd.DataFrame([_one_reading(taps, task_of(each), each, folds) for each in stimuli])
         engine = engine_of("population", workers=workers)
-        model = BasalGanglia(load_circuit(DEFAULT, len(task.names)), engine, seed=seed)
-        model = model.adapted_to(evidence)
+        model = replace(model, engine=engine, seed=seed).adapted_to(evidence)
         groups = readings.groups(trials)
         matched = compare(model, evidence, accuracies=ACCURACIES, groups=groups, seed=seed)
         taught = chain(readings, model, evidence, learner or Learner(), seed, workers, TO_SPIKE)

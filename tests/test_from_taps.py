@@ -31,12 +31,12 @@ def taps_of(count=2400, scrambled=False):
     return pd.DataFrame({"yaw_deg": true, "edge_deg": rng.permutation(read) if scrambled else read})
 
 
-def told(taps, task=EdgeDirection, count=2, step=5.0):
+def told(taps, task=EdgeDirection, count=2, step=5.0, model=None):
     with pytest.MonkeyPatch.context() as few:
         few.setattr(from_taps, "TO_LEARN", 1000)
         few.setattr(from_taps, "TO_SPIKE", 30)
         return touch(
-            task(count, step), taps, values=(2.0, step, 20.0), trials=240, seed=1,
+            task(count, step), taps, model, values=(2.0, step, 20.0), trials=240, seed=1,
             learner=Learner(episodes=500),
         )  # fmt: skip
 
@@ -61,6 +61,17 @@ def test_test_and_circuit_decide_alike_and_the_circuit_later(touched):
     assert not any("too rough" in remark for remark in touched.remarks)
     decided = touched.decided.set_index("who")
     assert (decided["choice"] >= 0).all()  # which is first in a single trial, noise may decide
+
+
+def test_a_circuit_of_ones_own_decides_and_leaves_the_test_as_it_is(touched):
+    circuit = bg.load_circuit("macaque_small", 2).edited("dopamine 0.6")
+    own = told(taps_of(), model=bg.BasalGanglia(circuit, "rate", gain=0.3, seed=9))
+    assert own.numbers["gain"] == 0.3
+    rows, usual = (each.learned.set_index(["who", "measure"])["value"] for each in (own, touched))
+    assert rows[TEST].equals(usual[TEST])
+    assert not rows[SPIKES].equals(usual[SPIKES])
+    with refused("model must have 2 channels, as the task"):
+        told(taps_of(), model=bg.BasalGanglia(bg.load_circuit("macaque", 3)))
 
 
 def test_reward_sets_the_criteria_at_which_test_and_spikes_decide(touched):
@@ -136,8 +147,9 @@ def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
     assert "test_accuracy" in capsys.readouterr().out
     made = {name: checksum(mine / name) for name in ("decoder.safetensors", "decoded.parquet")}
     assert {"yaw_deg", "edge_deg"} <= set(read_table(mine / "decoded.parquet"))
-    assert run(*asked, "--force") == 0
+    assert run(*asked, "--circuit", "macaque_small", "--gain", 0.3, "--force") == 0
     assert capsys.readouterr().err.count("already exists") == 2
+    assert "macaque_small" in (mine / "index.html").read_text(encoding="utf-8")
     assert made == {name: checksum(mine / name) for name in made}
 
 

@@ -11,7 +11,7 @@ import pandas as pd
 from cyclopts import Parameter
 
 from bgmodel import from_taps
-from bgmodel.commands.options import FLAT, MANY, TASK, Workers, like, task, task_of
+from bgmodel.commands.options import FLAT, MANY, TASK, Edited, Workers, like, task, task_of
 from bgmodel.commands.output import (
     Files,
     Output,
@@ -31,6 +31,7 @@ from bgmodel.tactile.pressing import PERIODS_MM
 from bgmodel.tactile.source import Tactile
 from bgmodel.tactile.task import EdgeDirection, EdgeTurn, SameDifferent
 from bgmodel.task import Task
+from circuits.declaration.edits import Edits
 from circuits.errors import InputError, require
 
 USUAL = "same-different, or edge-turn with recordings"
@@ -41,6 +42,7 @@ LEARNED = (
 
 
 @like(from_taps.touch, "trials", "folds", "seed")
+@like(Setup, "circuit", "gain")
 def touch(
     folder: Path = Path("touch"),
     /,
@@ -51,6 +53,7 @@ def touch(
     task: Annotated[tuple[str, ...], MANY, Parameter(help=f"{TASK} By default {USUAL}.")] = (),
     taps: int = 1000,
     held_out_taps: int = 1200,
+    edits: Edited = Edits(),  # noqa: B008
     workers: Workers = 2,
     output: Annotated[Output, FLAT] = Output(),  # noqa: B008
     **options: Any,
@@ -79,10 +82,12 @@ def touch(
     """
     grating, who = recordings is None, "Simulated TacTip"
     asked: Any = task_of(SameDifferent() if grating else EdgeTurn(), task)
-    output.check(task=asked, recordings=recordings, held_out=held_out)
+    circuit = {name: options.pop(name) for name in ("circuit", "gain")} | {"edits": edits}
+    output.check(task=asked, recordings=recordings, held_out=held_out, **circuit)
     check_whole(taps=taps, held_out_taps=held_out_taps, trials=options["trials"])
     whole("folds", options["folds"], 2)
     _check(asked, recordings, held_out, mm_per_px)
+    model = Setup(**circuit).model(len(asked.names))
     check_settings(asked, {"channels", "period_mm", "step_deg", "a_deg", "b_deg", "first_deg"})
     usual = {"mm_per_px": None} if grating else {"taps": 1000, "held_out_taps": 1200}
     given = {"mm_per_px": mm_per_px, "taps": taps, "held_out_taps": held_out_taps}
@@ -102,9 +107,10 @@ def touch(
         held_out = step(folder, "held_out.npz", simulate, **tapped)
     decoded = step(folder, "decoded.parquet", decode, decoder, held_out, **image)
     say(f"deciding on {options['trials']} trials, learning from reward, and deciding in spikes")
-    touched = from_taps.touch(asked, decoded, workers=workers, **options)
+    touched = from_taps.touch(asked, decoded, model, workers=workers, **options)
     title = f"{who}: {asked.text}"
-    made = f"bgmodel {__version__}, seed {seed}, decoder and taps: {decoded.name}"
+    made = f"bgmodel {__version__}, {model.circuit.name}, seed {seed}, decoder and taps: "
+    made += decoded.name
     with files.replacing(folder / "index.html") as partial:
         partial.write_text(from_taps.page(touched, title, made), encoding="utf-8")
     for remark in touched.remarks:
@@ -115,7 +121,9 @@ def touch(
     output.show(f"{title}\n{text}\n-> {folder / 'index.html'}", touched.summary())
     folders = {"recordings": recordings, "held_out": held_out, "mm_per_px": mm_per_px}
     source: dict[str, Any] = given if grating else folders
-    output.write(touched.to_dataframe(), seed, command=options_of(task=asked, **source, **options))
+    output.write(
+        touched.to_dataframe(), seed, command=options_of(task=asked, **source, **circuit, **options)
+    )
     output.draw(touched.plot)
 
 
