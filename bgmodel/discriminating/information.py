@@ -229,8 +229,7 @@ class Recording:
         A cell's phase begins anywhere between two spikes and moves on by the expected number m of
         spikes and a Gaussian of variance F m, with F from ``count_ratio``; every whole number that
         it passes is a spike. The mean is m, apart from phases below 0, and the variance F m + 1/6,
-        that of a diffusing phase (``circuits.cells.Phase``) and of renewal processes of long
-        windows (Cox 1962).
+        in long windows about that of a renewal process such as ``circuits.cells.Phase`` (Cox 1962).
         """
         first, last = self.window_ms
         expected = mean_hz[:, None] * (last - first) / 1000

@@ -14,17 +14,18 @@ from circuits.cells.response import renewal_spectrum
 from circuits.checks import check_range, check_types
 
 NODES, REACH = 20_001, 12.0
-"""Points at which the distribution of intervals is inverted, and how far they reach, in cv."""
+"""Points x at which the distribution of intervals is inverted: number, and largest |log x| / cv."""
 
 
 @register
 @dataclass(frozen=True)
 class Phase(Cell):
-    """A phase that diffuses: ``dphi = r dt + cv sqrt(r) dW``, a spike at every whole phi.
+    """A renewal cell with inverse Gaussian intervals of mean 1/r and coefficient of variation cv.
 
-    Interspike intervals are inverse Gaussian with mean 1/r and coefficient of variation cv, 0..1;
-    the rate is exact. Pacemakers have cv well below 1, cortical cells about 0.5; with cv = 1 counts
-    are nearly Poisson over times longer than an interval.
+    These are the times between spikes of a phase that diffuses, ``dphi = r dt + cv sqrt(r) dW``, if
+    it fires and returns to 0 on reaching 1. The rate r is exact, and cv is from 0 to 1: well below
+    1 in pacemakers and about 0.5 in cortical cells; with cv = 1 counts are nearly Poisson over
+    times longer than an interval.
     """
 
     cv: float

@@ -17,10 +17,10 @@ from circuits.arrays import Array
 from circuits.cells.cell import Cell
 from circuits.errors import require
 
-BITS = 12
-"""Bits of a word that choose a bin of equal probability; the others choose a place within it."""
-BINS = 1 << BITS
-PLACES = 32 - BITS
+BINS = 1 << 12
+"""Bins of equal probability of a table; the highest bits of a random word choose one."""
+LOW_BITS = 20
+"""The other bits of a word, which choose a place within the bin."""
 
 
 @cache
@@ -28,9 +28,9 @@ def intervals(cell: Cell) -> Array:
     """Return the ends of bins of equal probability of a cell's intervals, (BINS + 1,).
 
     Within a bin all intervals are equally likely. The first bin begins at the quantile of a quarter
-    of its probability, which gives it about its mean, and the last ends where the mean of all is 1:
-    the coefficient of variation of the inverse Gaussian of ``Phase`` is then right to 0.05 %. The
-    ends are rounded to single precision, which halves the table of the compiled engine.
+    of its probability, so that its mean is about right, and the last ends where the mean of all
+    intervals is 1: the coefficient of variation of ``Phase`` is then exact to 0.05 %. The ends are
+    rounded to single precision, which halves the table of the compiled engine.
 
     Raises
     ------
@@ -50,14 +50,14 @@ def intervals(cell: Cell) -> Array:
 
 @cache
 def first_spikes(cell: Cell) -> Array:
-    """Return the same of the wait for the first spike of a cell that has fired for ever.
+    """Return the ends of bins of equal probability of the wait for the first spike, (BINS + 1,).
 
-    Its density is the probability of longer intervals (Cox 1962), so that rates and irregularity
-    are stationary from the start.
+    The cell has always been firing, so that rates and irregularity are stationary from the start:
+    the density of a wait is the probability of longer intervals (Cox 1962).
     """
     ends = intervals(cell)
     longer = 1 - (np.arange(BINS) + 0.5) / BINS
-    # Up to the shortest interval, nothing has fired.
+    # The density is constant up to the shortest interval.
     passed = ends[0] + np.concatenate([[0.0], np.cumsum(np.diff(ends) * longer)])
     shares = np.concatenate([[0.0], passed / passed[-1]])
     waits = np.interp(np.arange(BINS + 1) / BINS, shares, np.concatenate([[0.0], ends]))
@@ -67,7 +67,7 @@ def first_spikes(cell: Cell) -> Array:
 def wait(table: Array, words: Any) -> Array:
     """Return an interval, or a wait for the first spike, for each 32-bit word, from its table."""
     word = np.asarray(words, dtype=np.uint32)
-    place = (word >> np.uint32(PLACES)).astype(np.intp)
-    part = (word & np.uint32((1 << PLACES) - 1)) / 2.0**PLACES
-    low = table[place]
-    return np.asarray(low + (table[place + 1] - low) * part)
+    index = (word >> np.uint32(LOW_BITS)).astype(np.intp)
+    share = (word & np.uint32((1 << LOW_BITS) - 1)) / 2.0**LOW_BITS
+    low = table[index]
+    return np.asarray(low + (table[index + 1] - low) * share)

@@ -24,7 +24,7 @@ TICKS_A_WORD = 4
 START_TICK = 2**62
 CONNECTIONS_TICK = START_TICK + 1
 CELLS_TICK = START_TICK + 2
-TRAIN_TICK = START_TICK + 5  # the three before are those of factors on constants
+TRAIN_TICK = START_TICK + 5  # CELLS_TICK and the two ticks after it are those of factors
 
 Words = npt.NDArray[np.uint32]
 
@@ -75,9 +75,9 @@ def words(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.uint
 
 
 def train_words(stream: int, neurons: npt.ArrayLike, counts: npt.ArrayLike) -> Words:
-    """Return the word that gives the interval after each neuron's spikes so far, its counts.
+    """Return the word for the interval that follows each neuron's first ``counts`` spikes.
 
-    It depends on no tick: in two runs whose rates differ, a cell has the same intervals.
+    It does not depend on the tick: a cell has the same intervals, in expected spikes, at any rate.
     """
     index = np.asarray(neurons, dtype=np.uint32)
     index = index + np.asarray(counts).astype(np.uint32) * np.uint32(GOLDEN_32)

@@ -35,6 +35,7 @@ import numpy.typing as npt
 
 from circuits.arrays import Array, Index
 from circuits.cells.cell import Cell, Constants, tick_constants
+from circuits.cells.renewal import first_spikes, wait
 from circuits.checks import check_positive, check_range, place_of, whole_ticks
 from circuits.declaration.courses import DOPAMINE
 from circuits.declaration.table import CircuitTable
@@ -163,7 +164,7 @@ class Scheme:
     def constants(self, block: int) -> Constants:
         """Return the constants of a block's cells: scalars, or (neurons,) if heterogeneous.
 
-        The intervals of renewal cells are multiplied by ``slow``.
+        Renewal cells have one, the factor ``slow`` on their intervals.
         """
         row, circuit = self.wiring.rows[block], self.wiring.circuit
         factors = ALL_ALIKE
@@ -207,8 +208,14 @@ def spike_hz(neurons: Any, dt_ms: float) -> Any:
 
 def starting_state(
     cell: Cell, constants: Constants, stream: int, neurons: int
-) -> tuple[npt.NDArray[np.float32], ...]:
-    """Return the initial values of a cell type's state variables, (neurons,) each."""
+) -> tuple[npt.NDArray[Any], ...]:
+    """Return the initial values of a cell type's state variables, (neurons,) each.
+
+    That of renewal cells is the clock at their first spike.
+    """
+    if cell.renewal():
+        words = noise.train_words(stream, np.arange(neurons), 0)
+        return (np.float64(constants["slow"]) * wait(first_spikes(cell), words),)
     begin = cell.begin or cell.lacks("begin", "engines that spike")
     begun = begin(noise.uniform(stream, noise.START_TICK, neurons), *constants.values())
     return tuple(np.broadcast_to(np.float32(value), neurons).copy() for value in begun)

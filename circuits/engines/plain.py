@@ -139,7 +139,7 @@ class _Trial:
 
 
 class _Cells:
-    """The cells of one block in one trial; kinds of cells add ``fire``."""
+    """The cells of one block in one trial; subclasses say when they ``fire``."""
 
     def __init__(self, scheme: Scheme, block: int, stream: int) -> None:
         w = scheme.wiring
@@ -157,10 +157,10 @@ class _Cells:
         if self.row.cell.hears == "hz":  # expected spikes in a tick, of all cells or of each
             self.x = self.decay * self.x + (1 - self.decay) * nats
             heard = self.wiring.block_rates(self.block, self.x) * self.dt_s
-        fired: Truths = self.fire(k, heard)
-        return fired
+        return self.fire(k, heard)
 
     def fire(self, k: int, heard: Any) -> Truths:
+        """Return which cells fire at tick k, given their input in nats or in expected spikes."""
         raise NotImplementedError
 
     def _each(self, value: Any) -> Any:
@@ -171,7 +171,7 @@ class _Cells:
 
 
 class _Renewal(_Cells):
-    """Cells that fire when their clock, in expected spikes, has reached their next spike."""
+    """Cells that fire when their clock, in expected spikes, reaches their next spike."""
 
     def __init__(self, scheme: Scheme, block: int, stream: int) -> None:
         super().__init__(scheme, block, stream)
@@ -179,8 +179,7 @@ class _Renewal(_Cells):
         self.slow = self._each(np.float64(self.constants["slow"]))
         self.intervals = renewal.intervals(cell)
         self.clock, self.counts = np.zeros(1), np.zeros(self.neurons, np.uint32)
-        words = noise.train_words(stream, np.arange(self.neurons), self.counts)
-        self.due = self.slow * renewal.wait(renewal.first_spikes(cell), words)
+        (self.due,) = starting_state(cell, self.constants, stream, self.neurons)
 
     def fire(self, k: int, heard: Any) -> Truths:
         self.clock = self.clock + heard

@@ -14,10 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Index
-from circuits.cells.renewal import first_spikes, wait
 from circuits.declaration.rows import Projection
 from circuits.dynamics import noise
-from circuits.dynamics.noise import TRAIN_TICK, train_words
 from circuits.dynamics.ticks import Scheme, Timed, spike_hz, starting_state
 from circuits.dynamics.wiring import Wiring, fan_in, units_of
 from circuits.engines.brian2 import text as brian_text
@@ -189,7 +187,8 @@ class Layout:
         streams = noise.stream_keys(seed, first_trial + np.arange(self.trials), w.names)
         values = self._units() | self._blocks()
         keys = streams.ravel().astype(np.int64)
-        values["blocks", "stream"], values["blocks", "train"] = keys, keys_at(keys, TRAIN_TICK)
+        values["blocks", "stream"] = keys
+        values["blocks", "train"] = keys_at(keys, noise.TRAIN_TICK)
         for name in self.populations:
             values |= self._cells_start(name, streams)
         if self.line:
@@ -201,15 +200,8 @@ class Layout:
         row, blocks = self.wiring.circuit.population(name), self.wiring.blocks_of(name)
         constants = {b: self.scheme.constants(b) for b in blocks}
         pairs = [(constants[b], int(one[b])) for one in streams for b in blocks]
-        variables: tuple[str, ...] = row.cell.state
-        begun: list[tuple[npt.NDArray[Any], ...]]
-        if row.cell.renewal():
-            variables, cells = ("due",), np.arange(row.neurons)
-            table = first_spikes(row.cell)
-            waits = ((c["slow"], wait(table, train_words(key, cells, 0))) for c, key in pairs)
-            begun = [(np.float64(slow) * each,) for slow, each in waits]
-        else:
-            begun = [starting_state(row.cell, *pair, row.neurons) for pair in pairs]
+        begun = [starting_state(row.cell, *pair, row.neurons) for pair in pairs]
+        variables = ("due",) if row.cell.renewal() else row.cell.state
         return {
             (name, variable): np.concatenate([state[i] for state in begun]).astype(np.float64)
             for i, variable in enumerate(variables)

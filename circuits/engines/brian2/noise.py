@@ -58,7 +58,10 @@ def ones_at(counts: Integers, tick: Integers) -> npt.NDArray[np.float64]:
 def interval_after(
     tables: Array, of_cells: npt.ArrayLike, cell: Integers, fired: Integers, key: Integers
 ) -> Array:
-    """Return the interval after each renewal cell's spikes so far (``noise.train_words``)."""
+    """Return the interval after each renewal cell's spikes so far (``noise.train_words``).
+
+    The table is that of the row ``of_cells``, the same for all cells of a group.
+    """
     index = unsigned(cell) + unsigned(fired) * np.uint32(GOLDEN_32)
     word = lowbias32(index, unsigned(np.asarray(key) >> 32), unsigned(key))
     return wait(tables[int(np.max(of_cells))], word)
@@ -88,11 +91,7 @@ def functions(brian: Any, intervals: Array) -> dict[str, Any]:
         "fused": (fused, [real, real, real], real),
         "exponential": (exponential, [real], real),
         "chosen": (choose, ["boolean", real, real], real),
-        "interval": (
-            lambda *which: interval_after(intervals, *which),
-            [integer] * 4,
-            real,
-        ),
+        "interval": (lambda *which: interval_after(intervals, *which), [integer] * 4, real),
     }
     made = {}
     for name, (function, takes, returns) in table.items():

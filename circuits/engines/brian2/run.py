@@ -7,9 +7,9 @@ serves the whole block (a shared input) in place of N^2 synapses; if connections
 ``explicit``, every cell has a separate unit (an own input) that receives spikes through Brian2's
 synapses and delays.
 
-Cells fire as in the spikes engine: they are single precision in both, and sums over
-populations are taken in the same order. Only the exponentials of two libraries may round
-differently; the resulting rates are rounded to single precision, nearly always to the same number.
+Cells fire as in the spikes engine: both use the same precision and sum over populations in the same
+order. Only the exponentials of two libraries may round differently, in the last bit of double
+precision, which practically never moves a spike.
 """
 
 from __future__ import annotations

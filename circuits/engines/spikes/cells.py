@@ -2,8 +2,8 @@
 
 Renewal cells of any type run through ``trains``. Of the others, those of the included circuits have
 dedicated loops (``lanes``), one entry of ``ENTRIES`` each; any other type runs through ``loops``,
-which compiles the type's ``tick`` unchanged.
-The loop is called by its address, so that the kernel does not have to be recompiled.
+which compiles the type's ``tick`` unchanged. That loop is called by its address, so that the kernel
+does not have to be recompiled.
 
 Only single precision is accepted: other numbers would be rounded here but not by NumPy.
 """
@@ -76,13 +76,13 @@ Columns = dict[str, float]
 
 
 class CompiledCell(NamedTuple):
-    """A cell type with dedicated loops in the compiled engine."""
+    """How the compiled engine runs a cell type."""
 
     kind: int  # code of the loops
     # the fields of a block's record from (cell, dt_ms), for identical cells
-    columns: Callable[[Any, float], Columns]
-    # rows (5, neurons) of ``Plan.constants`` from (cell, factors, dt_ms)
-    varied: Callable[[Any, Any, float], Any]
+    columns: Callable[[Any, float], Columns] = lambda cell, dt_ms: {}
+    # rows (5, neurons) of ``Plan.constants`` from (cell, factors, dt_ms), for loops that read them
+    varied: Callable[[Any, Any, float], Any] | None = None
 
 
 def _lif_columns(cell: Lif, dt_ms: float) -> Columns:
@@ -91,7 +91,6 @@ def _lif_columns(cell: Lif, dt_ms: float) -> Columns:
     return {name: constants[name] for name in names} | {
         "membrane_decay": constants["decay"],
         "refractory": -float(lanes.WAIT) * float(constants["held"]),
-        "begin_span": constants["threshold"],
     }
 
 
@@ -103,14 +102,7 @@ def _lif_varied(cell: Lif, factors: Any, dt_ms: float) -> Any:
 ENTRIES: dict[type[Cell], CompiledCell] = {
     Lif: CompiledCell(kernel.LIF, _lif_columns, _lif_varied),
 }
-_UNIT = CompiledCell(kernel.RATE, lambda cell, dt_ms: {}, lambda cell, factors, dt_ms: 0.0)
-# The factor on a renewal cell's rate is in its intervals.
-_RENEWAL = CompiledCell(kernel.RENEWAL, lambda cell, dt_ms: {}, lambda cell, factors, dt_ms: 1.0)
-
-
-def _general_varied(cell: Cell, factors: Any, dt_ms: float) -> Any:
-    none = np.zeros(np.shape(factors)[1:])
-    return [none, none, none, none, none + 1]
+_UNIT, _RENEWAL = CompiledCell(kernel.RATE), CompiledCell(kernel.RENEWAL)
 
 
 def _general_columns(cell: Cell, dt_ms: float) -> Columns:
@@ -118,8 +110,8 @@ def _general_columns(cell: Cell, dt_ms: float) -> Columns:
     return {"advance": made.advance.address, "place": made.place.address}
 
 
-GENERAL = CompiledCell(kernel.GENERAL, _general_columns, _general_varied)
-"""Entry of every type without dedicated loops."""
+GENERAL = CompiledCell(kernel.GENERAL, _general_columns)
+"""Entry of every type with a tick but without dedicated loops."""
 
 
 def entry(cell: Cell) -> CompiledCell:

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from circuits.engines.spikes.records import Plan, Work
 
 RATE, LIF, RENEWAL, GENERAL = range(4)
-"""Kinds of loops over cells: none, those of a type, or one compiled from a type's tick."""
+"""Kinds of loops over cells: none, those of ``Lif``, those of renewal cells (``trains``), or one
+compiled from a type's tick."""
 _NAMES = ("linear", "rectified", "saturating", "exp", "s_minus_log_s")
 TRANSFERS = {name: code for code, name in enumerate(_NAMES)}
 LINEAR, RECTIFIED, SATURATING, EXP, S_MINUS_LOG_S = TRANSFERS.values()
@@ -102,7 +103,7 @@ def _common(block, first, window, clock, inputs, passed, drive, nats, common):
 
     The order is that of the Brian2 engine; another order would round differently.
     """
-    # Clocks of renewal cells stand still in ticks beyond the end of the run.
+    # Also beyond the window, where the clocks of renewal cells then stand still.
     common[:] = 0.0
     for e in range(block.input, block.inputs):
         weight, row = inputs[e].weight, passed[inputs[e].index]
@@ -214,11 +215,9 @@ def _cell_inputs(p, work, block, common, k, x):
 
 
 @part
-def _rates_varied(block, dt_s, x, state, constants):
+def _rates_varied(block, dt_s, x, state):
     """Turn each cell's input into its expected number of spikes per tick, in place in x."""
-    if constants is None:
-        return
-    first, code, factor = block.start, block.law, constants[lanes.FACTOR]
+    first, code = block.start, block.law
     lanes.filtered(
         state, first, block.filled, np.float32(block.decay), np.float32(block.filter_gain), x
     )
@@ -226,12 +225,12 @@ def _rates_varied(block, dt_s, x, state, constants):
     if code == EXP:
         for i in range(block.filled):
             j = np.uint64(first + i)
-            x[np.uint64(i)] = max(baseline + gain * lanes.exp32(state[j]), lanes.ZERO) * factor[j]
+            x[np.uint64(i)] = max(baseline + gain * lanes.exp32(state[j]), lanes.ZERO)
         return
     for i in range(block.filled):
         j = np.uint64(first + i)
         activity = np.float32(_law(code, np.float64(state[j])))
-        x[np.uint64(i)] = max(baseline + gain * activity, lanes.ZERO) * factor[j]
+        x[np.uint64(i)] = max(baseline + gain * activity, lanes.ZERO)
 
 
 @numba.njit(inline="always")
@@ -246,11 +245,12 @@ def _inputs_varied(p, work, block, t, k, ticks):
     for i in range(ticks):
         _cell_inputs(p, work, block, np.float32(work.common[t + i]), k + i, work.x[i])
         if not block.nats:
-            _rates_varied(block, p.clock[0].dt_s, work.x[i], work.cell_x, p.constants)
+            _rates_varied(block, p.clock[0].dt_s, work.x[i], work.cell_x)
 
 
 @numba.njit(inline="always")
 def _cells(p, work, block, t, ticks, noise_of):
+    """Advance cells with a tick."""
     lanes.refresh(work.counts, block.start, block.filled, noise_of)
     if block.kind == GENERAL:
         _general(p, work, block, t, ticks)
@@ -264,7 +264,7 @@ def _cells(p, work, block, t, ticks, noise_of):
 
 @numba.njit(inline="always")
 def _identical(work, block, t, ticks):
-    """Advance cells that differ only in their noise."""
+    """Advance Lif cells that differ only in their noise."""
     v, marks, counts, first, cells = work.v, work.marks, work.counts, block.start, block.filled
     step = _four(work.mean_step, t)
     decay, noise_step, top = block.membrane_decay, block.noise_step, block.threshold
@@ -275,7 +275,7 @@ def _identical(work, block, t, ticks):
 
 @numba.njit(inline="always")
 def _varied(p, work, block, t, ticks, x):
-    """Advance cells that differ in their constants and, with x, in their inputs."""
+    """Advance Lif cells that differ in their constants and, with x, in their inputs."""
     v, marks, counts, first, cells = work.v, work.marks, work.counts, block.start, block.filled
     constants = p.constants
     common, top, held = _four(work.mean_step, t), block.threshold, block.refractory
@@ -339,12 +339,11 @@ def _fire(p, work, block, b, t, k, stream):
         trains.fire(p, work, block, b, t, block.variation == OWN_INPUTS, stream)
     else:
         _cells(p, work, block, t, p.ticks, (lanes.tick_key(stream, k // WORD), k % WORD))
+        for i in range(len(p.ticks)):
+            work.fired[i] = lanes.how_many(work.marks, block.filled, i)
     for i in range(len(p.ticks)):
         now = (k + i) & (clock.ring - 1)
-        if block.kind == RENEWAL:
-            work.ring[b, now] = work.fired[i] * block.spike_hz
-        else:
-            work.ring[b, now] = lanes.how_many(work.marks, block.filled, i) * block.spike_hz
+        work.ring[b, now] = work.fired[i] * block.spike_hz
         if clock.listing:
             place = now * len(p.blocks) + b
             work.spiked_n[place] = lanes.listed(
@@ -391,19 +390,17 @@ def _sum_up(ring, k, last, total):
 
 @compiled
 def begin(p, work, streams):
-    """Start everything at rest, and each cell at a random state between reset and threshold."""
+    """Start everything at rest, and each cell at a random place between two spikes."""
     for b in range(len(p.blocks)):
         block = p.blocks[b]
         key = lanes.tick_key(streams[b], noise.START_TICK)
-        lanes.begin(
-            work.v, block.start, block.cells, block.filled, key, block.begin, block.begin_span
-        )
         work.state[b] = block.rest_x
         work.ring[b] = block.rest_hz
-        for j in range(block.start, block.start + block.filled):
-            work.cell_x[j] = block.rest_x
-        if block.kind == LIF and block.variation != IDENTICAL:
-            lanes.in_own_units(work.v, block.start, block.filled, p.constants)
+        work.cell_x[block.start : block.start + block.filled] = block.rest_x
+        if block.kind == LIF:
+            lanes.begin(work.v, block.start, block.cells, block.filled, key, block.threshold)
+            if block.variation != IDENTICAL:
+                lanes.in_own_units(work.v, block.start, block.filled, p.constants)
         if block.kind == RENEWAL:
             trains.begin(p, work, block, b, streams[b])
         if block.kind == GENERAL:
@@ -413,9 +410,8 @@ def begin(p, work, streams):
     for q in range(len(p.units)):
         work.unit[q] = p.units[q].rest
     for s in range(len(p.own_inputs)):
-        first = p.own_inputs[s].start
-        for j in range(first, first + p.blocks[p.own_inputs[s].target].filled):
-            work.own_input[j] = p.own_inputs[s].rest
+        first, cells = p.own_inputs[s].start, p.blocks[p.own_inputs[s].target].filled
+        work.own_input[first : first + cells] = p.own_inputs[s].rest
     work.sums[:] = 0
     work.scale[:] = 1.0
     work.total[:] = 0.0

@@ -42,8 +42,8 @@ WAIT = np.float32(2.0**20)
 WAITING = np.float32(-(2.0**19))
 ONE = np.float32(1.0)
 ZERO = np.float32(0.0)
-NOISE_STEP, FACTOR = 3, 4
-"""Rows of the cells' constants: effect of a bit of noise, and factor on the rate."""
+NOISE_STEP, UNIT = 3, 4
+"""Rows of the cells' constants: effect of a bit of noise, and unit of potential."""
 FOUR, SINGLE = (0, 1, 2, 3), (0,)
 """Ticks by which a loop advances its cells at once."""
 
@@ -256,10 +256,10 @@ def tick_key(stream, tick):
 
 
 @part
-def begin(v, start, cells, filled, key, least, span):
-    """Put each cell at ``least + span * word / 2**32``; padding stays refractory for ever."""
+def begin(v, start, cells, filled, key, threshold):
+    """Put each cell between reset and threshold at random; padding stays refractory for ever."""
     for i in range(filled):
-        place = least + span * (np.float32(word32(i, key)) * np.float32(2.0**-32))
+        place = threshold * (np.float32(word32(i, key)) * np.float32(2.0**-32))
         v[np.uint64(start + i)] = place if i < cells else -np.float32(np.inf)
 
 
@@ -269,7 +269,7 @@ def in_own_units(v, start, cells, constants):
     if constants is None:
         return
     for j in range(start, start + cells):
-        v[j] *= constants[FACTOR][j] if v[j] >= 0 else ONE
+        v[j] *= constants[UNIT][j] if v[j] >= 0 else ONE
 
 
 @part

@@ -115,11 +115,11 @@ class _Places:
 
     @cached_property
     def buckets(self) -> tuple[Array, Array]:
-        """Buckets of each block, a power of 2 or 0, and how many the clock passes per spike."""
+        """Buckets of each block, a power of 2 or 0, and how many its clock passes per interval."""
         waiting = np.array([row.cell.renewal() for row in self.wiring.rows]) * self.cells
-        a_spike = np.maximum(waiting / trains.A_BUCKET, 1.0)
-        count = 2 ** np.ceil(np.log2(trains.TURNS * a_spike)).astype(np.int64)
-        return np.where(waiting, count, 0), a_spike
+        per_spike = np.maximum(waiting / trains.CELLS_PER_BUCKET, 1.0)
+        count = 2 ** np.ceil(np.log2(trains.TURN * per_spike)).astype(np.int64)
+        return np.where(waiting, count, 0), per_spike
 
     @cached_property
     def start(self) -> npt.NDArray[np.int64]:
@@ -169,7 +169,7 @@ def _blocks(places: _Places, kept: Any, input_from: Any, own_inputs: Any, of_blo
         table=[_index(places.renewals, row.cell) for row in wiring.rows],
         bucket=np.cumsum(places.buckets[0]) - places.buckets[0],
         buckets=places.buckets[0],
-        buckets_a_spike=places.buckets[1],
+        buckets_per_spike=places.buckets[1],
         nats=[row.cell.hears == "nats" for row in wiring.rows],
         law=[_law(row.transfer) for row in wiring.rows],
         drive=wiring.columns,
@@ -234,24 +234,26 @@ def _law(name: str) -> int:
 
 
 def _constants(places: _Places) -> npt.NDArray[np.float32] | None:
-    """Return the constants (5, cells) of cells that differ; None, to compile less, if none do.
+    """Return the constants (5, cells) of Lif cells that differ; None, to compile less, if none do.
 
-    For a Lif: decay, rest (corrected for the mean of the noise), slope, noise step, unit of
-    potential; for the others only the last counts, a factor on the rate.
+    These are decay, rest (corrected for the mean of the noise), slope, noise step and unit of
+    potential.
     """
-    if not places.variation.any():
+    differing = {b: places.entries[b].varied for b in np.flatnonzero(places.variation)}
+    varied = {b: function for b, function in differing.items() if function}
+    if not varied:
         return None
     constants = np.zeros((5, int(places.filled.sum())), np.float32)
-    for b in np.flatnonzero(places.variation):
+    for b, function in varied.items():
         here = slice(places.start[b], places.start[b] + places.cells[b])
         row, channel = places.wiring.rows[b], int(places.wiring.channel[b])
         factors = cell_factors(places.circuit, row.name, channel)
-        constants[:, here] = places.entries[b].varied(row.cell, factors, places.scheme.dt_ms)
+        constants[:, here] = function(row.cell, factors, places.scheme.dt_ms)
     return constants
 
 
 def _index(cells: list[Cell], cell: Cell) -> int:
-    """Return the place of a cell in a list, 0 if it is not there."""
+    """Return the index of a cell in a list, 0 if it is not there."""
     return cells.index(cell) if cell in cells else 0
 
 
@@ -344,15 +346,16 @@ def workspace(p: records.Plan) -> records.Work:
     widest = int(p.blocks["filled"].max())
     most = widest if clock["listing"] else 1
     return records.Work(
-        v=np.zeros(cells, np.float32),  # state
-        counts=np.zeros(cells, np.uint32),  # noise of four ticks, without dedicated loops
+        v=np.zeros(cells, np.float32),  # potentials of Lif cells
+        counts=np.zeros(cells, np.uint32),  # noise of four ticks
         x=np.zeros((kernel.WORD, widest), np.float32),  # inputs of one block's cells in four ticks
         cell_x=np.zeros(cells, np.float32),  # filtered input
         ring=np.zeros((blocks, ring)),  # rates of the last ticks, Hz
         state=np.zeros(blocks),  # filtered inputs, nats
         total=np.zeros(blocks),  # sums of rates over a sample
         common=np.zeros(window),  # common input of the cells of one block, nats
-        mean_step=np.zeros(window, np.float32),  # its effect on a cell's state, or that input
+        # its effect on the potential of Lif cells, or that input if they differ
+        mean_step=np.zeros(window, np.float32),
         # of cells without dedicated loops; their inputs follow
         states=np.zeros((int(p.blocks["variables"].max(initial=1)), cells), np.float32),
         heard=np.zeros((kernel.WORD, widest)),
@@ -365,10 +368,10 @@ def workspace(p: records.Plan) -> records.Work:
         spiked=np.zeros(ring * blocks * most, np.int32),  # cells that fired in the last ticks
         spiked_n=np.zeros(ring * blocks, np.int32),  # their number
         low_pass=np.zeros(len(p.readout)),  # low-passed rates of the read-out, Hz
-        trains=np.zeros(cells, records.TRAIN),  # renewal cells
-        clocks=np.zeros(blocks),  # their clocks, in expected spikes
-        own_clocks=np.zeros(cells if connected else 0),  # the same where inputs differ
+        trains=np.zeros(cells, records.TRAIN),  # state of renewal cells
+        clocks=np.zeros(blocks),  # the clock of each block of them, in expected spikes
+        own_clocks=np.zeros(cells if connected else 0),  # that of each cell if inputs differ
         buckets=np.zeros(int(p.blocks["buckets"].sum()), np.int32),  # first cell of each
         fired=np.zeros(kernel.WORD, np.int64),  # cells of one block that fired in each tick
-        at=np.zeros(kernel.WORD),  # its clock after each tick
+        at=np.zeros(kernel.WORD),  # the clock of one block after each tick
     )

@@ -13,15 +13,14 @@ CLOCK = record(
 BLOCK = record(
     i8="kind variables nats law drive input inputs own_input own_inputs start cells filled "
     "variation kept advance place course table bucket buckets",
-    f8="buckets_a_spike spike_hz baseline gain floor decay filter_gain bias drive_gain rest_x "
+    f8="buckets_per_spike spike_hz baseline gain floor decay filter_gain bias drive_gain rest_x "
     "rest_hz",
-    f4="membrane_decay rest slope noise_step threshold refractory begin begin_span",
+    f4="membrane_decay rest slope noise_step threshold refractory",
 )
 OF_TYPE = (
-    "membrane_decay", "rest", "slope", "noise_step", "threshold", "refractory",
-    "begin", "begin_span", "advance", "place",
+    "membrane_decay", "rest", "slope", "noise_step", "threshold", "refractory", "advance", "place",
 )  # fmt: skip
-"""Fields of a block that its cell type sets; see ``cells.Entry``."""
+"""Fields of a block that its cell type sets; see ``cells.CompiledCell``."""
 UNIT = record(i8="law delay source sources course", f8="decay constant rest")
 EDGE = record(i8="index", f8="weight")
 OWN_INPUT = record(

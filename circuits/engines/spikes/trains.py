@@ -1,10 +1,11 @@
 """Renewal cells in the compiled engine: nothing is computed for a cell until it fires.
 
-The cells of a block share a clock, in expected spikes, and what it will show at the next spike of
-each is known. They wait in *buckets*: short lists, linked through the cells, of those whose next
-spike falls into one stretch of the clock. In a tick the clock passes one or a few buckets, and the
-cells found there fire, or belong to a later turn of the buckets. The cost is thus one of spikes,
-some 15 ns each, not of cells. Where cells differ in their inputs, each has a clock of its own.
+The cells of a block share a clock, which counts expected spikes, and the time of each cell's next
+spike on that clock is known. Cells wait in *buckets*, linked lists of those whose next spike falls
+into the same stretch of the clock. The buckets are used in turn, like the hours of a clock face: a
+tick passes a few of them, and the cells found there fire, unless they are due in a later turn. The
+cost thus depends on the number of spikes, some 15 ns each, not on that of cells. Where cells differ
+in their inputs, each has its own clock, which is advanced in every tick.
 
 The NumPy twin is ``circuits.cells.renewal`` with ``noise.train_words``.
 """
@@ -14,37 +15,37 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from circuits.cells.renewal import PLACES
+from circuits.cells.renewal import LOW_BITS
 from circuits.dynamics import noise
 from circuits.engines.compiling import part
 from circuits.engines.spikes import lanes
 
 NONE = np.int32(-1)
 """End of a list of cells."""
-A_BUCKET = 4
-"""Mean number of cells in a bucket that the clock reaches."""
-TURNS = 4
-"""Mean intervals, at least, after which the clock is back at a bucket."""
+CELLS_PER_BUCKET = 4
+"""Mean number of cells that are due in a bucket when the clock passes it."""
+TURN = 4
+"""Least number of mean intervals in which the clock passes all buckets once."""
 FARTHEST = 2.0**62
-"""Buckets that the clock can pass: rates without bound, which a runaway loop has, end there."""
-_PART = (1 << PLACES) - 1
-_SCALE = 2.0**-PLACES
+"""Largest number of buckets passed: a runaway loop, with rates without bound, would overflow it."""
+_LOW = (1 << LOW_BITS) - 1
+_SCALE = 2.0**-LOW_BITS
 
 
 @numba.njit(inline="always")
 def _wait(table, cell, fired, key):
-    """Return the interval of a cell after its spikes so far, before it is slowed."""
+    """Return the interval of a cell after its spikes so far, before its factor ``slow``."""
     word = lanes.word32(cell + fired * noise.GOLDEN_32, key)
-    place = np.uint64(word >> np.uint32(PLACES))
-    part = np.float64(np.int32(word & np.uint32(_PART))) * _SCALE
-    start = np.float64(table[place])
-    return start + (np.float64(table[place + np.uint64(1)]) - start) * part
+    index = np.uint64(word >> np.uint32(LOW_BITS))
+    share = np.float64(np.int32(word & np.uint32(_LOW))) * _SCALE
+    low = np.float64(table[index])
+    return low + (np.float64(table[index + np.uint64(1)]) - low) * share
 
 
 @numba.njit(inline="always")
 def _passed(block, clock):
-    """Return how many buckets the clock has passed."""
-    return np.int64(min(clock * block.buckets_a_spike, FARTHEST))
+    """Return how many buckets a clock has passed."""
+    return np.int64(min(clock * block.buckets_per_spike, FARTHEST))
 
 
 @numba.njit(inline="always")
@@ -102,7 +103,7 @@ def fire(p, work, block, b, first, own_inputs, stream):
 
 @part
 def _each(ticks, work, block, table, key, listing):
-    """Advance cells with clocks of their own."""
+    """Advance cells that have their own clocks."""
     for t in range(len(ticks)):
         for i in range(block.cells):
             cell = work.trains[np.uint64(block.start + i)]
@@ -113,7 +114,7 @@ def _each(ticks, work, block, table, key, listing):
 
 @part
 def _together(ticks, work, block, b, first, table, key, listing):
-    """Advance cells with a common clock: look only into the buckets that it passes."""
+    """Advance cells that share a clock: look only into the buckets that it passes."""
     clock, at = work.clocks[b], work.at
     begun = _passed(block, clock)
     for t in range(len(ticks)):
@@ -131,14 +132,15 @@ def _together(ticks, work, block, b, first, table, key, listing):
             following = cell.link
             t = 0
             while cell.due <= clock and t < len(ticks):
-                # Counted rather than tested in turn: no branch can foresee the tick.
+                # The tick is found by counting, because the branches of a search would be
+                # mispredicted.
                 before = 0
                 for later in range(len(ticks)):
                     before += cell.due > at[np.uint64(later)]
                 t = max(t, before)
                 _spike(work, block, i, t, table, key, listing)
                 t += 1
-            if cell.due <= clock:  # it has just fired, and does so again in the next tick
+            if cell.due <= clock:  # it fired in the last tick, and fires again in the next one
                 cell.link, late = late, i
             else:
                 _queue(work, block, i)
