@@ -5,8 +5,8 @@ An input ``x`` arrives in nats. A population's row maps it to a rate by its *lin
 construction; one that hears "nats" turns x into a membrane potential, which determines its spikes.
 
 Each cell type implements the methods below. A method that it does not implement raises an error
-that names the type and the method; there are no fallbacks. How it spikes is stated in one of two
-ways: by the quantiles of its intervals if it is a *renewal* cell, or else by its state and a tick.
+that names the type and the method; there are no fallbacks. A spiking type states either the
+quantiles of its interspike intervals, if it is a *renewal* cell, or its state and a tick.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _RESERVED = (
     "i j N t dt xi pi e inf nats hz word cell block key block_x block_hz own own_x x dt_s "
     "filter_decay baseline_hz gain_hz_per_nat word_ticks settle_ticks sample_ticks out_decay onset "
     "reading t_in_timesteps lastspike not_refractory rate_hz ones single fused exponential chosen "
-    "clip exp log sqrt abs int tick_key byte_counts"
+    "clip exp log sqrt abs int tick_key byte_counts interval stream train"
 )
 RESERVED = frozenset(_RESERVED.split())
 """Names reserved by the generated Brian2 code."""
@@ -90,11 +90,12 @@ class Cell:
     hears : str
         "nats", the input, which the cell filters itself; or "hz", the rate of its line.
     state : tuple of str
-        State variables of a spiking cell that is no renewal cell.
+        State variables of a spiking cell with a tick.
     of_rates : tuple of str
         Constants that also affect rates, not only spikes.
     longest_tick_ms : float
-        Longest tick, ms, with which its rate and the irregularity of its spikes are as stated.
+        Longest tick, ms, at which its rate, and the times and irregularity of its spikes, are exact
+        enough.
     brian : BrianText
         Its tick as Brian2 code.
     """
@@ -119,7 +120,7 @@ class Cell:
     @classmethod
     def renewal(cls) -> bool:
         """Return whether its spikes are a renewal process; the first factor acts on its rate."""
-        return cls.interval_quantiles is not Cell.interval_quantiles
+        return cls.spikes and cls.interval_quantiles is not Cell.interval_quantiles
 
     # ---- laws
 
@@ -146,9 +147,9 @@ class Cell:
     # ---- spikes
 
     def interval_quantiles(self, probability: Array) -> Array:
-        """Return quantiles of its intervals at probabilities (P,) in (0, 1); their mean is 1.
+        """Return the quantiles of its intervals at probabilities (P,) in (0, 1); their mean is 1.
 
-        Intervals are in expected spikes: those of a steady rate r are 1/r times as long.
+        Intervals are in expected spikes: at a steady rate r, an interval x lasts x/r.
         """
         return self.lacks("interval_quantiles", "engines that spike")
 
@@ -192,7 +193,7 @@ def register(kind: C) -> C:
     ------
     ValueError
         If it is not a frozen dataclass derived from ``Cell``, ``hears`` is unknown, it spikes but
-        has neither intervals nor a state, or the name is taken by another type.
+        has neither intervals nor a state, or has both, or the name is taken by another type.
     """
     name = check_kind(kind, Cell, "a cell type")
     must = f"must be one of {', '.join(HEARS)}"
@@ -204,6 +205,8 @@ def register(kind: C) -> C:
     state = not ticking or (kind.state and isinstance(kind.state, tuple))
     must = "must be a tuple of the variables' names where cells spike by a tick"
     require(state, "state", must, kind.state, owner=name)
+    if kind.renewal() and kind.tick:
+        raise InputError(f"{name} must have either interval_quantiles or a tick, not both", "tick")
     check_free(name, kind, CELLS, "a cell type")
     CELLS[name] = kind
     return kind

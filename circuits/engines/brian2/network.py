@@ -18,7 +18,7 @@ import pandas as pd
 from circuits.activity import Activity, spike_table
 from circuits.arrays import Array
 from circuits.cells import Cell
-from circuits.cells import renewal as renewals
+from circuits.cells.renewal import intervals
 from circuits.dynamics import noise
 from circuits.dynamics.ticks import Clock
 from circuits.engines.brian2 import text as brian_text
@@ -191,8 +191,8 @@ class BrianNetwork:
             self._connect(name, "own_inputs", layout.cells_to_own(name), add, "a_spike")
 
     def _table(self, cell: Cell) -> int:
-        """Return the row of a renewal cell's intervals among those of the network."""
-        ends = renewals.intervals(cell).tolist()
+        """Return the index of a renewal cell's intervals among the tables of the network."""
+        ends = intervals(cell).tolist()
         if ends not in self.intervals:
             self.intervals.append(ends)
         return self.intervals.index(ends)

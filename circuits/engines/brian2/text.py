@@ -108,15 +108,15 @@ key : integer (linked)
 DRAW = "word = byte_counts(cell, key)"
 
 RENEWAL_STATE = """
-clock : 1                   # expected spikes so far
+expected : 1                # spikes so far, as the rate predicts: the clock of the cell
 due : 1                     # clock at the next spike
 fired : integer             # spikes so far
 train : integer (linked)
 """
 
 RENEWAL = BrianText(
-    tick="clock = clock + hz*dt_s",
-    spike="clock >= due",
+    tick="expected = expected + hz*dt_s",
+    spike="expected >= due",
     reset="""
 fired = fired + 1
 due = due + slow*interval(of_cells, cell, fired, train)

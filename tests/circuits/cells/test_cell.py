@@ -54,8 +54,13 @@ def test_a_type_that_cannot_be_one_is_refused_at_registration():
     class Hearing(Phase):
         hears = "nats"
 
+    @dataclass(frozen=True)
+    class Both(Diffusing):
+        interval_quantiles = Phase.interval_quantiles
+
     one_sentence(lambda: register(Stateless), "Stateless: state must be a tuple")
     one_sentence(lambda: register(Hearing), "Hearing: hears must be hz for renewal cells")
+    one_sentence(lambda: register(Both), "Both must have either")
     twin = dataclass(frozen=True)(type("Lif", (Phase,), {"__module__": "elsewhere"}))
     one_sentence(lambda: register(twin), "there is a cell type Lif already")
 
@@ -114,7 +119,9 @@ def test_a_type_whose_answers_do_not_fit_each_other_is_refused_by_every_engine(
 
 
 @pytest.mark.parametrize("engine", SPIKING)
-@pytest.mark.parametrize("name", ["decay_hz", "x", "nats", "pi", "dt_s", "own"])
+@pytest.mark.parametrize(
+    "name", ["decay_hz", "x", "nats", "pi", "dt_s", "own", "interval", "train"]
+)
 def test_names_of_the_engines_are_refused_as_those_of_a_cell(engine, name):
     def begin(uniform, noise_step, factor):
         return (single.single(uniform),)
