@@ -82,12 +82,12 @@ def touch(
     """
     grating, who = recordings is None, "Simulated TacTip"
     asked: Any = task_of(SameDifferent() if grating else EdgeTurn(), task)
-    circuit = {name: options.pop(name) for name in ("circuit", "gain")} | {"edits": edits}
-    output.check(task=asked, recordings=recordings, held_out=held_out, **circuit)
+    setup = {name: options.pop(name) for name in ("circuit", "gain")} | {"edits": edits}
+    output.check(task=asked, recordings=recordings, held_out=held_out, **setup)
     check_whole(taps=taps, held_out_taps=held_out_taps, trials=options["trials"])
     whole("folds", options["folds"], 2)
     _check(asked, recordings, held_out, mm_per_px)
-    model = Setup(**circuit).model(len(asked.names))
+    model = Setup(**setup).model(len(asked.names))
     check_settings(asked, {"channels", "period_mm", "step_deg", "a_deg", "b_deg", "first_deg"})
     usual = {"mm_per_px": None} if grating else {"taps": 1000, "held_out_taps": 1200}
     given = {"mm_per_px": mm_per_px, "taps": taps, "held_out_taps": held_out_taps}
@@ -122,7 +122,7 @@ def touch(
     folders = {"recordings": recordings, "held_out": held_out, "mm_per_px": mm_per_px}
     source: dict[str, Any] = given if grating else folders
     output.write(
-        touched.to_dataframe(), seed, command=options_of(task=asked, **source, **circuit, **options)
+        touched.to_dataframe(), seed, command=options_of(task=asked, **source, **setup, **options)
     )
     output.draw(touched.plot)
 

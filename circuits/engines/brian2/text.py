@@ -108,7 +108,7 @@ key : integer (linked)
 DRAW = "word = byte_counts(cell, key)"
 
 RENEWAL_STATE = """
-expected : 1                # spikes so far, as the rate predicts: the clock of the cell
+expected : 1                # number of spikes expected so far: the clock of a cell
 due : 1                     # clock at the next spike
 fired : integer             # spikes so far
 train : integer (linked)

@@ -4,7 +4,8 @@ Input within the next ticks, up to the shortest delay, is known in advance, so e
 advanced through such a window of ticks, and then the read-out. This does not change the results.
 
 Sums over populations are double precision, in the order of the Brian2 engine; cells with a tick,
-in ``lanes``, are single precision. Renewal cells cost nothing until they fire (``trains``).
+in ``lanes``, are single precision. Renewal cells that share their input cost nothing until they
+fire (``trains``).
 """
 
 from __future__ import annotations

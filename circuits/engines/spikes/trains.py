@@ -1,4 +1,4 @@
-"""Renewal cells in the compiled engine: nothing is computed for a cell until it fires.
+"""Renewal cells in the compiled engine, computed spike by spike.
 
 The cells of a block share a clock, which counts expected spikes, and the time of each cell's next
 spike on that clock is known. Cells wait in *buckets*, linked lists of those whose next spike falls
