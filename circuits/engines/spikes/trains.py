@@ -62,8 +62,7 @@ def begin(p, work, block, b, stream):
     """Draw the first spike of each cell of a block."""
     key = lanes.tick_key(stream, noise.TRAIN_TICK)
     work.clocks[b] = 0.0
-    for q in range(block.buckets):
-        work.buckets[block.bucket + q] = NONE
+    work.buckets[block.bucket : block.bucket + block.buckets] = NONE
     for i in range(block.cells):
         cell = work.trains[np.uint64(block.start + i)]
         cell.slow = p.slow[block.start + i]
@@ -79,8 +78,7 @@ def _spike(work, block, i, t, table, key, listing):
     """Let a cell fire in a tick, and draw its next interval."""
     cell = work.trains[np.uint64(block.start + i)]
     cell.fired += 1
-    waited = _wait(table, np.int64(i), np.int64(cell.fired), key)
-    cell.due += np.float64(cell.slow) * waited
+    cell.due += np.float64(cell.slow) * _wait(table, np.int64(i), np.int64(cell.fired), key)
     work.fired[np.uint64(t)] += 1
     if listing:
         work.marks[np.uint64(i)] |= np.uint8(1) << np.uint8(t)
@@ -90,8 +88,7 @@ def _spike(work, block, i, t, table, key, listing):
 def fire(p, work, block, b, first, own_inputs, stream):
     """Advance a block by some ticks, from the ``first`` of its window; count those that fire."""
     key = lanes.tick_key(stream, noise.TRAIN_TICK)
-    for t in range(len(p.ticks)):
-        work.fired[np.uint64(t)] = 0
+    work.fired[:] = 0
     table, listing = p.intervals[block.table], p.clock[0].listing != 0
     if listing:
         work.marks[: block.filled] = 0
