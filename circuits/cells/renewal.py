@@ -1,8 +1,8 @@
 """Intervals of renewal cells, drawn one by one.
 
-A renewal cell fires whenever its *clock*, the number of spikes expected so far, passes the end of
-an interval; intervals are independent, and their mean is 1. Time is thus stretched by the rate:
-however the rate changes, counts are those of a renewal process of the clock, and the mean rate is
+A renewal cell fires whenever the number of spikes expected so far, the integral of its rate, passes
+the end of an interval; intervals are independent, and their mean is 1. Time is thus rescaled by the
+rate: however that changes, the spikes are a renewal process in rescaled time, and the mean rate is
 exact. Every interval is read from a table of quantiles by a random word.
 """
 

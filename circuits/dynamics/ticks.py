@@ -7,8 +7,8 @@ At tick k, with all rates of earlier ticks known:
    ``x = A x + (1 - A) input``; a cell that hears nats filters in its membrane instead; the factor
    is 1 and the course 0 unless the circuit has courses (``timed``);
 3. cells: populations without spikes transmit ``r[k] = rates(x)``, spiking ones
-   ``r[k] = spikes / (neurons dt)``; a renewal cell fires, once in a tick at most, if its clock,
-   the sum of ``rates(x) dt``, has reached its next spike;
+   ``r[k] = spikes / (neurons dt)``; a renewal cell fires, once in a tick at most, if its
+   expected spikes, the sum of ``rates(x) dt``, have reached the end of an interval;
 4. read-out: ``o = R o + (1 - R) r[k]``.
 
 Cells with a tick use single precision, everything else double. Their update consists of products
@@ -211,7 +211,7 @@ def starting_state(
 ) -> tuple[npt.NDArray[Any], ...]:
     """Return the initial values of a cell type's state variables, (neurons,) each.
 
-    That of renewal cells is the clock at their first spike.
+    That of renewal cells is the number of expected spikes at which they first fire.
     """
     if cell.renewal():
         words = noise.train_words(stream, np.arange(neurons), 0)

@@ -171,19 +171,19 @@ class _Cells:
 
 
 class _Renewal(_Cells):
-    """Cells that fire when their clock, in expected spikes, reaches their next spike."""
+    """Cells that fire when their expected spikes reach the end of an interval."""
 
     def __init__(self, scheme: Scheme, block: int, stream: int) -> None:
         super().__init__(scheme, block, stream)
         cell = self.row.cell
         self.slow = self._each(np.float64(self.constants["slow"]))
         self.intervals = renewal.intervals(cell)
-        self.clock, self.counts = np.zeros(1), np.zeros(self.neurons, np.uint32)
+        self.expected, self.counts = np.zeros(1), np.zeros(self.neurons, np.uint32)
         (self.due,) = starting_state(cell, self.constants, stream, self.neurons)
 
     def fire(self, k: int, heard: Any) -> Truths:
-        self.clock = self.clock + heard
-        fired: Truths = self.clock >= self.due
+        self.expected = self.expected + heard
+        fired: Truths = self.expected >= self.due
         who = np.flatnonzero(fired)
         self.counts[who] += np.uint32(1)
         words = noise.train_words(self.stream, who, self.counts[who])

@@ -51,7 +51,7 @@ def tick_phase(heard, ones, phi, noise_step, factor):
 
 @dataclass(frozen=True)
 class Diffusing(Cell):
-    """The diffusion whose passages ``Phase`` draws, tick by tick; a test registers a twin of it."""
+    """The diffusion whose passages ``Phase`` draws, tick by tick; tests register subclasses."""
 
     cv: float = 0.3
     state = ("phi",)

@@ -108,8 +108,8 @@ key : integer (linked)
 DRAW = "word = byte_counts(cell, key)"
 
 RENEWAL_STATE = """
-expected : 1                # number of spikes expected so far: the clock of a cell
-due : 1                     # clock at the next spike
+expected : 1                # number of spikes expected so far
+due : 1                     # the same at the next spike
 fired : integer             # spikes so far
 train : integer (linked)
 """

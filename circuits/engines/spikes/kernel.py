@@ -104,7 +104,7 @@ def _common(block, first, window, clock, inputs, passed, drive, nats, common):
 
     The order is that of the Brian2 engine; another order would round differently.
     """
-    # Also beyond the window, where the clocks of renewal cells then stand still.
+    # Also beyond the window, where renewal cells then expect no spikes.
     common[:] = 0.0
     for e in range(block.input, block.inputs):
         weight, row = inputs[e].weight, passed[inputs[e].index]

@@ -115,7 +115,7 @@ class _Places:
 
     @cached_property
     def buckets(self) -> tuple[Array, Array]:
-        """Buckets of each block, a power of 2 or 0, and how many its clock passes per interval."""
+        """Buckets of each block, a power of 2 or 0, and how many are passed per interval."""
         waiting = np.array([row.cell.renewal() for row in self.wiring.rows]) * self.cells
         per_spike = np.maximum(waiting / trains.CELLS_PER_BUCKET, 1.0)
         count = 2 ** np.ceil(np.log2(trains.TURN * per_spike)).astype(np.int64)
@@ -369,9 +369,9 @@ def workspace(p: records.Plan) -> records.Work:
         spiked_n=np.zeros(ring * blocks, np.int32),  # their number
         low_pass=np.zeros(len(p.readout)),  # low-passed rates of the read-out, Hz
         trains=np.zeros(cells, records.TRAIN),  # state of renewal cells
-        clocks=np.zeros(blocks),  # the clock of each block of them, in expected spikes
-        own_clocks=np.zeros(cells if connected else 0),  # that of each cell if inputs differ
+        expected=np.zeros(blocks),  # spikes expected so far of each of them, in every block
+        own_expected=np.zeros(cells if connected else 0),  # of each cell if inputs differ
         buckets=np.zeros(int(p.blocks["buckets"].sum()), np.int32),  # first cell of each
         fired=np.zeros(kernel.WORD, np.int64),  # cells of one block that fired in each tick
-        at=np.zeros(kernel.WORD),  # the clock of one block after each tick
+        after=np.zeros(kernel.WORD),  # expected spikes of one block after each tick
     )

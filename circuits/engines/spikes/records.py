@@ -28,8 +28,8 @@ OWN_INPUT = record(
 )
 OWN_SOURCE = record(i8="source connections")
 TRAIN = record(f8="due", f4="slow", i4="fired link")
-"""A renewal cell: the clock at its next spike, the factor on its intervals, its spikes so far, and
-the next cell of its bucket."""
+"""A renewal cell: the expected spikes at which it fires next, the factor on its intervals, its
+spikes so far, and the next cell of its bucket."""
 
 
 Plan = namedtuple(
@@ -40,7 +40,7 @@ Plan = namedtuple(
 """A circuit and a clock in the kernel's format; made by ``plan.plan``, which describes each."""
 Work = namedtuple(
     "Work",
-    "v counts x cell_x ring state total common mean_step states heard marks unit passed "
-    "own_input scale sums spiked spiked_n low_pass trains clocks own_clocks buckets fired at",
+    "v counts x cell_x ring state total common mean_step states heard marks unit passed own_input "
+    "scale sums spiked spiked_n low_pass trains expected own_expected buckets fired after",
 )
 """Working memory of a trial; made by ``plan.workspace``, which describes each."""

@@ -1,11 +1,11 @@
 """Renewal cells in the compiled engine, computed spike by spike.
 
-The cells of a block share a clock, which counts expected spikes, and the time of each cell's next
-spike on that clock is known. Cells wait in *buckets*, linked lists of those whose next spike falls
-into the same stretch of the clock. The buckets are used in turn, like the hours of a clock face: a
-tick passes a few of them, and the cells found there fire, unless they are due in a later turn. The
-cost thus depends on the number of spikes, some 15 ns each, not on that of cells. Where cells differ
-in their inputs, each has its own clock, which is advanced in every tick.
+The cells of a block share a number of *expected* spikes, which grows with their rate, and it is
+known at which number each cell will fire next. Cells wait in *buckets*, linked lists of those whose
+next spikes are neighbours in expected spikes. The buckets are used in turn, like the hours of a
+clock face: a tick passes a few of them, and the cells found there fire, unless they are due in a
+later turn. The cost thus depends on the number of spikes, some 15 ns each, not on that of cells.
+Where cells differ in their inputs, each has its own number, which grows in every tick.
 
 The NumPy twin is ``circuits.cells.renewal`` with ``noise.train_words``.
 """
@@ -23,9 +23,9 @@ from circuits.engines.spikes import lanes
 NONE = np.int32(-1)
 """End of a list of cells."""
 CELLS_PER_BUCKET = 4
-"""Mean number of cells that are due in a bucket when the clock passes it."""
+"""Mean number of cells in a bucket that are due when it is passed."""
 TURN = 4
-"""Least number of mean intervals in which the clock passes all buckets once."""
+"""Least number of mean intervals in which all buckets are passed once."""
 FARTHEST = 2.0**62
 """Largest number of buckets passed: a runaway loop, with rates without bound, would overflow it."""
 _LOW = (1 << LOW_BITS) - 1
@@ -43,9 +43,9 @@ def _wait(table, cell, fired, key):
 
 
 @numba.njit(inline="always")
-def _passed(block, clock):
-    """Return how many buckets a clock has passed."""
-    return np.int64(min(clock * block.buckets_per_spike, FARTHEST))
+def _passed(block, expected):
+    """Return how many buckets have been passed after a number of expected spikes."""
+    return np.int64(min(expected * block.buckets_per_spike, FARTHEST))
 
 
 @numba.njit(inline="always")
@@ -61,14 +61,14 @@ def _queue(work, block, i):
 def begin(p, work, block, b, stream):
     """Draw the first spike of each cell of a block."""
     key = lanes.tick_key(stream, noise.TRAIN_TICK)
-    work.clocks[b] = 0.0
+    work.expected[b] = 0.0
     work.buckets[block.bucket : block.bucket + block.buckets] = NONE
     for i in range(block.cells):
         cell = work.trains[np.uint64(block.start + i)]
         cell.slow = p.slow[block.start + i]
         cell.fired = 0
-        if len(work.own_clocks):
-            work.own_clocks[np.uint64(block.start + i)] = 0.0
+        if len(work.own_expected):
+            work.own_expected[np.uint64(block.start + i)] = 0.0
         cell.due = np.float64(cell.slow) * _wait(p.first_spikes[block.table], i, 0, key)
         _queue(work, block, np.int32(i))
 
@@ -100,25 +100,25 @@ def fire(p, work, block, b, first, own_inputs, stream):
 
 @part
 def _each(ticks, work, block, table, key, listing):
-    """Advance cells that have their own clocks."""
+    """Advance cells that have their own inputs."""
     for t in range(len(ticks)):
         for i in range(block.cells):
             cell = work.trains[np.uint64(block.start + i)]
-            work.own_clocks[np.uint64(block.start + i)] += np.float64(work.x[t, i])
-            if work.own_clocks[np.uint64(block.start + i)] >= cell.due:
+            work.own_expected[np.uint64(block.start + i)] += np.float64(work.x[t, i])
+            if work.own_expected[np.uint64(block.start + i)] >= cell.due:
                 _spike(work, block, i, t, table, key, listing)
 
 
 @part
 def _together(ticks, work, block, b, first, table, key, listing):
-    """Advance cells that share a clock: look only into the buckets that it passes."""
-    clock, at = work.clocks[b], work.at
-    begun = _passed(block, clock)
+    """Advance cells that share their inputs: look only into the buckets that are passed."""
+    expected, after = work.expected[b], work.after
+    begun = _passed(block, expected)
     for t in range(len(ticks)):
-        clock += work.common[first + t]
-        at[np.uint64(t)] = clock
-    work.clocks[b] = clock
-    last = _passed(block, clock)
+        expected += work.common[first + t]
+        after[np.uint64(t)] = expected
+    work.expected[b] = expected
+    last = _passed(block, expected)
     late = NONE
     for q in range(max(begun, last - block.buckets + 1), last + 1):
         bucket = block.bucket + (q & (block.buckets - 1))
@@ -128,16 +128,16 @@ def _together(ticks, work, block, b, first, table, key, listing):
             cell = work.trains[np.uint64(block.start + i)]
             following = cell.link
             t = 0
-            while cell.due <= clock and t < len(ticks):
+            while cell.due <= expected and t < len(ticks):
                 # The tick is found by counting, because the branches of a search would be
                 # mispredicted.
                 before = 0
                 for later in range(len(ticks)):
-                    before += cell.due > at[np.uint64(later)]
+                    before += cell.due > after[np.uint64(later)]
                 t = max(t, before)
                 _spike(work, block, i, t, table, key, listing)
                 t += 1
-            if cell.due <= clock:  # it fired in the last tick, and fires again in the next one
+            if cell.due <= expected:  # it fired in the last tick, and fires again in the next one
                 cell.link, late = late, i
             else:
                 _queue(work, block, i)

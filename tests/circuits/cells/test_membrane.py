@@ -25,7 +25,7 @@ def counted(cell, drive, dt_ms, run_ms, rest_ms=0.0, shift_mv=0.0):
     stream = noise.stream_key(11, 0, f"{cell.kind.lower()} {dt_ms}")
     state = np.zeros(drive.size)
     ready = np.zeros(drive.size, dtype=int)
-    held = whole_ticks("refractory_ms", getattr(cell, "refractory_ms", 0.0), dt_ms)
+    held = whole_ticks("refractory_ms", cell.refractory_ms, dt_ms)
     spikes = np.zeros(drive.size, dtype=int)
     advance = lif_step(cell, drive, dt_ms, shift_mv)
     first = round(rest_ms / dt_ms)
