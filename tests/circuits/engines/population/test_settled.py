@@ -59,12 +59,12 @@ def test_a_later_run_takes_the_first_states_from_a_file(folder, monkeypatch):
     with monkeypatch.context() as without:
         without.setattr(settled, "_settle", None)
         assert populations(drive=DRIVE).output_nats.tobytes() == first
-    (file,) = folder.rglob("*.npz")
+    (file,) = folder.rglob(f"{settled.KIND}/*.npz")
     assert file.stat().st_size < 2e6
     settled._BANKS.clear()
     other = populations(drive=DRIVE, seed=2).output_nats.tobytes()
     assert other != first
-    assert len([*folder.rglob("*.npz")]) == 2
+    assert len([*folder.rglob(f"{settled.KIND}/*.npz")]) == 2
 
 
 def test_edited_circuits_settle_under_the_same_noise():
