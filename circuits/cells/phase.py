@@ -38,12 +38,14 @@ class Phase(Cell):
         """Return quantiles of the inverse Gaussian with mean 1 (Cox & Miller 1965)."""
         if self.cv == 0:
             return np.ones_like(probability)
-        from scipy.special import log_ndtr, ndtr
+        from scipy.special import erfcx, ndtr
 
         x = np.exp(np.linspace(-REACH * self.cv, REACH * self.cv, NODES))
-        root = self.cv * np.sqrt(x)
-        returned = np.exp(2 / self.cv**2 + log_ndtr(-(1 + x) / root))
-        return np.asarray(np.interp(probability, ndtr((x - 1) / root) + returned, x))
+        with np.errstate(over="ignore"):  # erfcx(inf) is 0, as it should be
+            below, beyond = (x - 1) / self.cv / np.sqrt(x), (x + 1) / self.cv / np.sqrt(2 * x)
+        # exp(2 / cv^2) times the normal distribution at -(1 + x) / (cv sqrt(x))
+        returned = np.exp(-(below**2) / 2) * erfcx(beyond) / 2
+        return np.asarray(np.interp(probability, ndtr(below) + returned, x))
 
     def varied(self, factors: Array) -> tuple[Cell, float]:
         """Return the same cell; the first factor acts on its rate."""
@@ -65,5 +67,6 @@ def phase_spectrum(cell: Phase, rate_hz: npt.ArrayLike, frequency_hz: npt.ArrayL
     if cell.cv == 0:
         return np.zeros((len(rate), np.size(frequency_hz)))
     turn = 2j * np.pi * np.asarray(frequency_hz) / np.maximum(rate, 1e-9)
-    interval = np.exp((1 - np.sqrt(1 - 2 * turn * cell.cv**2)) / cell.cv**2)
+    # The characteristic function, without a difference of nearly equal numbers for small cv.
+    interval = np.exp(2 * turn / (1 + np.sqrt(1 - 2 * turn * cell.cv**2)))
     return renewal_spectrum(rate, interval)
