@@ -69,9 +69,10 @@ def test_intervals_are_inverse_gaussian_of_mean_1(cv):
     assert kstest(wait(ends, ANY_WORDS), law.cdf).pvalue > 1e-3
 
 
-def test_without_irregularity_every_interval_is_the_mean():
-    assert (wait(intervals(Phase(0.0)), ANY_WORDS) == 1).all()
-    npt.assert_allclose(np.sort(wait(first_spikes(Phase(0.0)), ANY_WORDS)).mean(), 0.5, atol=2e-3)
+@pytest.mark.parametrize("cv", [0.0, 5e-324, 1e-160, 1e-12])
+def test_without_irregularity_every_interval_is_the_mean(cv):
+    assert (wait(intervals(Phase(cv)), ANY_WORDS) == 1).all()
+    npt.assert_allclose(wait(first_spikes(Phase(cv)), ANY_WORDS).mean(), 0.5, atol=2e-3)
 
 
 @pytest.mark.parametrize("cell", [*map(Phase, CVS), Gamma(3.0)], ids=repr)
@@ -180,12 +181,13 @@ def test_neurons_and_spikes_have_words_of_their_own():
 @pytest.mark.parametrize(
     "quantiles",
     [
-        lambda p: np.full_like(p, 1.5),  # a mean above 1
+        lambda p: np.full_like(p, 1.5),
+        lambda p: gamma.ppf(p, 2.0, scale=0.49),
         lambda p: 2 - 2 * p,
         lambda p: 2 * p - 0.1,
         lambda p: np.full_like(p, np.nan),
     ],
-    ids=["mean", "falling", "negative", "nan"],
+    ids=["mean above 1", "mean below 1", "falling", "negative", "nan"],
 )
 def test_quantiles_that_are_none_are_refused(quantiles):
     given = {"__module__": __name__, "interval_quantiles": lambda cell, p: quantiles(p)}
@@ -193,6 +195,19 @@ def test_quantiles_that_are_none_are_refused(quantiles):
     for engine in SPIKING:
         circuit = with_cell(BASE, "STN", kind(2.0))
         one_sentence(lambda c=circuit, e=engine: spikes_of(c, e), "Wrong.interval_quantiles")
+
+
+def test_a_type_without_spikes_transmits_its_line_whatever_it_derives_from():
+    @register
+    @dataclass(frozen=True)
+    class Quiet(Phase):
+        spikes = False
+
+    quiet, rate = (with_cell(BASE, "STN", cell) for cell in (Quiet(0.3), Rate()))
+    for engine in SPIKING:
+        options = {"engine": engine, "step_ms": 10, "settle_ms": 5, "seed": 2}
+        one, other = (run(circuit, np.ones((1, 2, 2)), **options) for circuit in (quiet, rate))
+        npt.assert_array_equal(one.output_nats, other.output_nats)
 
 
 def test_a_train_depends_neither_on_the_number_of_cells_nor_on_other_trials():
