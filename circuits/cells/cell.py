@@ -119,7 +119,7 @@ class Cell:
     @classmethod
     def renewal(cls) -> bool:
         """Return whether its spikes are a renewal process; the first factor acts on its rate."""
-        return cls.interval_quantiles is not Cell.interval_quantiles
+        return cls.spikes and cls.interval_quantiles is not Cell.interval_quantiles
 
     # ---- laws
 
@@ -192,7 +192,7 @@ def register(kind: C) -> C:
     ------
     ValueError
         If it is not a frozen dataclass derived from ``Cell``, ``hears`` is unknown, it spikes but
-        has neither intervals nor a state, or the name is taken by another type.
+        has neither intervals nor a state, or both, or the name is taken by another type.
     """
     name = check_kind(kind, Cell, "a cell type")
     must = f"must be one of {', '.join(HEARS)}"
@@ -204,6 +204,8 @@ def register(kind: C) -> C:
     state = not ticking or (kind.state and isinstance(kind.state, tuple))
     must = "must be a tuple of the variables' names where cells spike by a tick"
     require(state, "state", must, kind.state, owner=name)
+    twice = kind.renewal() and kind.tick is not None
+    require(not twice, "tick", "must be None for renewal cells", kind.tick, owner=name)
     check_free(name, kind, CELLS, "a cell type")
     CELLS[name] = kind
     return kind

@@ -16,6 +16,7 @@ from tests.circuits.spiking import (
     lacking,
     one_sentence,
     spikes_of,
+    tick_phase,
     with_cell,
 )
 from tests.helpers import refused
@@ -56,6 +57,12 @@ def test_a_type_that_cannot_be_one_is_refused_at_registration():
 
     one_sentence(lambda: register(Stateless), "Stateless: state must be a tuple")
     one_sentence(lambda: register(Hearing), "Hearing: hears must be hz for renewal cells")
+
+    @dataclass(frozen=True)
+    class Twofold(Phase):
+        tick = staticmethod(tick_phase)
+
+    one_sentence(lambda: register(Twofold), "Twofold: tick must be None for renewal cells")
     twin = dataclass(frozen=True)(type("Lif", (Phase,), {"__module__": "elsewhere"}))
     one_sentence(lambda: register(twin), "there is a cell type Lif already")
 
