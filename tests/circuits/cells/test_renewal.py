@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 from scipy.stats import gamma, invgauss, kstest
 
+from circuits import anatomy
 from circuits.cells import Cell, Phase, Rate, register
 from circuits.cells.renewal import BINS, first_spikes, intervals, wait
 from circuits.circuit import Circuit
@@ -173,6 +174,10 @@ def test_neurons_and_spikes_have_words_of_their_own():
     words = noise.train_words(key, cells, counts)
     assert len(np.unique(words)) > len(words) - 10  # two of 120 000 fall together by chance
     assert kstest(words / 2**32, "uniform").pvalue > 1e-3
+    # Nor are they those of starting states, of connections or of factors on constants.
+    fixed = noise.START_TICK, noise.CONNECTIONS_TICK, *(noise.CELLS_TICK + i for i in range(3))
+    first = noise.train_words(key, np.arange(3000), 0)
+    assert not any((noise.words(key, tick, 3000) == first).any() for tick in fixed)
     pairs = words.reshape(3000, 40) / 2.0**32
     for one, other in ((pairs[:, :-1], pairs[:, 1:]), (pairs[:-1], pairs[1:])):
         assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 4 / np.sqrt(one.size)
@@ -225,3 +230,18 @@ def test_windows_of_many_ticks_and_single_ticks_give_the_same_trains():
     slow = slow.with_projection("ctx->SNr", delay_ms=5.0)
     one, four = fired(circuit, np.zeros((2, 5, 2))), fired(slow, np.zeros((2, 5, 2)))
     assert one.equals(four)
+
+
+def test_cells_with_inputs_of_their_own_have_clocks_of_their_own():
+    """Up to a rounding, which moves a spike by a tick; several trials, of one working memory."""
+    circuit = anatomy.macaque(2).with_neurons(24).with_heterogeneity(0.3).with_connections(0.5)
+    names = tuple(row.name for row in circuit.populations if row.spiking)
+    drive = np.random.default_rng(3).normal(0, 0.5, (4, 2, 2)).cumsum(axis=1)
+    options = {"step_ms": 50, "seed": 4, "settle_ms": 10, "spikes": names}
+    fast, brian2, plain = (run(circuit, drive, engine=name, **options) for name in SPIKING)
+    order = ["trial", "channel", "neuron", "time_ms"]
+    for name in names:
+        tables = (ran.spikes[name][order].round(6) for ran in (fast, brian2, plain))
+        one, two, three = (set(table.itertuples(index=False, name=None)) for table in tables)
+        assert two == three
+        assert len(one ^ three) <= 0.02 * len(three)
