@@ -245,3 +245,14 @@ def test_cells_with_inputs_of_their_own_have_clocks_of_their_own():
         one, two, three = (set(table.itertuples(index=False, name=None)) for table in tables)
         assert two == three
         assert len(one ^ three) <= 0.02 * len(three)
+
+
+def test_clocks_may_leap_over_every_bucket():
+    """Up to a hundred expected spikes in a tick."""
+    drive = np.random.default_rng(2).uniform(0, 2e4, (8, 8, 2))
+    circuit = source(Phase(0.3), 10.0, 20)
+    both = (fired(circuit, drive, engine, step_ms=5) for engine in ("spikes", "plain"))
+    one, other = map(trains, both)
+    assert one.keys() == other.keys()
+    for cell, times in one.items():
+        npt.assert_allclose(times, other[cell], atol=1e-9)
