@@ -247,10 +247,13 @@ def test_cells_with_inputs_of_their_own_have_clocks_of_their_own():
         assert len(one ^ three) <= 0.02 * len(three)
 
 
-def test_clocks_may_leap_over_every_bucket():
+@pytest.mark.parametrize("delay_ms", [0.25, 1.0], ids=["tick by tick", "four ticks"])
+def test_clocks_may_leap_over_every_bucket(delay_ms):
     """Up to a hundred expected spikes in a tick."""
     drive = np.random.default_rng(2).uniform(0, 2e4, (8, 8, 2))
     circuit = source(Phase(0.3), 10.0, 20)
+    for path in ("input->ctx", "ctx->SNr"):
+        circuit = circuit.with_projection(path, delay_ms=delay_ms)
     both = (fired(circuit, drive, engine, step_ms=5) for engine in ("spikes", "plain"))
     one, other = map(trains, both)
     assert one.keys() == other.keys()
