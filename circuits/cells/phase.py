@@ -15,6 +15,8 @@ from circuits.checks import check_range, check_types
 
 NODES, REACH = 20_001, 12.0
 """Points x at which the distribution of intervals is inverted: number, and largest |log x| / cv."""
+REGULAR = 1e-6
+"""Below this cv the power, cv^2 of the rate, is lost in rounding."""
 
 
 @register
@@ -39,12 +41,14 @@ class Phase(Cell):
         """Return quantiles of the inverse Gaussian with mean 1 (Cox & Miller 1965)."""
         if self.cv == 0:
             return np.ones_like(probability)
-        from scipy.special import log_ndtr, ndtr
+        from scipy.special import erfcx, ndtr
 
         x = np.exp(np.linspace(-REACH * self.cv, REACH * self.cv, NODES))
-        root = self.cv * np.sqrt(x)
-        returned = np.exp(2 / self.cv**2 + log_ndtr(-(1 + x) / root))
-        return np.asarray(np.interp(probability, ndtr((x - 1) / root) + returned, x))
+        with np.errstate(over="ignore"):  # erfcx(inf) is 0, as it should be
+            below, beyond = (x - 1) / self.cv / np.sqrt(x), (x + 1) / self.cv / np.sqrt(2 * x)
+        # exp(2 / cv^2) times the normal distribution at -(1 + x) / (cv sqrt(x))
+        returned = np.exp(-(below**2) / 2) * erfcx(beyond) / 2
+        return np.asarray(np.interp(probability, ndtr(below) + returned, x))
 
     def varied(self, factors: Array) -> tuple[Cell, float]:
         """Return the same cell; the first factor acts on its rate."""
@@ -63,7 +67,7 @@ def phase_spectrum(cell: Phase, rate_hz: npt.ArrayLike, frequency_hz: npt.ArrayL
     ``exp((1 - sqrt(1 - 2 i omega cv^2/r))/cv^2)``.
     """
     rate = np.asarray(rate_hz, dtype=np.float64)[:, None]
-    if cell.cv == 0:
+    if cell.cv < REGULAR:
         return np.zeros((len(rate), np.size(frequency_hz)))
     turn = 2j * np.pi * np.asarray(frequency_hz) / np.maximum(rate, 1e-9)
     interval = np.exp((1 - np.sqrt(1 - 2 * turn * cell.cv**2)) / cell.cv**2)

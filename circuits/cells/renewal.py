@@ -21,6 +21,10 @@ BINS = 1 << 12
 """Bins of equal probability of a table; the highest bits of a random word choose one."""
 LOW_BITS = 20
 """The other bits of a word, which choose a place within the bin."""
+TAIL = 64
+"""Points at which the longest intervals are averaged."""
+MEAN_WITHIN = 1e-3
+"""How close to 1 the mean of a cell's own quantiles must be."""
 
 
 @cache
@@ -43,8 +47,12 @@ def intervals(cell: Cell) -> Array:
     owner = f"{cell.kind}.interval_quantiles"
     ends = ends.astype(np.float32).astype(np.float64)
     rising = np.isfinite(ends).all() and ends[0] >= 0 and (np.diff(ends) >= 0).all()
+    # Otherwise the last bin would be stretched until it made up for any mean below 1.
+    longest = cell.interval_quantiles(1 - (np.arange(TAIL) + 0.5) / TAIL / BINS).mean()
+    mean = 1 + (longest - ends[-2:].mean()) / BINS
     must = "must be finite, must not fall or be below 0, and must be of intervals whose mean is 1"
-    require(bool(rising), "quantiles", must, ends, owner=owner)
+    good = bool(rising) and abs(mean - 1) < MEAN_WITHIN
+    require(good, "quantiles", must, ends, owner=owner)
     return ends
 
 

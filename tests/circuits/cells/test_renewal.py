@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 from scipy.stats import gamma, invgauss, kstest
 
+from circuits import anatomy
 from circuits.cells import Cell, Phase, Rate, register
 from circuits.cells.renewal import BINS, first_spikes, intervals, wait
 from circuits.circuit import Circuit
@@ -69,9 +70,10 @@ def test_intervals_are_inverse_gaussian_of_mean_1(cv):
     assert kstest(wait(ends, ANY_WORDS), law.cdf).pvalue > 1e-3
 
 
-def test_without_irregularity_every_interval_is_the_mean():
-    assert (wait(intervals(Phase(0.0)), ANY_WORDS) == 1).all()
-    npt.assert_allclose(np.sort(wait(first_spikes(Phase(0.0)), ANY_WORDS)).mean(), 0.5, atol=2e-3)
+@pytest.mark.parametrize("cv", [0.0, 5e-324, 1e-160, 1e-12])
+def test_without_irregularity_every_interval_is_the_mean(cv):
+    assert (wait(intervals(Phase(cv)), ANY_WORDS) == 1).all()
+    npt.assert_allclose(wait(first_spikes(Phase(cv)), ANY_WORDS).mean(), 0.5, atol=2e-3)
 
 
 @pytest.mark.parametrize("cell", [*map(Phase, CVS), Gamma(3.0)], ids=repr)
@@ -172,6 +174,10 @@ def test_neurons_and_spikes_have_words_of_their_own():
     words = noise.train_words(key, cells, counts)
     assert len(np.unique(words)) > len(words) - 10  # two of 120 000 fall together by chance
     assert kstest(words / 2**32, "uniform").pvalue > 1e-3
+    # Nor are they those of starting states, of connections or of factors on constants.
+    fixed = noise.START_TICK, noise.CONNECTIONS_TICK, *(noise.CELLS_TICK + i for i in range(3))
+    first = noise.train_words(key, np.arange(3000), 0)
+    assert not any((noise.words(key, tick, 3000) == first).any() for tick in fixed)
     pairs = words.reshape(3000, 40) / 2.0**32
     for one, other in ((pairs[:, :-1], pairs[:, 1:]), (pairs[:-1], pairs[1:])):
         assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 4 / np.sqrt(one.size)
@@ -180,12 +186,13 @@ def test_neurons_and_spikes_have_words_of_their_own():
 @pytest.mark.parametrize(
     "quantiles",
     [
-        lambda p: np.full_like(p, 1.5),  # a mean above 1
+        lambda p: np.full_like(p, 1.5),
+        lambda p: gamma.ppf(p, 2.0, scale=0.49),
         lambda p: 2 - 2 * p,
         lambda p: 2 * p - 0.1,
         lambda p: np.full_like(p, np.nan),
     ],
-    ids=["mean", "falling", "negative", "nan"],
+    ids=["mean above 1", "mean below 1", "falling", "negative", "nan"],
 )
 def test_quantiles_that_are_none_are_refused(quantiles):
     given = {"__module__": __name__, "interval_quantiles": lambda cell, p: quantiles(p)}
@@ -193,6 +200,19 @@ def test_quantiles_that_are_none_are_refused(quantiles):
     for engine in SPIKING:
         circuit = with_cell(BASE, "STN", kind(2.0))
         one_sentence(lambda c=circuit, e=engine: spikes_of(c, e), "Wrong.interval_quantiles")
+
+
+def test_a_type_without_spikes_transmits_its_line_whatever_it_derives_from():
+    @register
+    @dataclass(frozen=True)
+    class Quiet(Phase):
+        spikes = False
+
+    quiet, rate = (with_cell(BASE, "STN", cell) for cell in (Quiet(0.3), Rate()))
+    for engine in SPIKING:
+        options = {"engine": engine, "step_ms": 10, "settle_ms": 5, "seed": 2}
+        one, other = (run(circuit, np.ones((1, 2, 2)), **options) for circuit in (quiet, rate))
+        npt.assert_array_equal(one.output_nats, other.output_nats)
 
 
 def test_a_train_depends_neither_on_the_number_of_cells_nor_on_other_trials():
@@ -210,3 +230,32 @@ def test_windows_of_many_ticks_and_single_ticks_give_the_same_trains():
     slow = slow.with_projection("ctx->SNr", delay_ms=5.0)
     one, four = fired(circuit, np.zeros((2, 5, 2))), fired(slow, np.zeros((2, 5, 2)))
     assert one.equals(four)
+
+
+def test_cells_with_inputs_of_their_own_have_clocks_of_their_own():
+    """Up to a rounding, which moves a spike by a tick; several trials, of one working memory."""
+    circuit = anatomy.macaque(2).with_neurons(24).with_heterogeneity(0.3).with_connections(0.5)
+    names = tuple(row.name for row in circuit.populations if row.spiking)
+    drive = np.random.default_rng(3).normal(0, 0.5, (4, 2, 2)).cumsum(axis=1)
+    options = {"step_ms": 50, "seed": 4, "settle_ms": 10, "spikes": names}
+    fast, brian2, plain = (run(circuit, drive, engine=name, **options) for name in SPIKING)
+    order = ["trial", "channel", "neuron", "time_ms"]
+    for name in names:
+        tables = (ran.spikes[name][order].round(6) for ran in (fast, brian2, plain))
+        one, two, three = (set(table.itertuples(index=False, name=None)) for table in tables)
+        assert two == three
+        assert len(one ^ three) <= 0.02 * len(three)
+
+
+@pytest.mark.parametrize("delay_ms", [0.25, 1.0], ids=["tick by tick", "four ticks"])
+def test_clocks_may_leap_over_every_bucket(delay_ms):
+    """Up to a hundred expected spikes in a tick."""
+    drive = np.random.default_rng(2).uniform(0, 2e4, (8, 8, 2))
+    circuit = source(Phase(0.3), 10.0, 20)
+    for path in ("input->ctx", "ctx->SNr"):
+        circuit = circuit.with_projection(path, delay_ms=delay_ms)
+    both = (fired(circuit, drive, engine, step_ms=5) for engine in ("spikes", "plain"))
+    one, other = map(trains, both)
+    assert one.keys() == other.keys()
+    for cell, times in one.items():
+        npt.assert_allclose(times, other[cell], atol=1e-9)
