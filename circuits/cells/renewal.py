@@ -8,7 +8,7 @@ exact. Every interval is read from a table of quantiles by a random word.
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ MEAN_WITHIN = 1e-3
 """How close to 1 the mean of a cell's own quantiles must be."""
 
 
-@cache
+@lru_cache(maxsize=64)
 def intervals(cell: Cell) -> Array:
     """Return the ends of bins of equal probability of a cell's intervals, (BINS + 1,).
 
@@ -56,7 +56,7 @@ def intervals(cell: Cell) -> Array:
     return ends
 
 
-@cache
+@lru_cache(maxsize=64)
 def first_spikes(cell: Cell) -> Array:
     """Return the ends of bins of equal probability of the wait for the first spike, (BINS + 1,).
 
