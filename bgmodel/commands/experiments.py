@@ -60,7 +60,7 @@ def experiment(
     seed
         Seed, instead of that in the file.
     engine
-        Engine, instead of that in the file: population takes a second where spikes take minutes.
+        Engine, instead of that in the file: population takes a second where spikes take a minute.
     show
         Print the file of a shipped experiment, and run nothing.
     template
