@@ -14,7 +14,7 @@ from circuits.cells.response import renewal_spectrum
 from circuits.checks import check_range, check_types
 
 NODES, REACH = 20_001, 12.0
-"""Points x at which the distribution of intervals is inverted: number, and largest |log x| / cv."""
+"""Points x at which the distribution is inverted: their number, and how far log x goes, in cv."""
 REGULAR = 1e-6
 """Below this cv the power, cv^2 of the rate, is lost in rounding."""
 
