@@ -161,6 +161,11 @@ class Scheme:
             )
         return self.wiring.deliver @ rates, x, rates
 
+    @cached_property
+    def renewals(self) -> list[Cell]:
+        """Distinct renewal cells, each with a table of intervals."""
+        return list(dict.fromkeys(r.cell for r in self.wiring.rows if r.cell.renewal()))
+
     def constants(self, block: int) -> Constants:
         """Return the constants of a block's cells: scalars, or (neurons,) if heterogeneous.
 

@@ -17,7 +17,6 @@ import pandas as pd
 
 from circuits.activity import Activity, spike_table
 from circuits.arrays import Array
-from circuits.cells import Cell
 from circuits.cells.renewal import intervals
 from circuits.dynamics import noise
 from circuits.dynamics.ticks import Clock
@@ -62,7 +61,6 @@ class BrianNetwork:
         self.sample_ticks = int(np.gcd(clock.settle_ticks, clock.sample_ticks))
         self.groups: dict[str, Group] = {}
         self.connections: list[Group] = []
-        self.intervals: list[list[float]] = []
         for name in layout.units:
             self._units(name)
         self._blocks()
@@ -76,7 +74,7 @@ class BrianNetwork:
             "monitored": [object_name(name) for name in self.spikes],
             "names": names,
             "timed": timed,
-            "intervals": np.array(self.intervals or [[0.0]]),
+            "intervals": np.array([intervals(c) for c in layout.scheme.renewals] or [np.zeros(1)]),
             "groups": self.groups,
             "connections": self.connections,
         }
@@ -179,7 +177,7 @@ class BrianNetwork:
         # The gather is separate: within the tick it would prevent vectorisation.
         cells["code"] = [(1, 1, hear), (2, 1, text.tick)]
         if renewal:
-            names["of_cells"] = self._table(row.cell)
+            names["of_cells"] = layout.scheme.renewals.index(row.cell)
         else:
             cells["code"].insert(0, (0, noise.TICKS_A_WORD, brian_text.DRAW))
         add = "rate_hz_post += a_spike"
@@ -189,13 +187,6 @@ class BrianNetwork:
         if layout.own_inputs:
             add = "arrived_post += a_spike"
             self._connect(name, "own_inputs", layout.cells_to_own(name), add, "a_spike")
-
-    def _table(self, cell: Cell) -> int:
-        """Return the index of a renewal cell's intervals among the tables of the network."""
-        ends = intervals(cell).tolist()
-        if ends not in self.intervals:
-            self.intervals.append(ends)
-        return self.intervals.index(ends)
 
     # ---- results
 

@@ -109,11 +109,6 @@ class _Places:
         return -(-self.cells // lanes.LANES) * lanes.LANES
 
     @cached_property
-    def renewals(self) -> list[Cell]:
-        """Distinct renewal cells."""
-        return list(dict.fromkeys(r.cell for r in self.wiring.rows if r.cell.renewal()))
-
-    @cached_property
     def buckets(self) -> tuple[Array, Array]:
         """Buckets of each block, a power of 2 or 0, and how many are passed per interval."""
         waiting = np.array([row.cell.renewal() for row in self.wiring.rows]) * self.cells
@@ -166,7 +161,7 @@ def _blocks(places: _Places, kept: Any, input_from: Any, own_inputs: Any, of_blo
         wiring.blocks,
         kind=[made.kind for made in places.entries],
         variables=[len(row.cell.state) for row in wiring.rows],
-        table=[_index(places.renewals, row.cell) for row in wiring.rows],
+        table=[scheme.renewals.index(r.cell) if r.cell.renewal() else 0 for r in wiring.rows],
         bucket=np.cumsum(places.buckets[0]) - places.buckets[0],
         buckets=places.buckets[0],
         buckets_per_spike=places.buckets[1],
@@ -252,11 +247,6 @@ def _constants(places: _Places) -> npt.NDArray[np.float32] | None:
     return constants
 
 
-def _index(cells: list[Cell], cell: Cell) -> int:
-    """Return the index of a cell in a list, 0 if it is not there."""
-    return cells.index(cell) if cell in cells else 0
-
-
 def _slow(places: _Places) -> npt.NDArray[np.float32]:
     """Return the factor on the intervals of each renewal cell, 1 for others."""
     slow = np.ones(int(places.filled.sum()), np.float32)
@@ -268,8 +258,8 @@ def _slow(places: _Places) -> npt.NDArray[np.float32]:
 
 
 def _tables(places: _Places, table: Callable[[Cell], Array]) -> npt.NDArray[np.float32]:
-    """Return a table of each distinct renewal cell; one of zeros if there is none."""
-    tables = [table(cell) for cell in places.renewals]
+    """Return a table of each distinct renewal cell; without any, one of zeros."""
+    tables = [table(cell) for cell in places.scheme.renewals]
     return np.array(tables or [np.zeros(renewal.BINS + 1)], dtype=np.float32)
 
 

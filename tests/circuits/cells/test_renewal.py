@@ -88,7 +88,7 @@ def test_the_first_spike_comes_as_in_a_train_without_beginning(cell):
 
 
 def test_a_diffusing_phase_has_these_intervals():
-    """The equation of ``Phase``, ticked as it stands in steps of a two-hundredth of an interval."""
+    """The equation of ``Phase``, in ticks of a two-hundredth of an interval."""
     register(dataclass(frozen=True)(type("Diffusing", (Diffusing,), {"__module__": __name__})))
     cell, count = Diffusing(0.3), 4000
     constants = cell.constants(np.ones(3), 0.1)
