@@ -198,16 +198,15 @@ def touch(
     Raises
     ------
     ValueError
-        If the task is not tactile, there are too few taps for it, or the circuit has a different
-        number of channels.
+        If the task is not tactile, there are too few taps for it, or the circuit does not work in
+        nats or has a different number of channels.
     """
     task = SameDifferent() if task is None else task
     if not isinstance(task, Tactile):
         raise InputError.of("task", "must be a tactile task, such as bg.SameDifferent()", task)
     if model is None:
         model = BasalGanglia(load_circuit(DEFAULT, len(task.names)))
-    channels, must = model.circuit.channels, f"must have {len(task.names)} channels, as the task"
-    require(channels == len(task.names), "model", must, channels)
+    check_model(model, task)
     grating, value = task.stimulus == "grating", float(getattr(task, task.main))
     if values is None:
         values = PERIODS_MM if grating else STEPS_DEG
@@ -245,6 +244,13 @@ def touch(
         axis, curve, matched.curves, matched.table, taught.courses, taught.learned, numbers,
         courses, decided, step_ms, tuple(dict.fromkeys(caught)),
     )  # fmt: skip
+
+
+def check_model(model: BasalGanglia, task: Tactile) -> None:
+    """Raise ValueError for a circuit without nats, or with other channels than alternatives."""
+    model.circuit.check_nats("a learned posterior")
+    channels, must = model.circuit.channels, f"must have {len(task.names)} channels, as the task"
+    require(channels == len(task.names), "model", must, channels)
 
 
 def _one_reading(

@@ -11,7 +11,7 @@ from scipy.stats import norm
 import bgmodel as bg
 from bgmodel import from_taps
 from bgmodel.from_taps import Touched, page, touch
-from bgmodel.learning.dopamine_learner import POPULATIONS, SPIKES, TEST
+from bgmodel.learning.dopamine_learner import POPULATIONS, SPIKES, TEST, criteria
 from bgmodel.learning.reinforce import Learner
 from bgmodel.support.files import checksum, read_provenance, read_table
 from bgmodel.tactile.decoder import EDGE
@@ -72,6 +72,22 @@ def test_a_circuit_of_ones_own_decides_and_leaves_the_test_as_it_is(touched):
     assert not rows[SPIKES].equals(usual[SPIKES])
     with refused("model must have 2 channels, as the task"):
         told(taps_of(), model=bg.BasalGanglia(bg.load_circuit("macaque", 3)))
+
+
+def test_a_circuit_of_saliences_is_refused_in_python_and_by_the_command(tmp_path):
+    with refused("unit not nats"):
+        told(taps_of(), model=bg.BasalGanglia(bg.load_circuit("gpr", 2), gain=0.5))
+    asked = ["touch", tmp_path / "out", "--circuit", "gpr", "--gain", 0.5]
+    assert run(*asked) == 2
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_circuit_that_can_be_read_down_to_0_has_criteria():
+    """Its OUT is -ln P at any P: the surest criterion is one of 0.999."""
+    levels = criteria(bg.BasalGanglia(bg.load_circuit("bogacz_gurney", 2), gain=0.5))
+    assert np.isfinite(levels).all()
+    assert (np.diff(levels) > 0).all()
+    assert levels[-1] == pytest.approx(np.log(999), abs=0.01)
 
 
 def test_reward_sets_the_criteria_at_which_test_and_spikes_decide(touched):

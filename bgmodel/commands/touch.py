@@ -88,6 +88,7 @@ def touch(
     whole("folds", options["folds"], 2)
     _check(asked, recordings, held_out, mm_per_px)
     model = Setup(**setup).model(len(asked.names))
+    from_taps.check_model(model, asked)
     check_settings(asked, {"channels", "period_mm", "step_deg", "a_deg", "b_deg", "first_deg"})
     usual = {"mm_per_px": None} if grating else {"taps": 1000, "held_out_taps": 1200}
     given = {"mm_per_px": mm_per_px, "taps": taps, "held_out_taps": held_out_taps}

@@ -39,6 +39,8 @@ LEVEL, CRITERION = "level", "log odds of the criterion"
 as log odds, on which the threshold on OUT depends: ``ln(1 + exp(-log odds))``."""
 LEVELS, CRITERIA = 16, 40
 """Number of levels and of criteria at which a circuit decides every trial."""
+SUREST_NATS = 1e-3
+"""Lowest OUT that is a criterion, a posterior of 0.999, where a circuit can be read down to 0."""
 WEIGHTS = 10_000_000
 """Most bootstrap weights in memory; many trials have fewer resamples, at least 200."""
 WORSE, LEAST = 2.0, 0.1
@@ -295,7 +297,8 @@ def threshold_of(log_odds: npt.ArrayLike) -> Array:
 def criteria(model: BasalGanglia) -> Array:
     """Return log odds, rising, at which evidence decides, and neither noise nor rest."""
     low, high = model.circuit.readable_nats
-    first, last = -np.log(np.expm1([min(high, rest_out(model.circuit)), low]))
+    ends = min(high, rest_out(model.circuit)), max(low, SUREST_NATS)
+    first, last = -np.log(np.expm1(ends))
     falling = threshold_of(np.linspace(first, last, CRITERIA))
     usable = without_noise_alone(model, deciding_thresholds(model.circuit, falling))
     return np.asarray(-np.log(np.expm1(usable)))
