@@ -45,6 +45,8 @@ NUCLEI = {
 }
 TASK = SameDifferent(period_mm=2.0, t_max=8)
 """Are two taps of gratings, 2 mm apart, of one orientation? A reading every 50 ms."""
+NAMES = ("same", "different")
+"""The alternatives."""
 XI, RUNS, LEARNER = 50.0, 5, Learner(episodes=2000)
 """Cost of an error (readings), number of runs of the learner, and a short course of learning."""
 STEP_MS, SETTLE_MS = 0.2, 100.0
@@ -74,8 +76,8 @@ class Demo:
         posterior = np.exp(-self.threshold_nats)
         return (
             "A simulated TacTip taps gratings, a neural network decodes the angle of each tap, and "
-            "the log-likelihoods of the angles are the evidence: are two gratings the same "
-            f"(alternative 1) or different (2)? One reading every {TASK.step_ms:g} ms.\n"
+            "the log-likelihoods of the angles are the evidence: are two gratings the same or "
+            f"different? One reading every {TASK.step_ms:g} ms.\n"
             f"Reward, minus the readings taken and minus {XI:g} for an error, taught the optimal "
             f"test to decide at a boundary separation of {separation:.2f} nats (best "
             f"{self.learned.best:.2f}; excess cost {self.learned.regret:.1f} %). At the circuit's "
@@ -91,7 +93,7 @@ class Demo:
             return "made no choice before the end"
         truth = np.asarray(self.evidence.truth)[0]
         right = "right" if choice == truth else "wrong"
-        return f"chose alternative {choice + 1} ({right}) after {time_ms:.0f} ms"
+        return f"chose {NAMES[choice]!r} ({right}) after {time_ms:.0f} ms"
 
 
 def demo(seed: int = 1) -> Demo:
@@ -171,8 +173,8 @@ def _evidence(panel: Axes, evidence: Evidence) -> None:
     total = np.concatenate([total, total[-1:]])  # a reading lasts for a step
     channel_lines(panel, _long(np.arange(len(total)) * evidence.step_ms, total), steps=True)
     truth = int(np.asarray(evidence.truth)[0])
-    for i, (line, name) in enumerate(zip(panel.lines, ("same", "different"), strict=True)):
-        line.set_label(f"{i + 1}: {name}" + (" (true)" if i == truth else ""))
+    for i, (line, name) in enumerate(zip(panel.lines, NAMES, strict=True)):
+        line.set_label(name.capitalize() + " (true)" * (i == truth))
     panel.set_ylabel("Evidence\n(nats)")
     legend_above(panel, 4, "Summed log-likelihoods of taps, the input of each channel")
 

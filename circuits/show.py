@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import textwrap
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from html import escape
 from typing import Any
@@ -20,6 +21,8 @@ from circuits.laws.members import loop
 
 ASSUMED = "assumed"
 """Source shown for rows without a citation."""
+WIDTH = 100
+"""Characters of a line of text."""
 
 
 def nuclei(circuit: CircuitTable, resting: Mapping[str, float]) -> pd.DataFrame:
@@ -88,9 +91,10 @@ def courses(circuit: CircuitTable) -> pd.DataFrame:
 
 
 def text(circuit: CircuitTable) -> str:
-    """Return the whole circuit as one page of text."""
+    """Return the whole circuit as one page of text; sources follow the table of their rows."""
     head, tables, foot = _page(circuit)
-    return "\n\n".join([head, *map(_text, tables), foot])
+    before, after = (_wrapped(part.splitlines()) for part in (head, foot))
+    return "\n\n".join([before, *map(_text, tables), after])
 
 
 def html(circuit: CircuitTable) -> str:
@@ -193,13 +197,21 @@ def constants(circuit: CircuitTable) -> str:
 
 def _text(table: pd.DataFrame) -> str:
     """Return a table as text, words aligned left and numbers right."""
-    words: dict[str, Any] = {
-        str(name): f"{{:<{max(column.str.len().max(), len(str(name)))}}}".format
-        for name, column in table.items()
-        if not pd.api.types.is_numeric_dtype(column)
-    }
-    lines = table.to_string(index=False, float_format="{:.4g}".format, formatters=words)
-    return "\n".join(line.rstrip() for line in lines.splitlines())
+    numbers = table.drop(columns="source")
+    words: dict[str, Any] = {}
+    for name, column in list(numbers.items()):
+        if not pd.api.types.is_numeric_dtype(column):
+            left = f"{{:<{max(column.str.len().max(), len(str(name)))}}}".format
+            numbers = numbers.rename(columns={name: left(name)})
+            words[left(name)] = left
+    lines = numbers.to_string(index=False, float_format="{:.4g}".format, formatters=words)
+    rows = table.groupby("source", sort=False)[str(table.columns[0])].agg(", ".join)
+    sources = _wrapped(f"  {names}: {source}" for source, names in rows.items())
+    return "\n".join([*(line.rstrip() for line in lines.splitlines()), "", sources])
+
+
+def _wrapped(lines: Iterable[str]) -> str:
+    return "\n".join(textwrap.fill(line, WIDTH, subsequent_indent="    ") for line in lines)
 
 
 def _source(row: Population | Projection) -> str:
