@@ -29,10 +29,12 @@ OF_TRIALS = {
     "rt_ms": "time from the onset of evidence, ms (or rt_s, s); empty without a response",
     "correct": "1 or 0; empty without a response",
     "anticipatory": "1 if the foreperiod ended in a response, otherwise 0",
-    "ssd_ms": "stop-signal delay, ms; empty in go trials",
-    "deadline_ms": "when a trial without a response ended, ms",
+    "ssd_ms": "stop-signal delay, ms (or ssd_s, s); empty in go trials",
+    "deadline_ms": "when a trial without a response ended, ms (or deadline_s, s)",
 }
 """Columns of the table of trials; ``task`` and a time are required."""
+TIMES = ("rt", "ssd", "deadline")
+"""Columns of times, each with its unit at the end of its name."""
 OF_RATES = {
     "task": "name of the task",
     "trial": "number of the trial",
@@ -119,27 +121,42 @@ def read_tables(
 
 def _rows(source: str | Path | pd.DataFrame, field: str) -> pd.DataFrame:
     if isinstance(source, pd.DataFrame):
-        return source.copy()
+        return source.reset_index(drop=True)  # concatenated tables have the same index twice
     return read_rows(path_of(source, field)).copy()
 
 
 def _trials(table: pd.DataFrame, tasks: dict[str, ExamTask]) -> pd.DataFrame:
-    if "rt_s" in table:
-        require("rt_ms" not in table, "rt_s", "must not stand with rt_ms", "both")
-        table["rt_ms"] = 1000 * _numbers(table, "rt_s")
-    _needs_unit(table, "rt", "rt_ms", "rt_ms or rt_s")
+    for name in TIMES:
+        _in_ms(table, name)
     _known(table, "task", tuple(tasks))
-    for name in ("rt_ms", "correct", "anticipatory", "ssd_ms", "deadline_ms"):
+    for name in ("correct", "anticipatory"):
         table[name] = _numbers(table, name) if name in table else np.nan
     for name in ("correct", "anticipatory"):
         coded = table[name].dropna().isin([0, 1])
         require(coded.all(), name, "must be 1 or 0, or empty", table[name].dropna()[~coded][:1])
-    time = table["rt_ms"]
-    late = time.notna() & ~np.isfinite(time)
-    require(not late.any(), "rt_ms", "must be finite, or empty", time[late][:1])
-    if 0 < time.max() < 10:
-        DataWarning.warn(f"rt_ms is at most {time.max():g}: name the column rt_s if it is in s")
+    scored = table["correct"].notna() & table["rt_ms"].isna()
+    must = "must be empty in trials without a response"
+    require(not scored.any(), "correct", must, table["correct"][scored][:1])
     return _numbered(table, ["task"])[list(OF_TRIALS)]
+
+
+def _in_ms(table: pd.DataFrame, time: str) -> None:
+    """Give the table a column of times in ms, empty where there are none."""
+    name, in_s = f"{time}_ms", f"{time}_s"
+    if in_s in table:
+        require(name not in table, in_s, f"must not stand with {name}", "both")
+        table[name] = 1000 * _numbers(table, in_s)
+    elif time in table or name == "rt_ms":
+        _needs_unit(table, time, name, f"{name} or {in_s}")
+    table[name] = _numbers(table, name) if name in table else np.nan
+    values = table[name].dropna()
+    fits = np.isfinite(values) & ((values >= 0) if time == "ssd" else (values > 0))
+    must = f"must be finite and {'>= 0' if time == 'ssd' else '> 0'}, or empty if there is none"
+    require(fits.all(), name, must, values[~fits][:1])
+    if 0 < values.max() < 10:
+        DataWarning.warn(
+            f"{name} is at most {values.max():g}: name the column {in_s} if it is in s"
+        )
 
 
 def _rates(table: pd.DataFrame, tasks: dict[str, ExamTask]) -> pd.DataFrame:
@@ -155,7 +172,7 @@ def _rates(table: pd.DataFrame, tasks: dict[str, ExamTask]) -> pd.DataFrame:
     require(fits.all(), "rate_hz", f"must be within 0..{HIGHEST_HZ:g} Hz", rate[~fits][:1])
     if {"sd_hz", "trials"} & set(table):
         table = _trials_of_summaries(table)
-    return _numbered(table, ["task", "nucleus", "window", "role"])[list(OF_RATES)]
+    return _numbered(table, ["task", "nucleus", "window", "role"], "nucleus")[list(OF_RATES)]
 
 
 def _trials_of_summaries(table: pd.DataFrame) -> pd.DataFrame:
@@ -197,10 +214,15 @@ def _numbers(table: pd.DataFrame, name: str) -> pd.Series:
         raise InputError(f"{name} must hold numbers: {error}", name) from None
 
 
-def _numbered(table: pd.DataFrame, by: list[str]) -> pd.DataFrame:
-    """Return the table with numbers of trials, by default in their order, each once."""
+def _numbered(table: pd.DataFrame, by: list[str], pooled: str = "") -> pd.DataFrame:
+    """Return the table with numbers of trials, each once.
+
+    Without a column of them, rows are numbered in their order, and no two samples share a number,
+    so that none are compared as pairs; the nuclei of a sample, the ``pooled`` column, share them.
+    """
     if "trial" not in table:
-        return table.assign(trial=table.groupby(by).cumcount())
+        sample = table.groupby([name for name in by if name != pooled]).ngroup()
+        return table.assign(trial=sample * len(table) + table.groupby(by).cumcount())
     numbers = pd.to_numeric(table["trial"], errors="coerce")
     if numbers.notna().all():  # a file holds them as text, which has another order
         table["trial"] = numbers

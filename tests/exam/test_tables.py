@@ -1,9 +1,11 @@
 """Tables from elsewhere: units, names and values that are refused, and others that are read."""
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from bgmodel.exam.exam import Exam
+from bgmodel.exam.measures import MEASURES, Results
 from bgmodel.exam.tables import NotApplicable, read_tables
 from circuits.errors import DataWarning
 from tests.helpers import refusing
@@ -23,6 +25,13 @@ test_bad_tables_are_refused_by_their_column = refusing(
     ((TRIALS.assign(correct=0.5), None), "correct"),
     ((TRIALS.assign(rt_ms="soon"), None), "rt_ms"),
     ((TRIALS.assign(rt_ms=float("inf")), None), "rt_ms"),
+    ((TRIALS.assign(rt_ms=[500.0, 700.0, -1.0]), None), "rt_ms"),
+    ((TRIALS.assign(rt_ms=[500.0, 700.0, 0.0]), None), "rt_ms"),
+    ((TRIALS.assign(ssd=200.0), None), "ssd_ms"),
+    ((TRIALS.assign(ssd_ms=-1.0), None), "ssd_ms"),
+    ((TRIALS.assign(ssd_ms=200.0, ssd_s=0.2), None), "ssd_s"),
+    ((TRIALS.assign(deadline=2000.0), None), "deadline_ms"),
+    ((TRIALS.assign(correct=[1, 0, 0]), None), "correct"),
     ((TRIALS.assign(trial=1), None), "trial"),
     ((None, RATES.rename(columns={"rate_hz": "rate"})), "rate_hz"),
     ((None, RATES.assign(window="noon")), "window"),
@@ -41,11 +50,31 @@ test_bad_tables_are_refused_by_their_column = refusing(
 
 
 def test_seconds_are_read_as_such_and_suspected_in_ms():
-    seconds = TRIALS.assign(rt_s=TRIALS["rt_ms"] / 1000).drop(columns="rt_ms")
-    read = read_tables(seconds, None, TASKS).trials_of("reference")
+    seconds = TRIALS.assign(rt_s=TRIALS["rt_ms"] / 1000, ssd_s=0.2, deadline_s=2)
+    read = read_tables(seconds.drop(columns="rt_ms"), None, TASKS).trials_of("reference")
     assert read["rt_ms"].dropna().tolist() == [500, 700]
-    with pytest.warns(DataWarning):
-        read_tables(TRIALS.assign(rt_ms=0.5), None, TASKS)
+    assert read[["ssd_ms", "deadline_ms"]].to_numpy().tolist() == [[200, 2000]] * 3
+    for wrong in ({"rt_ms": 0.5, "correct": 1}, {"ssd_ms": 0.2}, {"deadline_ms": 2}):
+        with pytest.warns(DataWarning, match="if it is in s"):
+            read_tables(TRIALS.assign(**wrong), None, TASKS)
+
+
+@pytest.mark.parametrize("sums", [False, True])
+def test_rows_without_numbers_of_trials_are_no_pairs(sums):
+    """The difference of two means has both their variances, in whatever order the rows are."""
+    rising = np.sort(np.random.default_rng(1).normal(20, 3, 400))
+    sd = rising.std(ddof=1)
+    one = RATES[:1].assign(sd_hz=sd, trials=400) if sums else RATES.loc[[0] * 400]
+    one = one if sums else one.assign(rate_hz=rising)
+    rates = pd.concat([one, one.assign(task="rest, dopamine loss")])
+    trials = TRIALS.loc[[0] * 400].assign(rt_ms=10 * rising)
+    trials = pd.concat([trials, trials.assign(task="stimulation")])
+    tables = Results(read_tables(trials, rates, TASKS), TASKS, 1)
+    of = {"task": "rest, dopamine loss", "minus_task": "rest"}
+    rate = MEASURES["rate_change"](tables, "STN", "rest", **of)
+    assert rate.se == pytest.approx(sd * np.sqrt(2 / 400))
+    time = MEASURES["time_change"](tables, "stimulation", "reference")
+    assert time.se == pytest.approx(10 * sd * np.sqrt(2 / 400), rel=0.15)
 
 
 def test_the_populations_of_a_nucleus_are_averaged(tmp_path):
