@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from bgmodel.exam import measures, of_circuit
-from bgmodel.exam.measures import MEASURES, Results
+from bgmodel.exam.measures import MEASURES, Results, check_asked
 from bgmodel.exam.numbers import SEED, ExamTask, Number, read_numbers, read_tasks
 from bgmodel.exam.record import COLUMNS, ExamRecord, scored
 from bgmodel.exam.simulation import Simulation
@@ -51,7 +51,8 @@ class Exam:
     Raises
     ------
     ValueError
-        If a number names an unknown measure or task, or has the id of another one.
+        If a number names an unknown measure or task, has another unit than its measure, is always
+        0, or has the id of another one.
     """
 
     version: str
@@ -63,8 +64,7 @@ class Exam:
         twice = sorted({one for one in ids if ids.count(one) > 1})
         require(not twice, "id", "must differ from those of all other numbers", twice)
         for one in self.numbers:
-            must = f"must be one of {', '.join(MEASURES)}"
-            require(one.measure in MEASURES, "measure", must, one.measure, owner=one.id)
+            check_asked(one)
             for key, name in one.tasks():
                 must = f"must be one of {', '.join(self.tasks)}"
                 require(name in self.tasks, key, must, name, owner=one.id)
@@ -105,6 +105,8 @@ class Exam:
     def of(self, ids: Iterable[str]) -> Exam:
         """Return the exam with some of its numbers."""
         chosen = set(ids)
+        unknown = sorted(chosen - {one.id for one in self.numbers})
+        require(not unknown, "id", "must be those of numbers", unknown)
         return replace(self, numbers=tuple(one for one in self.numbers if one.id in chosen))
 
     def check(self, circuit: Circuit | str | Path, edits: Iterable[str] = ()) -> None:

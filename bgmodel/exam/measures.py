@@ -7,6 +7,7 @@ are in ``of_circuit``.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -16,14 +17,14 @@ import pandas as pd
 
 from bgmodel.bootstrap import resampled
 from bgmodel.deciding.measures import mean
-from bgmodel.exam.numbers import ExamTask
+from bgmodel.exam.numbers import ExamTask, Number
 from bgmodel.exam.simulation import MOST_MISSED, Simulation
 from bgmodel.exam.tables import Failed, NotApplicable, Tables
 from bgmodel.stopping.estimates import inhibition_function, ssrt_by_delay
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.support.seeds import stream
 from circuits.arrays import Array
-from circuits.errors import InputError
+from circuits.errors import InputError, require
 
 RESAMPLES, FEW_RESAMPLES = 400, 100
 FEWEST = 20
@@ -73,12 +74,41 @@ Statistic = Callable[[pd.DataFrame, Array], Array]
 Measure = Callable[..., Estimate]
 MEASURES: dict[str, Measure] = {}
 """Measures by name."""
+PERCENT = "%"
+UNITS = dict.fromkeys(("rate", "rate_change", "blocked", "beta_peak"), "Hz")
+UNITS |= dict.fromkeys(("time_change", "time_interaction", "failed_minus_go", "ssrt_change"), "ms")
+UNITS |= dict.fromkeys(("extra_time", "designed"), "ms")
+UNITS |= dict.fromkeys(("accuracy_change", "anticipation_change", "respond_change"), "proportion")
+"""Units of measures in which a number could be in another one."""
 
 
 def measure(function: Measure) -> Measure:
     """Register a measure under the name of its function."""
     MEASURES[function.__name__] = function
     return function
+
+
+def check_asked(number: Number) -> None:
+    """Refuse a number whose measure is unknown, whose unit is another, or which is always 0."""
+    must = f"must be one of {', '.join(MEASURES)}"
+    require(number.measure in MEASURES, "measure", must, number.measure, owner=number.id)
+    try:
+        bound = inspect.signature(MEASURES[number.measure]).bind(None, **number.of)
+    except TypeError as error:
+        raise InputError(f"{number.id}: of does not fit {number.measure}: {error}", "of") from None
+    if unit := UNITS.get(number.measure):
+        of, units = str(number.of.get("unit", unit)), {unit: unit, "percent": PERCENT}
+        require(of in units, "of", 'must have unit = "percent", or none', of, owner=number.id)
+        must = f"must be {units[of]}, that of {number.measure}"
+        if "unit" in bound.signature.parameters and of == unit:
+            must += ', or "%" with unit = "percent" in of'
+        require(number.unit == units[of], "unit", must, number.unit, owner=number.id)
+    bound.apply_defaults()
+    given = bound.arguments
+    less = {name: value for name, value in given.items() if name.startswith("minus_")}
+    same = [value in ("", given.get(name.removeprefix("minus_"))) for name, value in less.items()]
+    if less and all(same):
+        raise InputError(f"{number.id}: {', '.join(less)}: nothing differs, it is always 0", "of")
 
 
 def aligned(results: Results, *tasks: str) -> tuple[list[pd.DataFrame], Array]:
@@ -292,6 +322,8 @@ def hick_slope(results: Results, tasks: str) -> Estimate:
 def slope_over(results: Results, names: list[str]) -> Estimate:
     """Return the slope of the mean times of tasks over the logarithm of their alternatives, ms."""
     x = np.log([results.tasks[name].channels for name in names])
+    if not np.ptp(x):
+        raise NotApplicable("a slope needs tasks with different numbers of alternatives")
     about = (x - x.mean()) / ((x - x.mean()) ** 2).sum()
     total, variance, count = 0.0, 0.0, 0
     for name, weight in zip(names, about, strict=True):

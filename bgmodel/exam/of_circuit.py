@@ -22,9 +22,9 @@ from bgmodel.support.seeds import stream
 from bgmodel.task import Gaussian
 from circuits.arrays import Array
 from circuits.circuit import Circuit
-from circuits.declaration.rows import GLUTAMATE, Projection
+from circuits.declaration.rows import GLUTAMATE, SYNAPSES, Projection
 from circuits.dynamics.fixed_point import rest, wired
-from circuits.errors import quiet
+from circuits.errors import quiet, require
 from circuits.laws.fluctuation import rate_spectrum
 from circuits.store import once
 
@@ -60,6 +60,8 @@ def blocked(results: Results, nucleus: str, receptors: str) -> Estimate:
     if not names:
         raise NotApplicable(f"there is no nucleus {nucleus}")
     chosen = {name.strip() for name in receptors.split(",")}
+    must = f"must be among {', '.join(SYNAPSES)}"
+    require(chosen <= {*SYNAPSES}, "receptors", must, receptors)
     wiring = wired(circuit)
     at_rest = wiring.deliver @ wiring.rates(rest(wiring)) + wiring.constant
     open_to = np.ones(wiring.units)

@@ -14,6 +14,7 @@ from bgmodel.experiments.models import DecisionModel
 from bgmodel.support.seeds import stream
 from circuits.anatomy import load_circuit
 from circuits.dynamics.fixed_point import resting_hz
+from tests.helpers import refused
 
 TASKS = Exam.shipped().tasks
 
@@ -171,6 +172,8 @@ def test_a_block_needs_cells_and_their_receptors():
     with pytest.raises(NotApplicable):
         blocked(load_circuit("bogacz_gurney"), "SNr", "GABA-A")
     named = circuit.set("STN->SNr.synapse", "NMDA")
+    with refused("receptors"):
+        blocked(circuit, "GPe", "AMPA, GABA-a")
     assert blocked(named, "SNr", "NMDA") == blocked(circuit, "SNr", "AMPA, NMDA")
 
 

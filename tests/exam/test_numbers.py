@@ -16,6 +16,7 @@ GIVEN = {
     "of": {"nucleus": "STN", "window": "rest", "task": "rest"}, "source": "nobody",
     "mark": "read", "how": "a test",
 }  # fmt: skip
+TASKS = Exam.shipped().tasks
 OFF_MS = 300.0
 """Time outside the decision that the list assumes."""
 
@@ -61,6 +62,27 @@ def test_a_file_adds_numbers_and_marks_the_version(tmp_path):
     file.write_text("domain = 1")
     with pytest.raises(InputError):
         read_numbers(file)
+
+
+CHANGE = {"task": "reference", "minus_task": "stimulation"}
+test_a_number_that_its_measure_could_not_answer_is_refused = refusing(
+    ({"unit": "kHz"}, "unit"),
+    ({"of": GIVEN["of"] | {"rolle": "all"}}, "of"),
+    ({"of": {"nucleus": "STN", "task": "rest"}}, "of"),
+    ({"measure": "rate_change"}, "of"),
+    ({"measure": "time_change", "unit": "s", "of": CHANGE}, "unit"),
+    ({"measure": "time_change", "unit": "%", "of": CHANGE}, "unit"),
+    ({"measure": "time_change", "unit": "%", "of": CHANGE | {"unit": "%"}}, "of"),
+    ({"measure": "time_change", "unit": "ms", "of": CHANGE | {"unit": "percent"}}, "unit"),
+    ({"measure": "time_change", "unit": "ms", "of": CHANGE | {"minus_task": "reference"}}, "of"),
+    ({"measure": "accuracy_change", "unit": "%", "of": CHANGE}, "unit"),
+    of=lambda wrong: Exam("", (Number(**GIVEN | {"value": 3.0, "se": 1.0} | wrong),), TASKS),
+)
+
+
+def test_an_exam_of_unknown_numbers_is_refused():
+    with refused("id must be those of numbers"):
+        Exam.shipped().of(["rest.stn", "rest.sn"])
 
 
 def test_patients_under_conflict_have_the_numbers_of_the_list():
