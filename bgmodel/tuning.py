@@ -8,7 +8,7 @@ Numbers that are held out, and seeds that tune nothing, show what the tuning is 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from bgmodel.exam.measures import Estimate
 from bgmodel.exam.numbers import Number
 from bgmodel.exam.record import scored
 from bgmodel.exam.tables import NotApplicable, rows_of
-from bgmodel.experiments.expected import AGREES
+from bgmodel.experiments.expected import AGREES, UNANSWERED
 from bgmodel.experiments.models import DecisionModel, model_of
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.saved import Facts
@@ -28,7 +28,7 @@ from bgmodel.support.tables import Readable
 from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.dynamics.fixed_point import resting_hz
-from circuits.errors import require
+from circuits.errors import DataWarning, require
 from circuits.laws.family import failures
 from circuits.laws.members import directions, moved
 
@@ -128,8 +128,8 @@ def tune(
     ------
     InputError
         For an id that is unknown, given twice, or both tuned and held out; without held-out
-        numbers or free directions; for a seed that both tunes and scores; or for an unknown
-        direction.
+        numbers or free directions; for a seed that both tunes and scores; for an unknown
+        direction; or if the circuit answers none of the numbers.
     """
     exam = Exam.shipped() if exam is None else exam
     lists = {TUNED: list(numbers), HELD_OUT: list(held_out)}
@@ -140,7 +140,14 @@ def tune(
     require(apart, "scoring_seeds", "must be one or more that differ from seed", scoring_seeds)
     base = model_of(circuit)
     asked = {name: exam.of(ids) for name, ids in lists.items()}
+    _warn_of_same(asked)
     lows, highs, start = _box(base, free, asked[TUNED])
+    answers = _scores(base, asked[TUNED], seed, share, workers, closed=True)
+    silent = [str(row["id"]) for row in answers if row["outcome"] == UNANSWERED]
+    must = f"must be answered by {base.name}, which answers none of these"
+    require(len(silent) < len(answers), "numbers", must, silent)
+    if silent:
+        DataWarning.warn(f"{base.name} does not answer {', '.join(silent)}: they tune nothing")
     tried = 0
 
     def at(point: Array) -> DecisionModel:
@@ -174,9 +181,9 @@ def tune(
 
 def _check_ids(exam: Exam, lists: Mapping[str, list[str]]) -> None:
     known = {one.id for one in exam.numbers}
-    fields = {TUNED: "numbers", HELD_OUT: "held_out"}
+    arguments = {TUNED: "numbers", HELD_OUT: "held_out"}
     for name, ids in lists.items():
-        field = fields[name]
+        field = arguments[name]
         require(len(ids) > 0, field, "must name one or more numbers of the exam", ids)
         for one in ids:
             require(one in known, field, f"must be among {', '.join(sorted(known))}", one)
@@ -184,6 +191,17 @@ def _check_ids(exam: Exam, lists: Mapping[str, list[str]]) -> None:
         require(not twice, field, "must name each number once", twice)
     both = sorted({*lists[TUNED]} & {*lists[HELD_OUT]})
     require(not both, "held_out", "must not be among the numbers that are tuned", both)
+
+
+def _warn_of_same(asked: Mapping[str, Exam]) -> None:
+    """Warn of held-out numbers that are values of what is tuned, and so test nothing else."""
+    tuned = {(one.measure, *sorted(one.of.items())): one.id for one in asked[TUNED].numbers}
+    for one in asked[HELD_OUT].numbers:
+        if same := tuned.get((one.measure, *sorted(one.of.items()))):
+            DataWarning.warn(
+                f"{one.id} is held out, but asks for what {same} is tuned to: the circuit has one "
+                "value of both, so that it tests nothing else"
+            )
 
 
 def _moved(base: DecisionModel, values: dict[str, float]) -> DecisionModel:
@@ -216,9 +234,15 @@ def _box(
             require(name in present, "free", "must be free directions of the circuit", name)
         else:
             row, _, field = name.rpartition(".")
-            has = row in circuit and isinstance(getattr(circuit[row], field, None), int | float)
-            require(has, "free", "must be fields of rows, such as SNr.baseline_hz", name)
+            kinds = {f.name: f.type for f in fields(circuit[row])} if row in circuit else {}
+            real = kinds.get(field) == "float"
+            require(real, "free", "must be real fields of rows, such as SNr.baseline_hz", name)
         value = present[name] if present else float(getattr(circuit[row], field))
+        if not low <= value <= high:
+            DataWarning.warn(
+                f"{name} of {base.name}, {value:g}, lies outside {low:g} to {high:g}: the search "
+                "begins at the nearest end, and what it finds may be worse"
+            )
         start.append(np.clip((value - low) / (high - low), 0, 1))
     box = np.array([*free.values()], dtype=np.float64)
     return box[:, 0], box[:, 1], np.array(start)

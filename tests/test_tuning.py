@@ -7,8 +7,9 @@ from bgmodel import tuning
 from bgmodel.tuning import tune
 from circuits.anatomy import load_circuit
 from circuits.dynamics.fixed_point import resting_hz
+from circuits.errors import DataWarning
 from circuits.laws.family import failures
-from tests.helpers import refusing
+from tests.helpers import refused, refusing
 
 FREE = {"SNr.baseline_hz": (0.0, 60.0), "STN.gain_hz_per_nat": (8.0, 30.0)}
 GIVEN = {"numbers": ["rest.snr"], "free": FREE, "held_out": ["rest.gpe"], "evaluations": 1}
@@ -28,7 +29,8 @@ def at_the_fixed_point(monkeypatch):
 def test_resting_rates_are_met_within_the_family(at_the_fixed_point):
     """SNr rests at ``baseline + gain ln 2``, and STN at ``gain Sigma0 / 2``."""
     numbers = ["rest.snr", "rest.stn"]
-    tuned = tune("macaque_small", numbers, FREE, held_out=["rest.stn.task"], evaluations=60)
+    with pytest.warns(DataWarning, match="rest.stn.task is held out, but asks for what rest.stn"):
+        tuned = tune("macaque_small", numbers, FREE, held_out=["rest.stn.task"], evaluations=60)
     assert tuned.values["SNr.baseline_hz"] == pytest.approx(69.3 - 36 * np.log(2), abs=0.3)
     assert tuned.values["STN.gain_hz_per_nat"] == pytest.approx(2 * 19 / 2.2, abs=0.2)
     for channels in (2, 4):
@@ -55,6 +57,18 @@ def test_fields_of_a_circuit_outside_the_family_are_set_as_they_are(at_the_fixed
     free = {"SNr.baseline_hz": (0.0, 60.0)}
     tuned = tune(circuit, ["rest.snr"], free, held_out=["rest.gpe"], evaluations=40)
     assert resting_hz(tuned.model.circuit(2))["SNr"] == pytest.approx(69.3, abs=0.5)
+
+
+def test_a_range_without_the_present_value_and_unanswered_numbers_are_doubted(at_the_fixed_point):
+    given = {"held_out": ["rest.gpe"], "evaluations": 1}
+    with pytest.warns(DataWarning, match="20, lies outside 150 to 190"):
+        tune("macaque_small", ["rest.snr"], {"SNr.baseline_hz": (150, 190)}, **given)
+    with pytest.warns(DataWarning, match="does not answer rest.fsi"):
+        tune("macaque_small", ["rest.snr", "rest.fsi"], FREE, **given)
+    with refused("numbers must be answered by macaque_small"):
+        tune("macaque_small", ["rest.fsi"], FREE, **given)
+    with refused("free must be real fields"):  # neurons are whole: no other number is a circuit
+        tune("stewart", ["rest.stn"], {"STN.neurons": (10, 1000)}, **given)
 
 
 test_a_tuning_that_could_not_be_judged_is_refused = refusing(
