@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Self
 
 from circuits.declaration.courses import Course
-from circuits.declaration.edits import VERBS, Edit, Edits
+from circuits.declaration.edits import VERBS, Edit, Edits, overlapping
 from circuits.declaration.row_edits import NAMES, naming, new_rows
 from circuits.declaration.rows import Population, Projection
 from circuits.declaration.table import CircuitTable
@@ -252,6 +252,9 @@ class Circuit(EditableTable):
         circuit = circuit._called(edits.of("lesion", "clamp", "cut", "block", "scale", "dopamine"))
         if not edits.compensates:
             return circuit
+        for edit in edits.of("set"):
+            if edit.field == "bias_nats" and edit.row in self:  # compensation would set it again
+                raise overlapping(edit, edits.of("compensate", "rebound")[0])
         rebound = {edit.row: float(edit.value) for edit in edits.of("rebound")}
         return circuit.compensate(self, rebound_nats=rebound)
 

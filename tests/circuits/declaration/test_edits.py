@@ -241,6 +241,14 @@ def test_two_edits_of_one_number_are_refused_with_both(one, other):
         assert repr(other) in str(error.value)
 
 
+@pytest.mark.parametrize("last", ["compensate", "rebound SNr 0.1"])
+def test_a_bias_that_compensation_would_set_again_is_refused(last):
+    with refused("edits edit the same number"):
+        TABLE.edited("set GPe.bias_nats 0.3", last)
+    copied = ("add TRN like=STN", "set TRN.bias_nats -1")  # it has no rate to return to
+    assert TABLE.edited(*copied, last)["TRN"].bias_nats == -1
+
+
 @pytest.mark.parametrize(
     "lines",
     [
