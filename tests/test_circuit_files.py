@@ -9,6 +9,7 @@ from bgmodel.support.files import provenance_path
 from circuits import anatomy
 from circuits.declaration import table_writer
 from circuits.declaration.table_writer import digest
+from circuits.errors import EditWarning
 from tests.helpers import GOOD, run
 
 SMALL = ["--task", "trials=100", "t_max=6", "--engine", "rate"]
@@ -59,6 +60,19 @@ def test_a_file_runs_as_the_table_that_it_was_written_from(here, command):
     assert about(here / "a.csv")["circuit"] == about(here / "b.csv")["circuit"] == behind
     assert about(here / "a.csv")["command"]["circuit"] == "spiking_msprt"
     assert about(here / "b.csv")["command"]["circuit"]["file"] == "mine.toml"
+
+
+def test_a_file_is_exact_only_if_its_rows_are_and_rows_that_fit_any_number_are_no_mistake(here):
+    exact = anatomy.bogacz_gurney(2)
+    rows = tuple(replace(p, weight=p.weight / 2) if p.name == "STN->SNr" else p
+                 for p in exact.projections)  # fmt: skip
+    table_writer.write(replace(exact, projections=rows), "mine.toml")
+    with pytest.warns(EditWarning, match="OUT is not -ln P: sum: .*off by -0.5$") as caught:
+        assert not anatomy.load_circuit("mine.toml").exact
+    assert len(caught) == 1  # biases of bogacz_gurney are the same for any number of channels
+    for exact in (anatomy.bogacz_gurney(3), anatomy.appendix_b(4)):
+        table_writer.write(replace(exact, name="other"), f"{exact.name}.toml")
+        assert anatomy.load_circuit(f"{exact.name}.toml").exact
 
 
 def test_the_hash_in_a_result_is_that_of_the_circuit_as_edited(here):

@@ -22,6 +22,7 @@ from circuits.anatomy.stewart import stewart
 from circuits.circuit import Circuit
 from circuits.declaration import table_writer
 from circuits.errors import EditWarning, InputError, require
+from circuits.laws.family import failures
 
 __all__ = [
     "CIRCUITS", "DEFAULT", "appendix_b", "bogacz_gurney", "checked_circuit", "gpr", "humphries",
@@ -114,16 +115,19 @@ def is_included(circuit: Circuit) -> bool:
 
 def _own(circuit: Circuit, path: Path) -> Circuit:
     """Return the circuit of a file under a name that no included circuit has."""
+    if circuit.exact and (fails := failures(circuit)):
+        EditWarning.warn(f"{path.name} states exact = true, but its OUT is not -ln P: {fails[0]}")
+        circuit = replace(circuit, exact=False)
     if circuit.name not in CIRCUITS or is_included(circuit):
         return circuit
     make = CIRCUITS[circuit.name]
-    for channels in range(2, MOST_COMPARED + 1):
-        if channels != circuit.channels and make(channels).populations == circuit.populations:
-            EditWarning.warn(
-                f"{path.name} is for {circuit.channels} channels, but its rows, whose biases "
-                f"depend on that number, are those of {circuit.name} for {channels}: write the "
-                f"file again with `bgmodel circuit show {circuit.name} --channels "
-                f"{circuit.channels} --save`"
-            )
-            break
+    counts = range(2, MOST_COMPARED + 1)
+    fits = [count for count in counts if make(count).populations == circuit.populations]
+    if len(fits) == 1 and fits != [circuit.channels]:  # the rows of some tables fit any number
+        EditWarning.warn(
+            f"{path.name} is for {circuit.channels} channels, but its rows, whose biases "
+            f"depend on that number, are those of {circuit.name} for {fits[0]}: write the "
+            f"file again with `bgmodel circuit show {circuit.name} --channels "
+            f"{circuit.channels} --save`"
+        )
     return replace(circuit, name=path.stem)
