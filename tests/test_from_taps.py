@@ -170,7 +170,7 @@ def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
 
 
 ALGEBRA = ("--engine", "algebra")
-FEW = ("--task", "trials=60", "t_max=12")
+FEW = ("--task", "trials=100", "t_max=12")
 EDGES = ("--task", "edge-turn", "step_deg=5")
 DOPAMINE = ("--what", "dopamine", *FEW, "--runs", 1, "--levels", 3, "--learner", "episodes=500")
 GRATINGS = ("--task", "same-different", "period_mm=2")

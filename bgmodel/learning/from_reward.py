@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.bootstrap import shown
+from bgmodel.bootstrap import FEWEST_TRIALS, check_trials, shown
 from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import threshold_from_posterior
@@ -195,7 +195,7 @@ def learn(
         circuit.
     posterior : float, optional
         Posterior at which a circuit stops at a level of 1 (0.68 by default), or at which trials
-        stop while weights are learned (0.9).
+        stop while weights are learned (0.9); not of a threshold, which is what is learned.
     learner : Learner or WeightLearner, optional
         Number of episodes, step sizes and exploration.
     taps : DataFrame or path, optional
@@ -270,9 +270,11 @@ def planned(
         must = "must have 2 alternatives for the boundary separation of the test"
         require(task.channels == 2, "channels", must, task.channels)
         begun = START_GAP if start is None else float(start)
-        check_start(begun, "start")
+        check_start(begun, "start", more.get("policy"))
         return partial(_of_test, task, begun, source, **same, **more)
     _know(more, "levels")
+    must = "must be left out: it is what the circuit learns, and start is its log odds"
+    require(posterior is None or what == DOPAMINE, "posterior", must, posterior)
     engine = engine_of(model.engine)
     require(engine.timed, "engine", "must be one with times, such as rate", engine.id)
     model.circuit.check_nats("a stopping posterior")
@@ -409,14 +411,15 @@ def _learned_and_scored(
 ) -> tuple[Evidence, Evidence]:
     """Return the trials for learning, and others on which regret is measured."""
     if not isinstance(task, EvidenceTable):
+        check_trials(trials)
         asked = task.changed(trials=trials)
         return (
             trials_of(asked, seed, "learn", **source).evidence,
             trials_of(asked, seed, "learn, scored", **source).evidence,
         )
     evidence = trials_of(task, seed, "learn").evidence
-    if evidence.trials < 2:
-        raise InputError("evidence must hold 2 trials or more: half are scored", "evidence")
+    must = f"must hold {FEWEST_TRIALS} trials or more: half are scored"
+    require(evidence.trials >= FEWEST_TRIALS, "evidence", must, evidence.trials)
     # Every second trial of each truth: a table may list its truths in turn.
     order = np.argsort(needed_truth(evidence), kind="stable")
     second = np.argsort(order, kind="stable") % 2 == 1

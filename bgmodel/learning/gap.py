@@ -93,23 +93,27 @@ def search_folds(
     return pd.concat(rows, ignore_index=True)
 
 
-def check_start(start_separation: float, field: str = "start_separation") -> None:
+def check_start(
+    start_separation: float, field: str = "start_separation", policy: GaussianPolicy | None = None
+) -> None:
     """Raise ValueError, naming a field, if learning can't start from this gap."""
-    low, high = SEPARATIONS
+    low, high = SEPARATIONS if policy is None else policy.bounds
     if not low <= start_separation <= high:
         raise InputError.of(field, f"must be within {low:g}..{high:g} nats", start_separation)
 
 
 def policy_for(policy: GaussianPolicy | None, optima: Sequence[OptimalThreshold]) -> GaussianPolicy:
     """Return the policy, by default Gaussian with the best gaps inside; warn if it excludes one."""
-    best, (least, most) = max(optimum.boundary_separation for optimum in optima), SEPARATIONS
+    gaps, (least, most) = [optimum.boundary_separation for optimum in optima], SEPARATIONS
+    best = max(gaps)
     if policy is None:
         return GaussianPolicy(bounds=(least, most if best < most else WIDER * best))
-    top = policy.bounds[1]
-    if best >= top:
+    bottom, top = policy.bounds
+    if best >= top or min(gaps) <= bottom:
         RangeWarning.warn(
-            f"the best gap, {best:.2f} nats, is outside the range that the policy can learn, up to "
-            f"{top:.2f} nats: regret includes this; give a lower xi or wider bounds"
+            f"the best gap, {best if best >= top else min(gaps):.2f} nats, is outside the range "
+            f"that the policy can learn, {bottom:.2f} to {top:.2f} nats: regret includes this; "
+            "give another xi or wider bounds"
         )
     return policy
 
@@ -132,7 +136,7 @@ def learn_sources(
     random-number streams, so that it is independent of the others.
     """
     for start in starts:
-        check_start(start, "starts")
+        check_start(start, "starts", policy)
     runs = list(product(range(len(sources)), starts, range(repeats)))
     draws = []
     for i, start, k in runs:
@@ -259,7 +263,7 @@ def learn_gap(
     Returns one row per trial and run (dopamine is the reward prediction error), and
     learned_separation, regret, optimal_separation and optimal_cost.
     """
-    check_start(start_separation)
+    check_start(start_separation, policy=policy)
     optimum = optimal_separation(*increments(readings), xi, t_max=t_max)
     learned = learn_sources(
         [readings],

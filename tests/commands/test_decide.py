@@ -126,7 +126,7 @@ def test_json_of_decide_holds_every_trial(tmp_path, capsys):
 
 
 SHORT = ("--runs", 2, "--learner", "episodes=600")
-FEW = ("--task", "trials=40", "t_max=10", "--levels", 4)
+FEW = ("--task", "trials=100", "t_max=10", "--levels", 4)
 COURSE = ["run", "episode", "mean", "played", "reward", "dopamine"]
 
 
@@ -183,12 +183,12 @@ def test_what_a_level_costs_is_measured_on_trials_that_were_not_learned_from(tmp
 
     monkeypatch.setattr("bgmodel.learning.dopamine_learner.level_outcomes", watched)
     rng = stream(1, "table")
-    read = [(n, n % 3 % 2, rng.normal(0.5 - (n % 3 % 2), 1, 8)) for n in range(20)]
+    read = [(n, n % 3 % 2, rng.normal(0.5 - (n % 3 % 2), 1, 8)) for n in range(100)]
     rows = [f"{n},{t},{x:.4f},0,{'ab'[side]}" for n, side, xs in read for t, x in enumerate(xs)]
     mine = tmp_path / "mine.csv"
     mine.write_text("\n".join(["trial,step,ll_a,ll_b,truth", *rows]))
     few = ("--what", "dopamine", "--levels", 4, "--runs", 1, "--learner", "episodes=600")
-    for task in (("--task", mine), ("--task", "trials=40", "t_max=10")):
+    for task in (("--task", mine), ("--task", "trials=100", "t_max=10")):
         seen.clear()
         assert run("learn", "--save", tmp_path / "out.csv", *task, *few, "--force") == 0
         (seed, learned), (other, scored) = seen

@@ -20,7 +20,7 @@ from bgmodel.learning.from_reward import (
     learn,
 )
 from bgmodel.learning.gap import learn_gap
-from bgmodel.learning.reinforce import Learner
+from bgmodel.learning.reinforce import GaussianPolicy, Learner
 from bgmodel.tactile.task import EdgeDirection, EdgeTurn, SameDifferent
 from bgmodel.task import Gaussian
 from bgmodel.trials.task_trials import EvidenceTable
@@ -144,15 +144,15 @@ def test_the_test_learns_from_a_table_as_from_the_task_that_its_readings_are_of(
 
 @pytest.mark.parametrize("order", ["in turn", "in blocks", "at random"])
 def test_both_halves_of_a_table_have_the_same_truths(order, tmp_path):
-    truth = np.arange(60) % 2
+    truth = np.arange(120) % 2
     rng = bg.stream(2)
     truth = {"in turn": truth, "in blocks": np.sort(truth)}.get(order, rng.permutation(truth))
-    values = bg.stream(1).normal(size=(60, 2, 2))
+    values = bg.stream(1).normal(size=(120, 2, 2))
     long_table(bg.Evidence(values, truth)).to_csv(tmp_path / "mine.csv", index=False)
     halves = _learned_and_scored(EvidenceTable(tmp_path / "mine.csv"), 7, {}, 0)
-    assert [np.bincount(each.truth).tolist() for each in halves] == [[15, 15]] * 2
+    assert [np.bincount(each.truth).tolist() for each in halves] == [[30, 30]] * 2
     trials = np.concatenate([each.log_likelihood for each in halves])
-    assert len({each.tobytes() for each in trials}) == 60
+    assert len({each.tobytes() for each in trials}) == 120
 
 
 test_what_cannot_be_learned_is_one_sentence = refusing(
@@ -171,7 +171,10 @@ test_what_cannot_be_learned_is_one_sentence = refusing(
     ({"what": WEIGHTS, "learner": SHORT}, "learner"),
     ({"learner": WeightLearner()}, "learner"),
     ({"model": replace(RATE, engine="algebra")}, "engine"),
-    ({"model": RATE, "start": 9.0, "trials": 40}, "start"),
+    ({"model": RATE, "start": 9.0, "trials": 100}, "start"),
+    ({"model": RATE, "trials": 99}, "trials"),
+    ({"model": RATE, "what": THRESHOLD, "posterior": 0.9}, "posterior"),
+    ({"policy": GaussianPolicy(bounds=(4.0, 8.0))}, "start"),
     of=lambda changes: learn(**({"task": SameDifferent()} | changes)),
 )
 

@@ -89,3 +89,6 @@ def test_a_policy_that_cannot_learn_the_best_gap_is_said_to():
         assert policy_for(policy, [OptimalThreshold(9.0, 1.0)]) is policy
     with unwarned():
         policy_for(policy, [OptimalThreshold(7.0, 1.0)])
+    above = GaussianPolicy(bounds=(4.0, 8.0))
+    with pytest.warns(RangeWarning, match="the best gap, 0.80 nats, .* 4.00 to 8.00 nats"):
+        policy_for(above, [OptimalThreshold(0.8, 1.0), OptimalThreshold(5.0, 1.0)])
