@@ -14,7 +14,7 @@ from bgmodel.support import toml_files
 from bgmodel.support.checks import check_positive, check_range, whole
 from bgmodel.task import Gaussian
 from circuits.declaration.edits import Edits
-from circuits.errors import InputError, require
+from circuits.errors import DataWarning, InputError, require
 
 SHIPPED = Path(__file__).with_name("shipped")
 OF_CIRCUITS = ("stop_nats", "edits")
@@ -117,6 +117,9 @@ class Space:
         require(0 < self.share < 1, "share", "must be between 0 and 1", self.share)
         check_range(0, 1000, non_decision_sd_ms=self.non_decision_sd_ms)
         check_range(0, self.longest_ms, stop_delay_ms=self.stop_delay_ms)
+        for name in ("non_decision_sd_ms", "stop_delay_ms"):
+            if 0 < (value := getattr(self, name)) < 1:
+                DataWarning.warn(f"{name} is {value:g}: is it in seconds?")
         for text in self.edits:
             Edits(split(text))
 

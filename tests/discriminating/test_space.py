@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from bgmodel.discriminating.space import Probe, Space, check_space, search
-from tests.helpers import refused
+from circuits.errors import DataWarning
+from tests.helpers import refused, unwarned
 
 
 def test_the_shipped_space_is_read_and_tests_lack_its_nuclei():
@@ -40,6 +41,14 @@ def test_a_wrong_space_is_refused_in_one_sentence(text, field, tmp_path):
     path.write_text(text)
     with refused(field):
         check_space(path)
+
+
+@pytest.mark.parametrize("name", ["non_decision_sd_ms", "stop_delay_ms"])
+def test_times_in_seconds_are_doubted(name):
+    with pytest.warns(DataWarning, match=f"{name} is 0.03: is it in seconds"):
+        Space(**{name: 0.03})
+    with unwarned():
+        Space(**{name: 0})
 
 
 def test_a_probe_is_interleaved_with_plain_trials():
