@@ -124,10 +124,12 @@ def aligned(results: Results, *tasks: str) -> tuple[list[pd.DataFrame], Array]:
 
 def times(table: pd.DataFrame, weights: Array) -> Array:
     """Return the mean time of go trials, (B,), ms; missed ones count at the deadline."""
-    go = table["ssd_ms"].isna() & (table["rt_ms"].notna() | table["deadline_ms"].notna())
-    missed = (table["rt_ms"].isna() & go).sum() / max(1, go.sum())
-    if missed > MOST_MISSED:
-        raise Failed(f"{missed:.0%} of trials have no response in time")
+    go = table["ssd_ms"].isna() & table["task"].notna()
+    missed = go & table["rt_ms"].isna()
+    if missed.sum() > MOST_MISSED * go.sum():
+        raise Failed(f"{missed.sum() / go.sum():.0%} of trials have no response in time")
+    if (missed & table["deadline_ms"].isna()).any():
+        raise NotApplicable("trials without a response have no deadline_ms")
     values = table["rt_ms"].fillna(table["deadline_ms"])
     return mean(values.fillna(0).to_numpy(), go.to_numpy(), weights)
 
@@ -249,8 +251,7 @@ def ssrt_change(results: Results, task: str, minus_task: str) -> Estimate:
 
 def _ssrt(table: pd.DataFrame) -> float:
     """Return the stop-signal reaction time by integration at each delay, ms."""
-    known = table["rt_ms"].notna() | table["deadline_ms"].notna()
-    table = table[known]
+    table = table[table["task"].notna()]
     if table["ssd_ms"].isna().all() or table["ssd_ms"].notna().all():
         raise NotApplicable("it needs go trials and stop trials")
     try:

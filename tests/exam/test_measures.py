@@ -224,3 +224,19 @@ def test_times_are_those_of_go_trials_whatever_happened_on_stop_trials():
     other = pd.concat([go.assign(rt_ms=540.0), stop]).assign(task="stimulation")
     change = MEASURES["time_change"](asked(pd.concat([base, other])), "stimulation", "reference")
     assert change.value == pytest.approx(40)
+
+
+def test_missed_trials_without_a_deadline_have_no_mean_time():
+    """With one they count at it, and without it they are not left out as if they were none."""
+    rt = np.where(np.arange(400) % 5 == 0, np.nan, 500.0)
+    stop = np.where(np.arange(400) % 4 == 0, 480.0, np.nan)
+    one = pd.DataFrame({"task": "stop", "rt_ms": rt + np.arange(400) % 7, "ssd_ms": stop})
+    both = pd.concat([one, one.assign(task="stop, STN lesion", rt_ms=one["rt_ms"] + 20)])
+    of = {"task": "stop, STN lesion", "minus_task": "stop"}
+    with pytest.raises(NotApplicable, match="no deadline_ms"):
+        MEASURES["time_change"](asked(both), **of)
+    at_end = MEASURES["time_change"](asked(both.assign(deadline_ms=2000.0)), **of)
+    assert at_end.value == pytest.approx(20 * 0.8, abs=0.1)
+    late = pd.concat([one, one.assign(task="stop, STN lesion", rt_ms=np.nan)])
+    with pytest.raises(Failed, match="100% of trials"):
+        MEASURES["time_change"](asked(late), **of)
