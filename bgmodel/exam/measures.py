@@ -74,11 +74,11 @@ Statistic = Callable[[pd.DataFrame, Array], Array]
 Measure = Callable[..., Estimate]
 MEASURES: dict[str, Measure] = {}
 """Measures by name."""
-PERCENT = "%"
+PERCENT, PROPORTION = "%", "proportion"
 UNITS = dict.fromkeys(("rate", "rate_change", "blocked", "beta_peak"), "Hz")
 UNITS |= dict.fromkeys(("time_change", "time_interaction", "failed_minus_go", "ssrt_change"), "ms")
 UNITS |= dict.fromkeys(("extra_time", "designed"), "ms")
-UNITS |= dict.fromkeys(("accuracy_change", "anticipation_change", "respond_change"), "proportion")
+UNITS |= dict.fromkeys(("accuracy_change", "anticipation_change", "respond_change"), PROPORTION)
 """Units of measures in which a number could be in another one."""
 
 
@@ -103,6 +103,9 @@ def check_asked(number: Number) -> None:
         if "unit" in bound.signature.parameters and of == unit:
             must += ', or "%" with unit = "percent" in of'
         require(number.unit == units[of], "unit", must, number.unit, owner=number.id)
+        size = number.at_least if number.direction is not None else abs(number.middle)
+        possible = number.unit != PROPORTION or size <= 1
+        require(possible, "value", "must be a proportion: 0.01 for 1 %", size, owner=number.id)
     bound.apply_defaults()
     given = bound.arguments
     less = {name: value for name, value in given.items() if name.startswith("minus_")}

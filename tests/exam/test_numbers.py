@@ -76,6 +76,7 @@ test_a_number_that_its_measure_could_not_answer_is_refused = refusing(
     ({"measure": "time_change", "unit": "ms", "of": CHANGE | {"unit": "percent"}}, "unit"),
     ({"measure": "time_change", "unit": "ms", "of": CHANGE | {"minus_task": "reference"}}, "of"),
     ({"measure": "accuracy_change", "unit": "%", "of": CHANGE}, "unit"),
+    ({"measure": "accuracy_change", "unit": "proportion", "of": CHANGE}, "value"),
     of=lambda wrong: Exam("", (Number(**GIVEN | {"value": 3.0, "se": 1.0} | wrong),), TASKS),
 )
 
