@@ -67,7 +67,7 @@ def test_a_file_adds_numbers_and_marks_the_version(tmp_path):
 CHANGE = {"task": "reference", "minus_task": "stimulation"}
 test_a_number_that_its_measure_could_not_answer_is_refused = refusing(
     ({"unit": "kHz"}, "unit"),
-    ({"of": GIVEN["of"] | {"rolle": "all"}}, "of"),
+    ({"of": {"nucleus": "STN", "window": "rest", "task": "rest", "rolle": "all"}}, "of"),
     ({"of": {"nucleus": "STN", "task": "rest"}}, "of"),
     ({"measure": "rate_change"}, "of"),
     ({"measure": "time_change", "unit": "s", "of": CHANGE}, "unit"),
