@@ -109,7 +109,7 @@ def test_what_the_deadline_decides_is_not_compared(tmp_path, refusal, capsys):
     assert "not reached" in told.out
     assert "are left out: the zero of this evidence is arbitrary" in told.err
     assert pd.read_csv(tmp_path / "a.csv").query("measure == 'agreement'")["value"].isna().all()
-    little = words("learn --what dopamine --task trials=20 t_max=1 period_mm=1 --levels 2 --save")
+    little = words("learn --what dopamine --task trials=200 t_max=1 period_mm=1 --levels 2 --save")
     assert "at every level" in refusal(*little, tmp_path / "c.csv")
 
 
