@@ -141,7 +141,7 @@ def _trials(table: pd.DataFrame, tasks: dict[str, ExamTask]) -> pd.DataFrame:
 
 
 def _in_ms(table: pd.DataFrame, time: str) -> None:
-    """Give the table a column of times in ms, empty where there are none."""
+    """Give the table a column of times in ms, which is empty in trials without one."""
     name, in_s = f"{time}_ms", f"{time}_s"
     if in_s in table:
         require(name not in table, in_s, f"must not stand with {name}", "both")
@@ -151,7 +151,7 @@ def _in_ms(table: pd.DataFrame, time: str) -> None:
     table[name] = _numbers(table, name) if name in table else np.nan
     values = table[name].dropna()
     fits = np.isfinite(values) & ((values >= 0) if time == "ssd" else (values > 0))
-    must = f"must be finite and {'>= 0' if time == 'ssd' else '> 0'}, or empty if there is none"
+    must = f"must be finite and {'>= 0' if time == 'ssd' else '> 0'}, or empty"
     require(fits.all(), name, must, values[~fits][:1])
     if 0 < values.max() < 10:
         DataWarning.warn(
