@@ -75,17 +75,23 @@ Measure = Callable[..., Estimate]
 MEASURES: dict[str, Measure] = {}
 """Measures by name."""
 PERCENT, PROPORTION = "%", "proportion"
-UNITS = dict.fromkeys(("rate", "rate_change", "blocked", "beta_peak"), "Hz")
-UNITS |= dict.fromkeys(("time_change", "time_interaction", "failed_minus_go", "ssrt_change"), "ms")
-UNITS |= dict.fromkeys(("extra_time", "designed"), "ms")
-UNITS |= dict.fromkeys(("accuracy_change", "anticipation_change", "respond_change"), PROPORTION)
+UNITS: dict[str, str] = {}
 """Units of measures in which a number could be in another one."""
 
 
-def measure(function: Measure) -> Measure:
-    """Register a measure under the name of its function."""
-    MEASURES[function.__name__] = function
-    return function
+def measure(unit: str = "") -> Callable[[Measure], Measure]:
+    """Register a function as the measure of its name.
+
+    ``unit`` is that of its numbers, where it could be mistaken for another.
+    """
+
+    def register(function: Measure) -> Measure:
+        MEASURES[function.__name__] = function
+        if unit:
+            UNITS[function.__name__] = unit
+        return function
+
+    return register
 
 
 def check_asked(number: Number) -> None:
@@ -155,13 +161,13 @@ def _change(
     return Estimate.of(100 * change / before if unit == "percent" else change, len(new))
 
 
-@measure
+@measure("ms")
 def time_change(results: Results, task: str, minus_task: str, unit: str = "ms") -> Estimate:
     """Return the mean time of one task less that of another, ms or percent of the latter."""
     return _change(results, times, task, minus_task, unit)
 
 
-@measure
+@measure("ms")
 def time_interaction(
     results: Results,
     task: str,
@@ -178,19 +184,19 @@ def time_interaction(
     return Estimate.of(100 * change / d if unit == "percent" else change, len(tables[0]))
 
 
-@measure
+@measure(PROPORTION)
 def accuracy_change(results: Results, task: str, minus_task: str) -> Estimate:
     """Return the proportion correct of decided trials in one task less that in another."""
     return _change(results, partial(shares, column="correct"), task, minus_task)
 
 
-@measure
+@measure(PROPORTION)
 def anticipation_change(results: Results, task: str, minus_task: str) -> Estimate:
     """Return the share of foreperiods with a response in one task less that in another."""
     return _change(results, partial(shares, column="anticipatory"), task, minus_task)
 
 
-@measure
+@measure()
 def error_delay(results: Results, task: str) -> Estimate:
     """Return the mean time of errors less that of correct responses, in units of their sd."""
     (table,), weights = aligned(results, task)
@@ -205,7 +211,7 @@ def error_delay(results: Results, task: str) -> Estimate:
     )
 
 
-@measure
+@measure()
 def skewness(results: Results, task: str) -> Estimate:
     """Return (q90 - q50) / (q50 - q10) of the times of a task."""
     rt = results.tables.trials_of(task)["rt_ms"].dropna().to_numpy()
@@ -217,7 +223,7 @@ def skewness(results: Results, task: str) -> Estimate:
     return Estimate.of((high - middle) / (middle - low), len(rt))
 
 
-@measure
+@measure(PROPORTION)
 def respond_change(results: Results, task: str, minus_task: str) -> Estimate:
     """Return the share of stop trials with a response in one task less that in another."""
     return _change(results, _responded, task, minus_task)
@@ -230,7 +236,7 @@ def _responded(table: pd.DataFrame, weights: Array) -> Array:
     return mean(table["rt_ms"].notna().to_numpy(), stop, weights)
 
 
-@measure
+@measure("ms")
 def failed_minus_go(results: Results, task: str) -> Estimate:
     """Return the mean time of failed stops less that of go responses, ms."""
     (table,), weights = aligned(results, task)
@@ -241,7 +247,7 @@ def failed_minus_go(results: Results, task: str) -> Estimate:
     return Estimate.of(mean(rt, stop & made, weights) - mean(rt, made & ~stop, weights), len(table))
 
 
-@measure
+@measure("ms")
 def ssrt_change(results: Results, task: str, minus_task: str) -> Estimate:
     """Return the stop-signal reaction time of one task less that of another, ms."""
     tables, _ = aligned(results, task, minus_task)
@@ -264,7 +270,7 @@ def _ssrt(table: pd.DataFrame) -> float:
         raise NotApplicable(str(error)) from None
 
 
-@measure
+@measure("Hz")
 def rate(results: Results, nucleus: str, window: str, task: str, role: str = "all") -> Estimate:
     """Return the mean rate of a nucleus in a window, Hz."""
     _check_hz(results, nucleus)
@@ -272,7 +278,7 @@ def rate(results: Results, nucleus: str, window: str, task: str, role: str = "al
     return _mean_of(values.to_numpy())
 
 
-@measure
+@measure("Hz")
 def rate_change(
     results: Results,
     nucleus: str,
@@ -317,7 +323,7 @@ def _mean_of(values: Array) -> Estimate:
     return Estimate(float(values.mean()), float(se), len(values))
 
 
-@measure
+@measure()
 def hick_slope(results: Results, tasks: str) -> Estimate:
     """Return the slope of the mean time over ln N, ms."""
     return slope_over(results, [name.strip() for name in tasks.split(",")])

@@ -46,7 +46,7 @@ Lienard & Girard (2014): potentials of 1 and 0.025 mV with half-times of 5 and 1
 # ---- rates at rest
 
 
-@measure
+@measure("Hz")
 def blocked(results: Results, nucleus: str, receptors: str) -> Estimate:
     """Return the resting rate of cells whose receptors are blocked while all other cells rest, Hz.
 
@@ -110,7 +110,7 @@ def _depleted(results: Results, level: float) -> tuple[Circuit, Circuit]:
     return circuit, circuit.dopamine(level)
 
 
-@measure
+@measure("Hz")
 def beta_peak(results: Results, nucleus: str, dopamine: float) -> Estimate:
     """Return the frequency of the highest peak of the spectrum at a level of dopamine, Hz."""
     _, low = _depleted(results, dopamine)
@@ -121,7 +121,7 @@ def beta_peak(results: Results, nucleus: str, dopamine: float) -> Estimate:
     return Estimate(float(FREQUENCIES_HZ[inner[power[inner].argmax()]]), 0.0, 0)
 
 
-@measure
+@measure()
 def beta_power(results: Results, nucleus: str, dopamine: float, minus: str = "") -> Estimate:
     """Return the log of the power from 8 to 30 Hz at a level of dopamine over the usual one.
 
@@ -169,7 +169,7 @@ def _measured(table: pd.DataFrame, name: str) -> tuple[float, float]:
     return float(row["value"]), float((row["high"] - row["low"]) / (2 * Z95))
 
 
-@measure
+@measure()
 def agreement(results: Results, channels: float, accuracy: float) -> Estimate:
     """Return the share of trials with the MSPRT's choice, beyond chance."""
     table = compared(results.simulation, int(channels), accuracy)
@@ -178,7 +178,7 @@ def agreement(results: Results, channels: float, accuracy: float) -> Estimate:
     return Estimate((same - chance) / (1 - chance), se / (1 - chance), COMPARED)
 
 
-@measure
+@measure()
 def time_correlation(results: Results, channels: float, accuracy: float) -> Estimate:
     """Return r of decision times with the MSPRT's, over the largest that the noise allows."""
     table = compared(results.simulation, int(channels), accuracy)
@@ -186,14 +186,14 @@ def time_correlation(results: Results, channels: float, accuracy: float) -> Esti
     return Estimate(*_measured(table, "r_noise_corrected" if noisy else "pearson_r"), COMPARED)
 
 
-@measure
+@measure("ms")
 def extra_time(results: Results, channels: float, accuracy: float) -> Estimate:
     """Return the mean decision time less that of the MSPRT at equal accuracy, ms."""
     value, se = _measured(compared(results.simulation, int(channels), accuracy), "extra_ms")
     return Estimate(value, se, COMPARED)
 
 
-@measure
+@measure("ms")
 def designed(results: Results, channels: float, accuracy: float) -> Estimate:
     """Return the largest difference of crossing times from the MSPRT on designed trials, ms.
 
@@ -217,7 +217,7 @@ def designed(results: Results, channels: float, accuracy: float) -> Estimate:
     )
 
 
-@measure
+@measure()
 def hick_ratio(results: Results, tasks: str) -> Estimate:
     """Return the slope of the mean time over ln N, divided by that of the MSPRT."""
     names = [name.strip() for name in tasks.split(",")]
