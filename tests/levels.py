@@ -7,11 +7,11 @@ from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.reinforce import LevelOutcomes
 from bgmodel.support.seeds import stream
 from circuits.anatomy import load_circuit
-from circuits.engines import Rate
+from circuits.engines import Rates
 
 XI, SEED, GAIN = 50.0, 61, 0.5
 PLAYED = (0.75, 2.0)
-MODEL = BasalGanglia(load_circuit("spiking_msprt"), Rate(dt_ms=0.5), GAIN)
+MODEL = BasalGanglia(load_circuit("spiking_msprt"), Rates(dt_ms=0.5), GAIN)
 LEVELS = playable_levels(MODEL, 9)
 
 

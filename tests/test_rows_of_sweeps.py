@@ -17,7 +17,7 @@ from bgmodel.task import Gaussian
 from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_writer import digest
-from circuits.engines import Population
+from circuits.engines import Populations
 from tests.helpers import refused
 
 FRACTIONS = st.sampled_from([0, 0.1, 0.25, 0.5])
@@ -169,7 +169,7 @@ def test_a_row_decides_as_the_single_run_does(base, point, tmp_path):
     shards.compute(shard, tmp_path)
     behaviour, _ = shards.read(setting, tmp_path)
     table, gain, posterior, _, _ = single(base | same | point)
-    model = BasalGanglia(table, Population(rates=False), gain, setting.block_seed(0))
+    model = BasalGanglia(table, Populations(rates=False), gain, setting.block_seed(0))
     threshold = float(threshold_from_posterior(posterior))
     want = behaviour_of(model, setting.block(0, 20).evidence, threshold, 500.0)
     assert np.array_equal(behaviour.decision.choice, want.decision.choice)

@@ -69,9 +69,9 @@ def spikes(trials: int = 100, workers: int = 1, times: int = 1, **which: Any) ->
 
 def population(trials: int = 5000, **which: Any) -> dict[str, float]:
     """Measure the population engine, as if each of its cells had ticks of 0.1 ms."""
-    from circuits.engines import Population
+    from circuits.engines import Populations
 
-    return _compiled(Population(settle_ms=SETTLE_MS, rates=False), circuit_of(**which), trials)
+    return _compiled(Populations(settle_ms=SETTLE_MS, rates=False), circuit_of(**which), trials)
 
 
 def _compiled(engine: Any, circuit: Any, trials: int, times: int = 1) -> dict[str, float]:

@@ -77,7 +77,7 @@ class BasalGanglia(Facts):
         The table, a name (2 channels) or a .toml file (the file's number of channels).
     engine : Engine or str
         A record of ``circuits.engines`` with its options, such as ``Spikes(spikes=("STN",))``, so
-        that ``activity`` keeps spikes, or the name of one, with its defaults. Population is the
+        that ``activity`` keeps spikes, or the name of one, with its defaults. Populations is the
         fastest engine that includes spiking noise.
     gain : float, optional
         Drive, in the circuit's unit, per nat of evidence, kappa: in nats OUT is then

@@ -33,7 +33,7 @@ from bgmodel.support.seeds import stream
 from circuits.anatomy import DEFAULT, checked_circuit, load_circuit
 from circuits.arrays import Array
 from circuits.circuit import Circuit
-from circuits.engines import Engine, Population, Rate, Spikes
+from circuits.engines import Engine, Populations, Rates, Spikes
 from circuits.errors import InputError, NoiseWarning, RangeWarning, quiet, require
 
 ALLOWED = (0.0, 2.0)
@@ -217,7 +217,7 @@ LATENCY_MS = {2: 50.6, 4: 54.2}
 """Non-decision time: the default circuit's offset against the MSPRT at its gain where noise costs
 least, d' = 1 at accuracy 0.9 to 0.95 (`figures.decisions.measure_raw`). It is subtracted in the
 comparison with the full MSPRT too, so that the cost of the lower gain is not."""
-ENGINES = (Rate().coarse(), Population(), Spikes())
+ENGINES = (Rates().coarse(), Populations(), Spikes())
 
 
 def level_table(

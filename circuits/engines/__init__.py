@@ -1,6 +1,6 @@
 """One interface to all engines, which run the same table as a fixed point, rates or spikes.
 
-An engine is a record such as ``Population(dt_ms=0.5)`` that contains its options, describes its
+An engine is a record such as ``Populations(dt_ms=0.5)`` that contains its options, describes its
 capabilities, and runs a circuit. Its name is shorthand for the record with default options.
 ``ENGINES`` lists all engines.
 """
@@ -24,7 +24,7 @@ from circuits.engines.engine import (
     engine_of,
     register,
 )
-from circuits.engines.shipped import Algebra, Brian2, Plain, Population, Rate, Spikes
+from circuits.engines.shipped import Algebra, Brian2, Plain, Populations, Rates, Spikes
 from circuits.errors import require
 
 if TYPE_CHECKING:
@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ENGINES", "Algebra", "Brian2", "CompiledEngine", "Engine", "EngineOrName", "Plain",
-    "Population", "Rate", "Spikes", "SpikingEngine", "TimedEngine", "engine_of", "register", "run",
+    "Populations", "Rates", "Spikes", "SpikingEngine", "TimedEngine", "engine_of", "register",
+    "run",
 ]  # fmt: skip
 
 

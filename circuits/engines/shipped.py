@@ -82,7 +82,7 @@ class PopulationsEngine(CompiledEngine):
 
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Rate(PopulationsEngine):
+class Rates(PopulationsEngine):
     """Populations that follow the lines of their rows after membrane filtering, without noise."""
 
     id: ClassVar[str] = "rate"
@@ -93,14 +93,14 @@ class Rate(PopulationsEngine):
         """Return whether a field concerns cells, which the table's lines do not use."""
         return of_cells_alone(field)
 
-    def coarse(self) -> Rate:
+    def coarse(self) -> Rates:
         """Return the engine with longer ticks and samples."""
         return replace(self, dt_ms=COARSE_MS, sample_ms=COARSE_SAMPLE_MS)
 
 
 @register
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Population(PopulationsEngine):
+class Populations(PopulationsEngine):
     """Populations that follow their cells' f-I curves, with the noise of finitely many cells."""
 
     id: ClassVar[str] = "population"

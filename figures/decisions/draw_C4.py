@@ -30,7 +30,7 @@ from bgmodel.simulated_evidence import gaussian_evidence
 from bgmodel.support.files import read_table, write_table
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
-from circuits.engines import Population, Spikes
+from circuits.engines import Populations, Spikes
 from circuits.laws.controls import correlated, linear_stn, perturbed, shuffled_stn
 from circuits.laws.fluctuation import out_variance
 from figures.common import BRIEF_MS, Settings, bars, key, letter, where
@@ -92,7 +92,7 @@ def wiring(settings: Settings, *, output: Path) -> None:
         "linear STN": linear_stn(table),
         "STN-SNr shuffled": shuffled_stn(table),
     }
-    model = BasalGanglia(table, Population(settle_ms=BRIEF_MS), gain_of(table), settings.seed)
+    model = BasalGanglia(table, Populations(settle_ms=BRIEF_MS), gain_of(table), settings.seed)
     compared = compare_edits(model, edited, evidence, seed=settings.seed, **AT_ACCURACY)
     write_table(compared, output, seed=settings.seed, settings=settings)
 
@@ -124,7 +124,7 @@ def with_edits(
 ) -> pd.DataFrame:
     """Compare edited circuits with populations and noise, and some also in spikes."""
     parts = []
-    for kind, names in ((Population, edits), (Spikes, in_spikes)):
+    for kind, names in ((Populations, edits), (Spikes, in_spikes)):
         engine = kind(settle_ms=BRIEF_MS)
         model = BasalGanglia(table, engine, gain_of(table), seed)
         some = {name: edits[name] for name in names}

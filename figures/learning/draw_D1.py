@@ -28,7 +28,7 @@ from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.source import source
 from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.engines import Engine, Population, Rate, Spikes
+from circuits.engines import Engine, Populations, Rates, Spikes
 from figures.common import BRIEF_MS, COLOUR, Settings, key, letter
 
 STEP_MS = 50.0
@@ -50,12 +50,12 @@ PERIODS = {"rate": (1.5, 2.0, 2.5), "population": (1.5, 2.0)}
 
 def rate(settings: Settings, taps: Path, *, output: Path) -> None:
     """Learn dopamine in the rate circuit."""
-    _learn(settings, taps, Rate().coarse(), output)
+    _learn(settings, taps, Rates().coarse(), output)
 
 
 def population(settings: Settings, taps: Path, *, output: Path) -> None:
     """Learn dopamine in the circuit with the noise of its cells."""
-    _learn(settings, taps, Population(settle_ms=BRIEF_MS), output)
+    _learn(settings, taps, Populations(settle_ms=BRIEF_MS), output)
 
 
 def spikes(settings: Settings, taps: Path, learned: Path, *, output: Path) -> None:

@@ -29,7 +29,7 @@ from bgmodel.tactile.recordings import find_recordings
 from bgmodel.tactile.source import Folds, decoded_edges, folds, held_out_taps
 from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.engines import Population, Rate
+from circuits.engines import Populations, Rates
 from circuits.errors import quiet
 from figures.pieces import Made, Piece, Score, main
 
@@ -71,7 +71,7 @@ def told(taps: str, seed: int) -> pd.DataFrame:
 def levels(taps: str, seed: int) -> pd.DataFrame:
     """Let the circuit learn its level, as ``bgmodel learn`` does; return measures."""
     task = SameDifferent(float(taps.split()[0]), t_max=T_MAX)
-    model = BasalGanglia(load_circuit(DEFAULT, 2), Rate().coarse())
+    model = BasalGanglia(load_circuit(DEFAULT, 2), Rates().coarse())
     outcome = learn(task, model, seed=seed)
     fresh = outcome.details.fresh  # type: ignore[union-attr]
     values = {
@@ -102,7 +102,7 @@ def learned(taps: str, seed: int) -> pd.DataFrame:
 
 
 def _model(evidence: Evidence, seed: int) -> BasalGanglia:
-    return BasalGanglia(load_circuit(DEFAULT, 2), Population(), seed=seed).adapted_to(evidence)
+    return BasalGanglia(load_circuit(DEFAULT, 2), Populations(), seed=seed).adapted_to(evidence)
 
 
 def over_seeds(make: Callable[[str, int], pd.DataFrame], taps: str, seeds: int) -> pd.DataFrame:

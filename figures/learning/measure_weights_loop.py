@@ -19,7 +19,7 @@ from bgmodel.learning.weights import learn_weights_in_circuit
 from bgmodel.tactile.source import Tactile, held_out_taps
 from bgmodel.tactile.task import Orientation, SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.engines import Population, Spikes
+from circuits.engines import Populations, Spikes
 from circuits.engines.engine import Engine
 from figures.learning.tasks import ACCURACY, SCORING_SEED, mean_se
 from figures.pieces import Made, Piece, Score, main
@@ -42,8 +42,8 @@ class Taught:
 
 
 LOOPS = (
-    Taught("2 mm, populations", SameDifferent(2.0), Population(), 16, 1500, 200),
-    Taught("4 orientations, populations", Orientation(4, 2.0), Population(), 16, 2000, 500),
+    Taught("2 mm, populations", SameDifferent(2.0), Populations(), 16, 1500, 200),
+    Taught("4 orientations, populations", Orientation(4, 2.0), Populations(), 16, 2000, 500),
     Taught("2 mm, spikes", SameDifferent(2.0), Spikes(), 1, 1500, 900),
 )
 
@@ -61,7 +61,7 @@ def in_loop(loop: Taught) -> pd.DataFrame:
         taps, InCircuit(model), seed=SCORING_SEED, runs=loop.runs,
         learner=WeightLearner(trials=loop.trials),
     )  # fmt: skip
-    scored = replace(model, engine=Population(), seed=SCORING_SEED + 1)
+    scored = replace(model, engine=Populations(), seed=SCORING_SEED + 1)
     ratios, times, exacts = [], [], []
     for run in range(min(loop.runs, SCORED_RUNS)):
         test = held_out.draw(SCORED_TRIALS, rng=stream(SCORING_SEED, "loop", loop.name, run))

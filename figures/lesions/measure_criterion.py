@@ -20,7 +20,7 @@ from bgmodel.integrators.sprt import threshold_from_posterior
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.arrays import Array
 from circuits.laws.family import shift_nats
-from figures.lesions.measure_loss import Task, decided, evidence
+from figures.lesions.measure_loss import LesionTask, decided, evidence
 from figures.pieces import Made, Piece, Score, main, wide
 
 SCORING_SEED = 60_101
@@ -28,12 +28,12 @@ TRIALS, COARSE_TRIALS = 4000, 400
 LOST = (0.1, 0.2, 0.3)
 POSTERIOR = 0.85
 TASKS = tuple(
-    Task(channels, 0.5, 120, float(threshold_from_posterior(POSTERIOR, channels)))
+    LesionTask(channels, 0.5, 120, float(threshold_from_posterior(POSTERIOR, channels)))
     for channels in (2, 4)
 )
 
 
-def compared(task: Task, trials: int, workers: int) -> pd.DataFrame:
+def compared(task: LesionTask, trials: int, workers: int) -> pd.DataFrame:
     """Return measures of lesioned and intact circuits, and their paired differences."""
     table = load_circuit(DEFAULT, task.channels)
     drawn, level = evidence(task, 0.0, trials, seed=SCORING_SEED), task.threshold_nats

@@ -28,7 +28,7 @@ from bgmodel.simulated_evidence import expecting, gaussian_evidence
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.arrays import Array
 from circuits.circuit import Circuit
-from circuits.engines import Population
+from circuits.engines import Populations
 from figures.pieces import Made, Piece, Score, main, wide
 
 TUNING_SEEDS = (1011, 1012)
@@ -47,7 +47,7 @@ CHANGED = ("accuracy", "mean_ms")
 INTACT, ACUTE, RECOVERED = "intact", "acute", "recovered"
 
 
-class Task(NamedTuple):
+class LesionTask(NamedTuple):
     """Gaussian evidence, its longest trial, and the intact circuit's threshold."""
 
     channels: int
@@ -61,18 +61,18 @@ class Task(NamedTuple):
         return f"d' {self.d_prime:g}, N = {self.channels}"
 
 
-TASKS = (Task(2, 0.5, 120, 0.30), Task(4, 0.5, 120, 0.45), Task(4, 1.0, 40, 0.48))
+TASKS = (LesionTask(2, 0.5, 120, 0.30), LesionTask(4, 0.5, 120, 0.45), LesionTask(4, 1.0, 40, 0.48))
 """Thresholds from the tuning seeds, for an accuracy of 0.9 without conflict."""
 
 
-def evidence(task: Task, conflict: float, trials: int, seed: int = SCORING_SEED) -> Evidence:
+def evidence(task: LesionTask, conflict: float, trials: int, seed: int = SCORING_SEED) -> Evidence:
     """Draw the evidence of a task; that with conflict differs from that without in one mean."""
     settings = {"d_prime": task.d_prime, "channels": task.channels, "t_max": task.readings}
     rng = stream(seed, "loss", task.name)
     return gaussian_evidence(trials, step_ms=STEP_MS, conflict=conflict, seed=rng, **settings)
 
 
-def lesioned(task: Task) -> dict[tuple[float, str, float], Circuit]:
+def lesioned(task: LesionTask) -> dict[tuple[float, str, float], Circuit]:
     """Return the circuits by share of STN lost, state (acute or recovered), and rebound in nats."""
     table = load_circuit(DEFAULT, task.channels)
     circuits = {(0.0, INTACT, 0.0): table}
@@ -93,7 +93,7 @@ def decided(
     seed: int = SCORING_SEED,
 ) -> Tradeoff:
     """Let a circuit decide at one threshold."""
-    engine = Population(workers=workers, rates=False)
+    engine = Populations(workers=workers, rates=False)
     model = BasalGanglia(table, engine, gain_of(table), seed)
     return decide_at_thresholds(model, shown, [threshold_nats], decoder_tau_ms=None)[CIRCUIT]
 
@@ -110,7 +110,7 @@ def measures(decisions: Tradeoff, truth: Array, weights: Array) -> dict[str, Arr
     return {name: share @ values.astype(np.float64) for name, values in each.items()}
 
 
-def behaviour(task: Task, trials: int, workers: int) -> pd.DataFrame:
+def behaviour(task: LesionTask, trials: int, workers: int) -> pd.DataFrame:
     """Return each measure, its change from the intact circuit, and that change's by conflict."""
     weights = resampled(trials, RESAMPLES, stream(SCORING_SEED, "bootstrap"))
     rows: list[tuple[object, ...]] = []
@@ -133,7 +133,7 @@ def behaviour(task: Task, trials: int, workers: int) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*columns, "value", "low", "high"]).assign(trials=trials)
 
 
-def anticipation(task: Task, trials: int, workers: int) -> pd.DataFrame:
+def anticipation(task: LesionTask, trials: int, workers: int) -> pd.DataFrame:
     """Return the share of responses before the onset, and behaviour, by the ramp's top."""
     weights = resampled(trials, RESAMPLES, stream(SCORING_SEED, "bootstrap"))
     share = weights / weights.sum(axis=1, keepdims=True)

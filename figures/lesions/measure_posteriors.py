@@ -20,7 +20,7 @@ from bgmodel.integrators.sprt import threshold_from_posterior
 from bgmodel.simulated_evidence import gaussian_evidence
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
-from circuits.engines import Population
+from circuits.engines import Populations
 from figures.pieces import Made, Piece, Score, main
 
 SCORING_SEED = 78_001
@@ -57,7 +57,7 @@ def behaviour(trials: int, workers: int) -> pd.DataFrame:
     evidence = gaussian_evidence(trials, d_prime=D_PRIME, t_max=READINGS, step_ms=STEP_MS, seed=rng)
     rows = []
     for lost, table, asked in cases():
-        gain, engine = gain_of(load_circuit(DEFAULT)), Population(workers=workers)
+        gain, engine = gain_of(load_circuit(DEFAULT)), Populations(workers=workers)
         model = BasalGanglia(table, engine, gain, SCORING_SEED)
         levels = threshold_from_posterior(asked)
         decisions = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]

@@ -19,7 +19,7 @@ ROUNDING = 1e-4
 
 
 @dataclass(frozen=True)
-class Task:
+class DeadlineTask:
     """A random task; ``readings`` are the shorter and the longer deadline."""
 
     kind: str

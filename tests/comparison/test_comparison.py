@@ -18,7 +18,7 @@ from bgmodel.deciding.tradeoff import ChoicesAndTimes
 from bgmodel.simulated_evidence import separated_evidence
 from circuits.anatomy import load_circuit
 from circuits.errors import DeadlineWarning, InputError, RangeWarning
-from tests.comparison.deadlines import Task, changed, compared
+from tests.comparison.deadlines import DeadlineTask, changed, compared
 from tests.helpers import refused
 
 EVIDENCE = separated_evidence(120, 40, 1.0, rng=stream(4, "one call"), step_ms=50.0)
@@ -79,7 +79,7 @@ def test_an_unknown_baseline_and_a_circuit_of_other_channels_are_refused():
 @pytest.mark.parametrize("seed", [1, 8, 12])
 def test_a_later_deadline_changes_nothing(seed):
     """Strong evidence, populations and rates, cues on a lattice; 100 tasks in `make validate`."""
-    both = compared(Task.drawn(seed))
+    both = compared(DeadlineTask.drawn(seed))
     assert both["value_long"].notna().any()
     assert changed(both).empty
 

@@ -32,7 +32,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import MaxVsAverage, MaxVsNext
 from bgmodel.integrators.sprt import Msprt
 from circuits import anatomy
-from circuits.engines import Population
+from circuits.engines import Populations
 from circuits.laws.controls import linear_stn
 from tests.helpers import refused
 
@@ -42,7 +42,7 @@ OF_COMPETITORS = {
     "max vs average": np.mean,
 }
 """What a theory hears of the competitors: it decides when the leader is far enough above."""
-QUIET = Population(noise=False, rates=False)
+QUIET = Populations(noise=False, rates=False)
 OWN = {MSPRT: [0.35, 0.15], "max vs next": [-1.5, -2.5], "max vs average": [-2.0, -2.5]}
 """Thresholds on the OUT of each theory."""
 
@@ -140,7 +140,7 @@ def test_relabelling_channels_changes_nothing(table, engine, leader):
 
 @pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
 def test_the_circuits_follow_the_msprt_by_populations(name):
-    model = BasalGanglia(anatomy.CIRCUITS[name](4), Population(rates=False), 0.5, 7)
+    model = BasalGanglia(anatomy.CIRCUITS[name](4), Populations(rates=False), 0.5, 7)
     table = designed_circuit(model, THRESHOLDS, trials=100)
     assert outcomes(table) == {MSPRT: FOLLOWS, **dict.fromkeys(UNABLE, APART)}
     assert (table["right"] > 0.95).all()

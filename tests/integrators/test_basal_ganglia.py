@@ -19,7 +19,7 @@ from bgmodel.simulated_evidence import expecting, separated_evidence
 from bgmodel.trials.named_evidence import NamedEvidence, trial_table
 from circuits import anatomy
 from circuits.anatomy import load_circuit, macaque
-from circuits.engines import Algebra, Population, Rate, Spikes, engine_of
+from circuits.engines import Algebra, Populations, Rates, Spikes, engine_of
 from circuits.errors import CalibrationWarning, EditWarning, NoiseWarning, RangeWarning
 from tests.helpers import refused, unwarned
 
@@ -60,7 +60,7 @@ def test_a_threshold_that_noise_crosses_is_warned_of():
 @pytest.mark.parametrize("sample_ms", [0.5, 1.0, 5.0])
 def test_a_batch_without_rates_holds_as_many_trials_as_its_out_has_room_for(sample_ms):
     """More samples, fewer trials; with rates, or of very long trials, the least batch."""
-    engine = Population(noise=False, rates=False, sample_ms=sample_ms)
+    engine = Populations(noise=False, rates=False, sample_ms=sample_ms)
     model = BasalGanglia(macaque(2), engine, GAIN, SEED)
     long = separated_evidence(4000, 60, 0.5, rng=stream(SEED, "long"), step_ms=50.0)
     activity = model.activity(long[:1])
@@ -70,7 +70,7 @@ def test_a_batch_without_rates_holds_as_many_trials_as_its_out_has_room_for(samp
     with_rates = replace(model, engine=replace(engine, rates=True))
     assert with_rates.batch(long) == basal_ganglia.BATCH
     if sample_ms == 1.0:  # each ms, unless an option says otherwise
-        by_default = replace(model, engine=Population(noise=False, rates=False))
+        by_default = replace(model, engine=Populations(noise=False, rates=False))
         assert by_default.batch(long) == model.batch(long)
     endless = replace(long, step_ms=50_000.0)
     assert model.batch(endless) == basal_ganglia.BATCH
@@ -153,7 +153,7 @@ def test_a_gain_is_the_tables_own_or_asked_for():
 def test_decisions_that_are_not_right_as_often_as_their_posteriors_say_are_warned_of(forced):
     """Python warns as the command does; evidence that is shuffled has no truth in it."""
     evidence = separated_evidence(300, 40, 0.5, rng=3, step_ms=50)
-    model = BasalGanglia("macaque", Population(rates=False), seed=3)
+    model = BasalGanglia("macaque", Populations(rates=False), seed=3)
     with unwarned():
         model.decide(evidence, posterior=0.8, forced=forced)
     shuffled = replace(evidence, truth=stream(3, "shuffled").permutation(evidence.truth))
@@ -269,13 +269,13 @@ def test_decisions_against_the_evidence_are_warned_of_with_and_without_a_truth()
     evidence = separated_evidence(100, 60, 0.7, rng=3, step_ms=50.0)
     for given_truth in (evidence, replace(evidence, truth=None)):
         with pytest.warns(CalibrationWarning, match="choices go against the evidence"):
-            decided = BasalGanglia(macaque().dopamine(0.0), Rate(rates=False)).decide(
+            decided = BasalGanglia(macaque().dopamine(0.0), Rates(rates=False)).decide(
                 given_truth, posterior=0.82
             )
         assert (decided.choice == evidence.truth).mean() < 0.2
         with unwarned():
             for level in (0.6, 1.0):
-                model = BasalGanglia(macaque().dopamine(level), Rate(rates=False))
+                model = BasalGanglia(macaque().dopamine(level), Rates(rates=False))
                 model.decide(given_truth, posterior=0.7)
 
 

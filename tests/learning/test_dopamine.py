@@ -24,7 +24,7 @@ from bgmodel.learning.dopamine import (
 )
 from bgmodel.simulated_evidence import separated_evidence
 from circuits.anatomy import load_circuit
-from circuits.engines import Rate
+from circuits.engines import Rates
 from circuits.errors import NoiseWarning
 from tests.helpers import ROOT, refused, refusing
 from tests.levels import GAIN, LEVELS, MODEL, SEED
@@ -130,7 +130,7 @@ def test_a_sweep_of_levels_is_the_circuit_at_each_level(swept, level_evidence):
 
 def test_a_level_at_which_a_circuit_decides_against_the_evidence_is_warned_of():
     evidence = separated_evidence(100, 60, 0.7, rng=3, step_ms=50.0)
-    model = BasalGanglia("macaque", Rate(rates=False))
+    model = BasalGanglia("macaque", Rates(rates=False))
     with pytest.warns(NoiseWarning):
         decisions = decide_at_levels(model, evidence, [0.0, 1.0], 0.2)
     assert (decisions.choice[1] == evidence.truth).mean() < 0.2

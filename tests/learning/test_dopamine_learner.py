@@ -38,7 +38,7 @@ from bgmodel.simulated_evidence import gaussian_evidence, separated_evidence
 from bgmodel.tactile.source import held_out_taps, source
 from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
-from circuits.engines import Rate
+from circuits.engines import Rates
 from circuits.errors import DeadlineWarning, LearningWarning, quiet
 from tests.helpers import refused, refusing
 from tests.levels import MODEL, PLAYED, SEED, XI, synthetic
@@ -151,7 +151,7 @@ def touched(name):
     drawn = readings.draw(1500, 30, rng=stream(SEED, "tactile"), step_ms=50.0)
     gain = gain_of(table) if name == DEFAULT else MODEL.gain
     levels = playable_levels(replace(MODEL, circuit=table, gain=gain), 9)
-    engine = Rate(dt_ms=0.5, sample_ms=5.0)
+    engine = Rates(dt_ms=0.5, sample_ms=5.0)
     return level_outcomes(replace(MODEL, circuit=table, gain=gain, engine=engine), drawn, levels)
 
 

@@ -17,9 +17,9 @@ from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.tactile.source import held_out_taps, source
 from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import load_circuit
-from circuits.engines import Rate, Spikes
+from circuits.engines import Rates, Spikes
 from circuits.laws.controls import linear_stn, shuffled_stn
-from tests.comparison.deadlines import Task, changed, compared
+from tests.comparison.deadlines import DeadlineTask, changed, compared
 
 pytestmark = pytest.mark.validate
 SCORING_SEED = 40_002
@@ -57,7 +57,7 @@ def test_the_rate_circuit_agrees_where_it_settles():
         )
         exact = first_crossing(Msprt().run(evidence), threshold).choice
         for sample_ms in (step_ms, step_ms / 10):
-            model = BasalGanglia(table, Rate(sample_ms=sample_ms, dt_ms=1.0))
+            model = BasalGanglia(table, Rates(sample_ms=sample_ms, dt_ms=1.0))
             choices = [
                 first_crossing(trace, threshold).choice for _, _, trace in model.batches(evidence)
             ]
@@ -73,7 +73,7 @@ def test_the_rate_circuit_agrees_where_it_settles():
 @pytest.mark.parametrize("seed", range(100))
 def test_a_later_deadline_changes_no_comparison(seed):
     """Random tasks, engines and deadlines: what is reported stays within its interval."""
-    assert changed(compared(Task.drawn(seed))).empty
+    assert changed(compared(DeadlineTask.drawn(seed))).empty
 
 
 def test_a_circuit_without_what_computes_agrees_less():

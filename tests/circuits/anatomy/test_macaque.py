@@ -10,7 +10,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.simulated_evidence import separated_evidence
 from circuits import anatomy
 from circuits.dynamics.fixed_point import off_nats, resting_hz
-from circuits.engines import Population, run
+from circuits.engines import Populations, run
 from circuits.laws import stability
 from circuits.laws.family import failures
 from circuits.laws.fluctuation import rate_spectrum
@@ -30,7 +30,7 @@ def stepped(table, lead, size):
     drive = np.zeros((1, 40, table.channels))
     drive[0, :, 0] = lead
     drive[0, 10:] += size
-    model = BasalGanglia(table, Population(noise=False), 1.0)
+    model = BasalGanglia(table, Populations(noise=False), 1.0)
     activity = model.run_drive(drive, STEP_MS)
     moved = activity.output_nats[0, :, 0]
     before = (activity.time_ms >= 450) & (activity.time_ms < LEADER_MS)

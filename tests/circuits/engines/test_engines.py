@@ -27,7 +27,7 @@ def test_a_name_is_the_engine_with_its_defaults(name):
     assert pickle.loads(pickle.dumps(engine)) == engine
 
 
-@pytest.mark.parametrize("name", ["nest", "", None, 3, engines.Population])
+@pytest.mark.parametrize("name", ["nest", "", None, 3, engines.Populations])
 def test_an_unknown_engine_lists_those_that_there_are(name):
     for make in (engines.engine_of, lambda engine: BasalGanglia("macaque", engine)):
         with refused("engine must be one of algebra, rate, .*"):
@@ -46,9 +46,9 @@ def test_an_option_that_there_is_not_is_refused(name):
     ("kind", "option", "values"),
     [
         (engines.Algebra, "laws", ["lines", 3, None]),
-        (engines.Population, "laws", ["table", None]),
-        (engines.Population, "noise", ["no", 1]),
-        (engines.Rate, "dt_ms", ["a", 0, -1, float("nan")]),
+        (engines.Populations, "laws", ["table", None]),
+        (engines.Populations, "noise", ["no", 1]),
+        (engines.Rates, "dt_ms", ["a", 0, -1, float("nan")]),
         (engines.Plain, "sample_ms", ["a", 0, None]),
         (engines.Spikes, "settle_ms", [-1, float("inf")]),
         (engines.Spikes, "workers", [0, 1.5, "2", True]),
@@ -66,9 +66,12 @@ def test_an_option_of_the_wrong_type_or_out_of_range_is_one_sentence(kind, optio
 
 def test_a_field_of_a_record_takes_a_name_or_an_engine():
     by_name = BasalGanglia("macaque", "population", seed=1)
-    assert by_name == BasalGanglia("macaque", engines.Population(), seed=1)
+    assert by_name == BasalGanglia("macaque", engines.Populations(), seed=1)
     other = replace(by_name, engine="rate")
-    assert (other.engine, BasalGanglia("macaque").engine) == (engines.Rate(), engines.Population())
+    assert (other.engine, BasalGanglia("macaque").engine) == (
+        engines.Rates(),
+        engines.Populations(),
+    )
 
 
 @dataclass(frozen=True)
@@ -118,8 +121,8 @@ def test_noise_at_rest_is_measured_by_what_is_compiled():
     for kind in ("plain", "brian2", "spikes"):
         asked = engines.engine_of(kind, **times, spikes=("STN",)).at_rest()
         assert asked == engines.Spikes(**times, rates=False)
-    asked = engines.Population(**times, sample_ms=5.0, drop_below=0.3, workers=2).at_rest()
-    assert asked == engines.Population(**times, rates=False, workers=2)
+    asked = engines.Populations(**times, sample_ms=5.0, drop_below=0.3, workers=2).at_rest()
+    assert asked == engines.Populations(**times, rates=False, workers=2)
 
 
 STEP_MS, STEPS = 20.0, 6

@@ -10,7 +10,7 @@ from circuits.cells.phase import phase_spectrum
 from circuits.declaration import transfer
 from circuits.dynamics.ticks import Clock, Scheme, tick_ms
 from circuits.dynamics.wiring import wire
-from circuits.engines import Population
+from circuits.engines import Populations
 from circuits.engines.population import answers as module
 from circuits.engines.population import filters, kernel
 from circuits.engines.population.answers import Mixture, answers, looked_up
@@ -86,13 +86,13 @@ def test_the_tick_is_the_longest_that_all_delays_and_times_are_multiples_of(
 ):
     """One of 1/2, 1/4, 1/5 and 1/10 ms; the other delays of the table are whole milliseconds."""
     circuit = anatomy.load_circuit("macaque", 2).with_projection("STN->GPe", delay_ms=delay_ms)
-    assert tick_ms(wire(circuit), Population.ticks_ms, *times_ms) == tick
+    assert tick_ms(wire(circuit), Populations.ticks_ms, *times_ms) == tick
 
 
 def test_filters_follow_the_state_with_a_time_constant_of_fifty_milliseconds():
     """After 50 ms their coefficients lack 1/e of a step of the state."""
     scheme = Scheme(wire(anatomy.spiking_msprt(2)), 0.5)
-    clock = plan(scheme, Clock(1, 50, 0.5), Population(noise=True)).clock[0]
+    clock = plan(scheme, Clock(1, 50, 0.5), Populations(noise=True)).clock[0]
     assert (1 - clock["follow_slowly"]) ** (50 / 0.5) == pytest.approx(np.exp(-1), rel=1e-4)
 
 
@@ -100,7 +100,7 @@ def test_noise_falls_with_the_number_of_cells_and_the_length_of_a_tick():
     """Of 1 Hz: the count of n Poisson cells in a tick has the mean and the variance n dt."""
     table = anatomy.spiking_msprt(2).with_neurons(70)
     scheme = Scheme(wire(table), 0.5)
-    engines = (Population(laws="lines", noise=noise) for noise in (False, True))
+    engines = (Populations(laws="lines", noise=noise) for noise in (False, True))
     made = [plan(scheme, Clock(1, 50, 0.5), engine).blocks for engine in engines]
     spiking = [wire(table).rows[b].spiking for b in range(len(made[True]))]
     count = 70 * 0.5e-3
