@@ -170,11 +170,11 @@ class Expected:
             return NO_INTERVAL if np.isnan(z) else COMPATIBLE if abs(z) <= Z95 else DIFFERS
         if self.direction == "none":
             inside = -self.at_least < low and high < self.at_least
-            outside = low > self.at_least or high < -self.at_least
+            outside = low >= self.at_least or high <= -self.at_least
             return AGREES if inside else DISAGREES if outside else OPEN
         if self.direction == "down":
             low, high = -high, -low
-        return AGREES if low > self.at_least else DISAGREES if high < self.at_least else OPEN
+        return AGREES if low > self.at_least else DISAGREES if high <= self.at_least else OPEN
 
 
 LOOKS: dict[str, Look] = {
