@@ -118,18 +118,23 @@ class FirstPassageTimes:
     # Trials with the opposite bias, whose mirror images count; without a bias, each trial's own
     # does.
     opposite: FirstPassageTimes | None = None
+    _reach: tuple[int, int] | None = field(default=None, compare=False)
     _counted: dict[int, Counts] = field(default_factory=dict, compare=False)
 
     def part(self, parts: Truths) -> FirstPassageTimes:
         """Return the crossings of some parts of the trials."""
         control = None if self.control is None else self.control.part(parts)
-        return replace(self, parts=parts, control=control, _counted={})
+        # The reach of all trials serves every part: to find it takes longer than to count them.
+        return replace(self, parts=parts, control=control, _reach=self.reach, _counted={})
 
     @cached_property
     def mirrored(self) -> FirstPassageTimes:
         """The mirror images of all trials."""
         choice = np.where(self.choice < 0, self.choice, 1 - self.choice)
-        return replace(self, choice=choice, evidence=-self.evidence, opposite=None, _counted={})
+        return replace(
+            self, choice=choice, evidence=-self.evidence, opposite=None, _reach=self.reach,
+            _counted={},
+        )  # fmt: skip
 
     @cached_property
     def ends(self) -> int:
@@ -140,6 +145,8 @@ class FirstPassageTimes:
     @cached_property
     def reach(self) -> tuple[int, int]:
         """Bins of evidence on either side of 0: for trials with a decision, and for the others."""
+        if self._reach is not None:
+            return self._reach
         far = np.abs(self.evidence)
         decided = self.choice >= 0
         farthest = (far[some].max(initial=0.0) for some in (decided, ~decided))
