@@ -54,10 +54,14 @@ def measured(point: Point, folder: Path) -> pd.DataFrame:
     table = pd.DataFrame(rows, columns=["measure", "value", "low", "high"])
     values = {name: float(joined[name][0]) for name in joined}
     two = behaviour.hypotheses == 2
-    caution = _caution(values, point.foreperiod_ms) or (_withheld(values) if two else "")
+    caution = _caution(values, point.foreperiod_ms)
     against = "the circuit decides against the evidence" if behaviour.against_evidence() else ""
     remark = "; ".join(text for text in (remark, against, caution, _uncalibrated(values)) if text)
-    return table.assign(trials=trials, gain=point.used_gain, **{REMARK: remark})
+    table = table.assign(trials=trials, gain=point.used_gain, **{REMARK: remark})
+    if two and not caution and (withheld := _withheld(values)):
+        theirs = "; ".join(text for text in (remark, withheld) if text)
+        table.loc[table["measure"].isin(OF_DIFFUSION), REMARK] = theirs
+    return table
 
 
 def _caution(values: dict[str, float], foreperiod_ms: float) -> str:

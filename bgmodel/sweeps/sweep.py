@@ -225,11 +225,13 @@ class SweepOutcome(Facts):
         }
 
     def cautions(self) -> list[str]:
-        """Return each remark on points, with the number of points that have it and their names."""
+        """Return each remark on measures that are shown, with the points that have it."""
         axes = list(self.plan.axes)
         points = self.table.drop_duplicates(subset=axes)
+        remarks = self.table[self.table["measure"].isin(self.plan.show)]
+        remarks = remarks[remarks["remark"] != ""].drop_duplicates(subset=[*axes, "remark"])
         texts = []
-        for text, some in points[points["remark"] != ""].groupby("remark", sort=False):
+        for text, some in remarks.groupby("remark", sort=False):
             names = [
                 ", ".join(f"{axis} = {shown(value)}" for axis, value in zip(axes, row, strict=True))
                 for row in some[axes].head(NAMED).itertuples(index=False)
