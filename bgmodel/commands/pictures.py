@@ -34,7 +34,7 @@ def demo(*, seed: int = 1, plot: Path = Path("demo.png"), force: bool = False) -
     """
     output = Files(plot=plot, force=force)
     output.check(())
-    say("decisions of some 40 000 spiking cells")
+    say("decisions of some 120 000 spiking cells")
     from bgmodel import demo as whole
 
     chain = whole.demo(seed)

@@ -34,7 +34,7 @@ WIRE = "weight, delay assumed"
 D2_BENT = f"{KERNEL}; D2 {HERNANDEZ}"
 D2_GABA = f"delay {LIENARD}; tau, share tuned; D2 {SHEN}"
 MOST_LEAD_NATS = {
-    2: 3.4, 3: 3.1, 4: 2.5, 5: 1.5, 6: 0.95, 7: 0.7, 8: 0.65, 9: 0.5, 10: 0.32, 11: 0.3, 12: 0.29,
+    2: 3.4, 3: 3.1, 4: 3.0, 5: 1.5, 6: 0.9, 7: 0.6, 8: 0.45, 9: 0.4, 10: 0.32, 11: 0.27, 12: 0.23,
 }  # fmt: skip
 """Largest lead per 100 ms by number of alternatives, measured (benchmarks/tuning/strength.py).
 
@@ -93,15 +93,15 @@ def macaque(channels: int = 2, *, name: str = "macaque") -> Circuit:
     # fmt: off
     populations = rows(Population, (
         "name       cell        neurons pooled baseline_hz gain_hz_per_nat transmitter cite",
-        ("ctx",     Phase(0.5), 2000,   False, 0.8,        16,             GLUTAMATE,  CORTEX),
+        ("ctx",     Phase(0.5), 2500,   False, 0.8,        16,             GLUTAMATE,  CORTEX),
         ("ctx_inh", Rate(),     1,      True,  0,          5,              GABA,       FAST),
-        ("D1",      Phase(0.5), 10000,  False, 0,          2.56,           GABA,       MSN),
-        ("D2",      Phase(0.5), 2800,   False, 0.5,        0.3,            GABA,       MSN),
-        ("STN",     Phase(0.3), 1500,   False, 0,          12.44,          GLUTAMATE,  OF_TWO),
+        ("D1",      Phase(0.5), 30000,  False, 0,          2.56,           GABA,       MSN),
+        ("D2",      Phase(0.5), 20000,  False, 0.5,        0.3,            GABA,       MSN),
+        ("STN",     Phase(0.3), 2000,   False, 0,          12.44,          GLUTAMATE,  OF_TWO),
         ("GPe",     Phase(0.3), 1500,   False, 58,         20,             GABA,       PACEMAKER),
         ("GPe_ctx", Rate(),     1,      True,  0,          20,             GABA,       SLOW),
-        ("SNr",     Phase(0.3), 1600,   False, 40,         40,             GABA,       OUTPUT),
-        ("FSI",     Phase(0.5), 1000,   False, 11,         4,              GABA,       FSI),
+        ("SNr",     Phase(0.3), 1200,   False, 40,         40,             GABA,       OUTPUT),
+        ("FSI",     Phase(0.5), 3000,   False, 11,         4,              GABA,       FSI),
     ), (
         "name       transfer      tau_ms  receptor  operating_point_nats  bias_nats",
         ("ctx",     "saturating", 2,     "",       0.0,        tone + fast * rest),
