@@ -189,7 +189,7 @@ def test_all_trials_before_their_first_reading_are_refused_of_a_test_alone():
 def test_noise_that_crosses_the_threshold_at_rest_is_warned_of():
     model = BasalGanglia("macaque", "population", 0.55, 1)
     few = EVIDENCE[:4]
-    for call in (lambda: first_crossing(model.run(few), 0.6), lambda: model.decide(few, 0.6)):
+    for call in (lambda: first_crossing(model.run(few), 0.65), lambda: model.decide(few, 0.65)):
         assert any(one.startswith("without evidence, noise takes OUT below") for one in told(call))
     assert not told(lambda: model.decide(few, 0.35))
 

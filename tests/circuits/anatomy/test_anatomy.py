@@ -73,7 +73,7 @@ HASHES = {
     "bogacz_gurney": ("00a40837", "98c8eadf"),
     "appendix_b": ("12ce6098", "a1483e98"),
     "linear_gpe": ("6d48e6f7", "9db5d4e9"),
-    "macaque": ("1f64553f", "551c2b7d"),
+    "macaque": ("533d4f00", "1c887193"),
     "macaque_small": ("679fb4d1", "bf31adc9"),
     "spiking_msprt": ("0011528f", "6119a62c"),
     "gpr": ("d5cc4e41", "36a5d88f"),
