@@ -37,6 +37,8 @@ from figures.common import BRIEF_MS, Settings, bars, key, letter, where
 
 SIZES = (0.1, 0.3, 1.0, 3.0)
 """Cells of every population, over the table's."""
+SDS = (0.003, 0.01, 0.03, 0.1)
+"""Ticks of the axis of noise, nats."""
 AT, HIGHEST = 0.95, 0.96
 AT_ACCURACY: dict[str, Any] = {"accuracies": (AT,), "highest": HIGHEST}
 """Accuracy at which edited circuits are compared."""
@@ -154,6 +156,8 @@ def _noise(ax: Axes, table: pd.DataFrame) -> None:
     each = float(law[-1] * np.sqrt(n[-1]))
     ax.loglog(n, law, color="k", lw=0.8, label=f"linear theory, {each:.3f}/√n")
     ax.set(xlabel="cells n, relative to the table", ylabel="SD of OUT (nats)")
+    ax.set_yticks(SDS, [f"{each:g}" for each in SDS])
+    ax.set_yticks([], minor=True)
     ax.set(ylim=(sd.min() / 4, sd.max() * 1.5))
     _size_ticks(ax)
     ax.legend(loc="lower left")
