@@ -49,7 +49,7 @@ def load_circuit(name: str | Path = DEFAULT, channels: int | None = None) -> Cir
         The path of a .toml file, or the name of a circuit:
 
         - "macaque": spiking basal ganglia of the macaque, driven by raw evidence;
-        - "macaque_small": the same computation in a third of the cells, without its resting rates;
+        - "macaque_small": the same in an eighth of the cells, without its resting rates;
         - "spiking_msprt": spiking cells that compute the MSPRT;
         - "bogacz_gurney": the exact circuit of Bogacz & Gurney (2007), where OUT = -ln P;
         - "appendix_b": the exact circuit with all pathways (their appendix B);

@@ -39,7 +39,7 @@ READINGS = {0.35: 120, 0.5: 80, 0.8: 40}
 SPIKES, AGAIN, POPULATION = "spikes", "spikes, another seed", "population"
 TIMES = ("mean_ms", "sd_ms")
 DECISIONS = {2: 600, 4: 300, 8: 100}
-"""Trials, by alternatives: a spiking trial is of 7 000 cells a channel."""
+"""Trials, by alternatives: a spiking trial is of 60 000 cells a channel."""
 SECONDS = {2: 0.3, 4: 0.4, 8: 0.8}
 """CPU time of a trial of decisions on three engines, about, by alternatives."""
 ENGINES = {

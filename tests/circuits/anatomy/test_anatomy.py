@@ -74,7 +74,7 @@ HASHES = {
     "appendix_b": ("12ce6098", "a1483e98"),
     "linear_gpe": ("6d48e6f7", "9db5d4e9"),
     "macaque": ("533d4f00", "1c887193"),
-    "macaque_small": ("679fb4d1", "bf31adc9"),
+    "macaque_small": ("df431408", "96f43e7c"),
     "spiking_msprt": ("0011528f", "6119a62c"),
     "gpr": ("d5cc4e41", "36a5d88f"),
     "humphries": ("e8ccb839", "f2b1d9bf"),
