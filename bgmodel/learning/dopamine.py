@@ -213,7 +213,7 @@ LOWEST_SHARE = 0.85
 can still take OUT to the threshold."""
 SPIKING_SHARE = 0.5
 """Trials of the spiking engine, as a share of those of other engines."""
-LATENCY_MS = {2: 50.6, 4: 54.2}
+LATENCY_MS = {2: 47.8, 4: 51.5}
 """Non-decision time: the default circuit's offset against the MSPRT at its gain where noise costs
 least, d' = 1 at accuracy 0.9 to 0.95 (`figures.decisions.measure_raw`). It is subtracted in the
 comparison with the full MSPRT too, so that the cost of the lower gain is not."""
