@@ -427,7 +427,8 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     rt_window : (float, float), optional
         Earliest and latest response time to fit, s.
     mechanism : str
-        What changes the criterion of a circuit; a name in ``fitting.mechanisms.MECHANISMS``.
+        What changes the criterion of a circuit; a name in ``MECHANISMS`` of
+        ``fitting.simulated.circuit_model``.
     free : sequence of str, or str
         Parameters to fit; by default all except start, start_spread, drift_sd and floor. With a
         plus, in addition: ``"+start"``.

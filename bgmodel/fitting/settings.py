@@ -50,7 +50,7 @@ class FitSettings:
     many trials are excluded."""
     mechanism: str = "threshold"
     """What changes the decision criterion of a circuit: threshold, dopamine, stn_loss or gpe_loss;
-    or, with a threshold, a change within a trial: rising_dopamine or onset_stn."""
+    or, with a threshold, a change within a trial: rising_dopamine, onset_stn or urgency."""
     free: tuple[str, ...] = ()
     """Parameters to fit; by default all except start, start_spread, drift_sd, floor, and a
     threshold that --mechanism replaces. With a plus, in addition to these: "+start"."""

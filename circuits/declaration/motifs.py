@@ -55,6 +55,8 @@ FELL = (
     "the criterion of monkeys falls by a factor e within 0.5 s, that of people within 1 to 3 s "
     "(fits of a falling gap); size assumed"
 )
+URGENCY_RISE_MS = 1000.0
+"""Time constant of the fall of OUT with urgency."""
 ONSET = "cortex responds to the onset of a stimulus, whatever its direction; size and times assumed"
 
 
@@ -66,7 +68,7 @@ def urgency(circuit: CircuitTable) -> tuple[Row, ...]:
     that in the end any lead decides. The circuit's unit must be nats.
     """
     circuit.check_nats("urgency, a course in nats,")
-    return (Course(circuit.readout, -0.5, rise_ms=1000.0, cite=FELL),)
+    return (Course(circuit.readout, -0.5, rise_ms=URGENCY_RISE_MS, cite=FELL),)
 
 
 def onset_transient(circuit: CircuitTable) -> tuple[Row, ...]:

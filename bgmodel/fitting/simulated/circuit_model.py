@@ -32,6 +32,7 @@ from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
 from bgmodel.support import __version__
 from bgmodel.support.checks import whole
 from circuits.arrays import Array, Truths
+from circuits.declaration.motifs import URGENCY_RISE_MS
 from circuits.declaration.table_writer import identity
 from circuits.engines import engine_of
 from circuits.errors import RangeWarning, quiet, require
@@ -58,8 +59,9 @@ class Axis:
 class Mechanism:
     """Edits of a circuit with free numbers, and these numbers."""
 
-    edits: tuple[str, ...]  # text with names in braces: ``("dopamine {dopamine}",)``.
-    axes: tuple[Axis, ...]  # One for each name.
+    # Text with names in braces, ``("dopamine {dopamine}",)``; ``{readout}`` is the output nucleus.
+    edits: tuple[str, ...]
+    axes: tuple[Axis, ...]  # One for each other name.
     about: str = ""
     # Whether it replaces the threshold, which is then fixed unless a fit frees it.
     instead: bool = False
@@ -68,7 +70,8 @@ class Mechanism:
         """Return the circuit at values of the axes."""
         names = (axis.parameter.name for axis in self.axes)
         values = {name: f"{value:.6g}" for name, value in zip(names, point, strict=True)}
-        return circuit.edited(*(edit.format(**values) for edit in self.edits))
+        every = (edit.format(readout=circuit.readout, **values) for edit in self.edits)
+        return circuit.edited(*every)
 
 
 NONE = Mechanism((), (), "the threshold alone")
@@ -111,6 +114,11 @@ MECHANISMS = {
             Axis(Parameter("decay_ms", 200.0, 1000.0, 400.0, "time constant of its decay, ms"), 5),
         ),
         "cells of STN that are driven at onset, decay, and excite SNr of all channels",
+    ),
+    "urgency": Mechanism(
+        (f"add {{readout}} amount=-{{urgency_nats}} rise_ms={URGENCY_RISE_MS:g}",),
+        (Axis(Parameter("urgency_nats", 0.0, 1.2, 0.0, "what OUT falls by in the end, nats")),),
+        "urgency: OUT falls with time, as the motif lets it, by a size that is fitted",
     ),
 }
 """Mechanisms that change the decision criterion of a circuit, by name."""

@@ -121,6 +121,11 @@ class FirstPassageTimes:
     _reach: tuple[int, int] | None = field(default=None, compare=False)
     _counted: dict[int, Counts] = field(default_factory=dict, compare=False)
 
+    def __post_init__(self) -> None:
+        # Trials are counted at one threshold at a time: in memory they stand side by side.
+        for name in ("bins", "choice", "evidence"):
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name)))
+
     def part(self, parts: Truths) -> FirstPassageTimes:
         """Return the crossings of some parts of the trials."""
         control = None if self.control is None else self.control.part(parts)

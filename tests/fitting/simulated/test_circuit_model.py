@@ -210,6 +210,9 @@ def test_an_axis_goes_evenly_from_bound_to_bound_by_its_start(name):
 
 def test_values_go_where_their_names_stand_and_the_threshold_alone_edits_nothing():
     assert MECHANISMS["threshold"].apply(MACAQUE, ()) is MACAQUE
+    motif = MACAQUE.edited("add urgency").courses[0]
+    fitted = MECHANISMS["urgency"].apply(MACAQUE, (0.5,)).courses[0]
+    assert replace(fitted, cite=motif.cite) == motif
     made = MECHANISMS["dopamine"].apply(MACAQUE, (0.75,))
     assert digest(made) == digest(MACAQUE.dopamine(0.75))
     with pytest.raises(ValueError, match=r"zip\(\) argument"):
