@@ -1,19 +1,20 @@
 """Fits of circuits with and without urgency to monkeys and people, for whom strength varies.
 
 The motif "urgency" lowers OUT with time by numbers that no fit moves, so that it adds no free
-parameter; the falling gap has one. The default circuit and ``macaque_small`` are compared.
+parameter; the falling gap has one, and so has urgency whose size is fitted. The default circuit and
+``macaque_small`` are compared.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 
 import pandas as pd
 
 from bgmodel.fitting.algorithms import EXPONENTIAL, GapModel, Model
 from bgmodel.fitting.design import design_of
-from bgmodel.fitting.simulated.circuit_model import NONE, SIMULATION_SEED
+from bgmodel.fitting.simulated.circuit_model import MECHANISMS, NONE, SIMULATION_SEED
 from bgmodel.trials.reader import read_trials
 from circuits.anatomy import DEFAULT, load_circuit
 from figures.data.measure_fits import PREDICTED, SECONDS, fitted, fitted_circuit, people
@@ -22,6 +23,12 @@ from figures.pieces import Made, Piece, Score, main
 TRIALS, COARSE_TRIALS = 32_000, 400
 """Trials that a fitted circuit is simulated with, at each drift."""
 CIRCUITS = (DEFAULT, "macaque_small")
+SIZED = f"{DEFAULT}, fitted urgency"
+FEWER = 0.5
+"""Share of the trials where they are simulated at several sizes of urgency."""
+SIZED_NATS = 1.0
+"""Noise of evidence in nats where urgency is fitted. Gaps that fall begin at up to 3 sqrt(s), and
+the read-out of the circuit is exact to 2.8 nats."""
 
 
 def models(trials: int) -> dict[str, Model]:
@@ -34,12 +41,24 @@ def models(trials: int) -> dict[str, Model]:
     return every
 
 
-def person(data: str, who: str, trials: int) -> pd.DataFrame:
-    """Return how well each model predicts left-out trials, compared with the falling gap."""
+def predictions(data: str, who: str, every: Mapping[str, Model]) -> pd.DataFrame:
+    """Return how well each model predicts left-out trials, compared with the first."""
     design = design_of(read_trials(data, strength="coherence", participant=who))
-    table = fitted(design, models(trials))
+    table = fitted(design, every)
     table = table.loc[table["kind"] == "predicted", ["model", *PREDICTED]]
     return table.assign(data=data, participant=who)
+
+
+def person(data: str, who: str, trials: int) -> pd.DataFrame:
+    """Return the predictions of the tests and of circuits, of which the motif moves no number."""
+    return predictions(data, who, models(trials))
+
+
+def person_sized(data: str, who: str, trials: int) -> pd.DataFrame:
+    """Return the predictions of the circuit whose urgency has the size that fits best."""
+    made = fitted_circuit(MECHANISMS["urgency"], trials, SECONDS, SIZED_NATS)
+    table = predictions(data, who, {"falling gap": GapModel(EXPONENTIAL), SIZED: made})
+    return table[table["model"] == SIZED]
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
@@ -47,11 +66,14 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     trials = COARSE_TRIALS if fast else TRIALS
     for data, who, count in people():
         yield Piece("predicted", who, count, 120, partial(person, data, who, trials))
+        fewer = round(FEWER * trials)
+        yield Piece("sized", who, count, 240, partial(person_sized, data, who, fewer))
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return the one table."""
-    return {"predicted": ("predicted", made["predicted"])}
+    every = pd.concat([made["predicted"], made["sized"]], ignore_index=True)
+    return {"predicted": ("predicted", every)}
 
 
 SCORE = Score(
