@@ -104,8 +104,8 @@ class Decision(Facts):
     def to_dataframe(self) -> pd.DataFrame:
         """Return one row per trial (and threshold, numbered from 0).
 
-        Columns trial, choice (-1 where undecided), time_ms, forced and premature; truth and correct
-        where the truth is known.
+        Columns trial, choice (-1 where undecided), time_ms, forced and premature; where the truth
+        is known also truth and correct (missing where undecided).
         """
         import pandas as pd
 
@@ -116,7 +116,12 @@ class Decision(Facts):
             columns["correct"] = self._right()
         axes = ("threshold", "trial")[-self.choice.ndim :]
         places = dict(zip(axes, np.indices(self.choice.shape), strict=True))
-        return pd.DataFrame({name: each.ravel() for name, each in {**places, **columns}.items()})
+        every = {name: each.ravel() for name, each in {**places, **columns}.items()}
+        table = pd.DataFrame(every)
+        if "correct" in table:
+            decided = table["choice"] != UNDECIDED
+            table["correct"] = table["correct"].astype("boolean").where(decided)
+        return table
 
     def summary(self) -> pd.DataFrame:
         """Return accuracy, mean time and numbers of trials, one row per threshold."""

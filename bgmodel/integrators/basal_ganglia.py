@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.deciding.calibration import warn_of_decisions
+from bgmodel.deciding.calibration import warn_of_decisions, warn_of_early_decisions
 from bgmodel.deciding.decision import Decision, any_crossing, check_decision, first_crossing, joined
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence, check_evidence
@@ -35,6 +35,7 @@ from circuits.anatomy import checked_circuit
 from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.declaration.courses import warn_of_late
+from circuits.declaration.table import NATS
 from circuits.differences import ignored_edits
 from circuits.engines import EngineOrName
 from circuits.errors import (
@@ -295,6 +296,10 @@ class BasalGanglia(Facts):
         decision = model.decided(evidence, level, forced=forced, rates=rates)
         check_decision(decision, level, forced=forced, of_test=False)
         warn_of_decisions(evidence, decision)
+        # An edit may well shift the criterion, and an expectation is not among the readings.
+        intact = self.circuit.unedited is None and self.circuit.unit == NATS
+        if intact and evidence.expectancy_nats is None:
+            warn_of_early_decisions(evidence, decision, model.gain, float(np.exp(-level)))
         return decision
 
     def decided(

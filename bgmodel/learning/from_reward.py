@@ -15,7 +15,7 @@ from bgmodel.bootstrap import FEWEST_TRIALS, check_trials, shown
 from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import threshold_from_posterior
-from bgmodel.integrators.sprt_theory import reward_curve
+from bgmodel.integrators.sprt_theory import OptimalThreshold
 from bgmodel.learning.critics import critic_of
 from bgmodel.learning.deciders import Feedback, FixedPoint, InCircuit, WeightLearner
 from bgmodel.learning.dopamine import playable_levels
@@ -27,7 +27,7 @@ from bgmodel.learning.dopamine_learner import (
     learn_in_circuit,
 )
 from bgmodel.learning.feature_sources import GaussianFeatures, tap_features
-from bgmodel.learning.gap import check_start, increments, learn_gap
+from bgmodel.learning.gap import check_start, learn_gap, regret_of
 from bgmodel.learning.learned_weights import LearnedWeights
 from bgmodel.learning.reinforce import GaussianPolicy, Learner
 from bgmodel.learning.weight_rules import rule_of
@@ -333,12 +333,11 @@ def _of_test(
     table, summary = learn_gap(
         readings, name=name, start_separation=start, t_max=task.t_max, policy=policy, **same
     )
-    cost = -float(reward_curve(*increments(readings), np.array([start]), same["xi"],
-                               t_max=task.t_max)[0])  # fmt: skip
-    percent = 100 * np.array(summary["regret"])
+    optimum = OptimalThreshold(summary["optimal_separation"], summary["optimal_cost"])
+    at_start = regret_of(np.array([start]), readings, optimum, same["xi"], task.t_max)
     rows = {
-        "learned": _over_runs(percent),
-        "start": [100 * (cost / summary["optimal_cost"] - 1)] * 3,  # exact
+        "learned": _over_runs(100 * np.array(summary["regret"])),
+        "start": [100 * float(at_start[0])] * 3,  # exact
     }
     course = table.rename(columns={"mean_separation": "mean", "boundary_separation": "played"})
     return FromReward(
@@ -475,7 +474,11 @@ def _features(
 
 
 def _over_runs(values: Array) -> list[float]:
-    """Return the mean over runs and its 95 % interval."""
+    """Return the mean over runs and its 95 % interval, by Student's t: runs are few."""
+    # Importing scipy.special takes long: only when runs have been made.
+    from scipy.special import stdtrit
+
     mean, runs = float(values.mean()), len(values)
-    half = 1.96 * float(values.std(ddof=1)) / np.sqrt(runs) if runs > 1 else np.nan
+    error = float(values.std(ddof=1)) / np.sqrt(runs) if runs > 1 else np.nan
+    half = float(stdtrit(runs - 1, 0.975)) * error if runs > 1 else np.nan
     return [mean, mean - half, mean + half]

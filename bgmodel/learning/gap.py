@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.deciding.reward import reward_of
 from bgmodel.integrators.sprt_theory import (
     Empirical,
     OptimalThreshold,
@@ -151,20 +150,11 @@ def learn_sources(
     )
 
 
-def regret_on_fresh_trials(
-    boundary_separation: Array,
-    readings: Source,
-    optimum: OptimalThreshold,
-    *,
-    xi: float,
-    t_max: int,
-    seed: int,
-    name: object,
+def regret_of(
+    boundary_separation: Array, readings: Source, optimum: OptimalThreshold, xi: float, t_max: int
 ) -> Array:
-    """Return the excess cost of fixed gaps over the exact optimum on 1e5 fresh trials, relative."""
-    fresh = readings.draw(FRESH_TRIALS, t_max, rng=stream(seed, "fresh", name))
-    counts = exhaustive_search(fresh, boundary_separation)
-    cost = -reward_of(1 - counts.accuracy, counts.mean_steps, xi)
+    """Return the excess cost of gaps over that of the best, relative; exact, so never below 0."""
+    cost = -reward_curve(*increments(readings), boundary_separation, xi, t_max=t_max)
     return (cost - optimum.cost) / optimum.cost
 
 
@@ -206,8 +196,9 @@ def learn_folds(
         count = len(starts) * repeats
         of_fold = slice(fold * count, (fold + 1) * count)
         runs_of_fold = learned.learned[of_fold], readings, np.repeat(starts, repeats), optima[fold]
-        scores = _scored(*runs_of_fold, **options)
-        runs = scores.assign(fold=fold, repeat=np.tile(np.arange(repeats), len(starts)))
+        runs = _scored(*runs_of_fold, xi, t_max).assign(
+            period_mm=period_mm, fold=fold, repeat=np.tile(np.arange(repeats), len(starts))
+        )
         rows.append(
             runs.loc[runs.index.repeat(keep), RUN_COLUMNS].assign(
                 episode=np.tile(episodes, count), smoothed_separation=curves[of_fold].ravel()
@@ -221,26 +212,18 @@ def _scored(
     readings: Source,
     starts: Array,
     optimum: OptimalThreshold,
-    *,
     xi: float,
     t_max: int,
-    seed: int,
-    name: float,
 ) -> pd.DataFrame:
     """Return learned gaps of one fold with its optimum and their starts, one row per run."""
-    regret = regret_on_fresh_trials(
-        learned, readings, optimum, xi=xi, t_max=t_max, seed=seed, name=name
-    )
-    start_cost = -reward_curve(*increments(readings), starts, xi, t_max=t_max)
     return pd.DataFrame(
         {
-            "period_mm": name,
             "start_separation": starts,
             "learned_separation": learned,
-            "regret": regret,
+            "regret": regret_of(learned, readings, optimum, xi, t_max),
             "optimal_separation": optimum.boundary_separation,
             "optimal_cost": optimum.cost,
-            "start_regret": start_cost / optimum.cost - 1,
+            "start_regret": regret_of(starts, readings, optimum, xi, t_max),
         }
     )
 
@@ -276,9 +259,7 @@ def learn_gap(
         policy=policy_for(policy, [optimum]),
         learner=learner,
     )
-    regret = regret_on_fresh_trials(
-        learned.learned, readings, optimum, xi=xi, t_max=t_max, seed=seed, name=name
-    )
+    regret = regret_of(learned.learned, readings, optimum, xi, t_max)
     summary = {
         "learned_separation": learned.learned.tolist(),
         "regret": regret.tolist(),

@@ -245,9 +245,10 @@ class SweepOutcome(Facts):
     def summary(self) -> pd.DataFrame:
         """Return the measures that the plan shows, one row per point."""
         chosen = self.table[self.table["measure"].isin(self.plan.show)]
-        wide = chosen.pivot_table(
-            index=list(self.plan.axes), columns="measure", values="value", sort=False, dropna=False
-        )
+        axes = list(self.plan.axes)
+        wide = chosen.pivot(index=axes, columns="measure", values="value")
+        # In the order of the plan, and only its points.
+        wide = wide.reindex(chosen.set_index(axes).index.unique())
         return Readable(wide[list(self.plan.show)].round(3))
 
     def to_dataframe(self) -> pd.DataFrame:

@@ -1,5 +1,7 @@
 """The stopping rule against a plain loop, and its stated rules for ties, onset and deadline."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -185,3 +187,12 @@ def test_without_evidence_only_an_output_below_the_threshold_is_a_response():
     out = np.array([[[0.5, 0.7], [0.4, 0.7]], [[0.5, 0.7], [0.3, 0.7]], [[0.9, 0.2], [0.9, 0.9]]])
     assert any_crossing(out, 0.4).tolist() == [False, True, True]
     assert any_crossing(out[:, :1], 0.4).tolist() == [False, False, True]
+
+
+def test_an_undecided_trial_is_neither_right_nor_wrong_in_the_table():
+    trace = Trace(np.array([[[0.1, 2.0]], [[2.0, 0.1]], [[2.0, 2.0]]]), [1.0], step_ms=1.0)
+    decision = replace(first_crossing(trace, 1.0, forced=False), truth=np.zeros(3, int))
+    correct = decision.to_dataframe()["correct"]
+    assert correct.tolist()[:2] == [True, False]
+    assert correct.isna().tolist() == [False, False, True]
+    assert correct.mean() == decision.accuracy == 0.5

@@ -15,7 +15,7 @@ from bgmodel.integrators import basal_ganglia
 from bgmodel.integrators.at_thresholds import decide_at_thresholds
 from bgmodel.integrators.basal_ganglia import BasalGanglia, drive_of
 from bgmodel.integrators.criterion import gain_of
-from bgmodel.simulated_evidence import expecting, separated_evidence
+from bgmodel.simulated_evidence import expecting, gaussian_evidence, separated_evidence
 from bgmodel.trials.named_evidence import NamedEvidence, trial_table
 from circuits import anatomy
 from circuits.anatomy import load_circuit, macaque
@@ -254,6 +254,28 @@ def test_an_edit_that_an_engine_makes_no_use_of_is_warned_of(edit, without, used
             BasalGanglia(edit(macaque()), engine)
     with unwarned():
         BasalGanglia(edit(macaque()), used, seed=SEED if used == "population" else None)
+
+
+@pytest.mark.parametrize("engine", ["rate", "population"])
+def test_decisions_on_less_evidence_than_asked_for_are_warned_of(engine):
+    """A hopeless third alternative, or a jump of all, which leave the test's decisions as they are.
+
+    OUT of the others falls before STN and GPe have balanced what all have gained.
+    """
+    drawn = gaussian_evidence(200, d_prime=0.5, t_max=60, step_ms=50, seed=0)
+    third = np.concatenate([drawn.log_likelihood, np.full((200, 60, 1), -50.0)], axis=2)
+    jump = drawn.log_likelihood.copy()
+    jump[:, 0] += 10
+    for readings in (third, jump):
+        evidence = Evidence(readings, drawn.truth, step_ms=50.0, baseline=readings.mean())
+        model = BasalGanglia(load_circuit("macaque", readings.shape[2]), engine, seed=SEED)
+        with pytest.warns(CalibrationWarning):
+            assert model.decide(evidence, posterior=0.75).accuracy < 0.7
+    model = BasalGanglia(load_circuit("macaque", 2), engine, seed=SEED)
+    with unwarned():
+        assert model.decide(drawn, posterior=0.75).accuracy > 0.85
+        edited = replace(model, circuit=model.circuit.edited("lesion STN 5%"))
+        edited.decide(drawn, posterior=0.75)
 
 
 def test_decisions_against_the_evidence_at_the_deadline_are_warned_of():

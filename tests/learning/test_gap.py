@@ -4,17 +4,19 @@ import numpy as np
 import pytest
 from pandas.testing import assert_frame_equal
 
-from bgmodel.integrators.sprt_theory import OptimalThreshold, optimal_separation, reward_curve
+from bgmodel.deciding.reward import reward_of
+from bgmodel.integrators.sprt_theory import OptimalThreshold, optimal_separation
 from bgmodel.learning import gap
 from bgmodel.learning.gap import (
     fold_sources,
     increments,
     learn_folds,
     policy_for,
-    regret_on_fresh_trials,
+    regret_of,
     search_folds,
 )
-from bgmodel.learning.reinforce import GaussianPolicy, Learner
+from bgmodel.learning.reinforce import GaussianPolicy, Learner, exhaustive_search
+from bgmodel.support.seeds import stream
 from bgmodel.tactile.source import held_out_taps
 from circuits.errors import RangeWarning
 from tests.helpers import unwarned
@@ -33,16 +35,16 @@ def test_simulation_agrees_with_the_exact_solution_on_tactile_evidence():
     assert np.abs(table["mean_steps"] / table["exact_mean_steps"] - 1).max() < 0.03
 
 
-def test_regret_is_the_share_that_a_gap_costs_more():
-    readings = fold_sources(TAPS, 2.0)[0]
+def test_regret_is_the_share_that_a_gap_costs_more_and_never_below_zero():
+    """Against trials drawn anew."""
+    readings, gaps = fold_sources(TAPS, 2.0)[0], np.linspace(0.0, 8.0, 33)
     best = optimal_separation(*increments(readings), 50.0, t_max=30)
-    separations = np.array([0.5, best.boundary_separation])
-    options = {"xi": 50.0, "t_max": 30, "seed": 1, "name": "regret"}
-    regret = regret_on_fresh_trials(separations, readings, best, **options)
-    cost = -reward_curve(*increments(readings), separations, 50.0, t_max=30)
-    assert regret == pytest.approx(cost / best.cost - 1, abs=0.03)
-    assert regret[0] > 0.3
-    assert abs(regret[1]) < 0.03
+    regret = regret_of(gaps, readings, best, 50.0, 30)
+    assert regret.min() >= -1e-9
+    assert regret_of(np.array([best.boundary_separation]), readings, best, 50.0, 30) < 1e-9
+    counts = exhaustive_search(readings.draw(100_000, 30, rng=stream(1, "regret")), gaps)
+    cost = -reward_of(1 - counts.accuracy, counts.mean_steps, 50.0)
+    assert (1 + regret) * best.cost == pytest.approx(cost, rel=0.03)
 
 
 def test_by_default_the_best_gap_is_inside_the_range_that_is_learned():

@@ -54,6 +54,16 @@ def test_labels_are_keys_and_measures(outcome):
     assert float(one) == rows.loc[rows["task.channels"] == 3, "value"].item()
 
 
+def test_a_summary_has_the_points_of_the_plan_and_no_others(tmp_path):
+    points = '[[points]]\n"lesion STN" = {}\n"task.d_prime" = {}\n'
+    listed = tmp_path / "listed.toml"
+    two = points.format(0.05, 0.5) + points.format(0, 0.8)
+    listed.write_text(GRID.partition("[grid]")[0] + two)
+    summary = Sweep.from_toml(listed).run().summary()
+    assert summary.index.tolist() == [(0.05, 0.5), (0.0, 0.8)]
+    assert summary["accuracy"].notna().all()
+
+
 def test_remarks_on_points_are_warned_of_in_python_as_at_the_terminal(file, tmp_path):
     short = tmp_path / "short.toml"
     short.write_text(GRID.replace("t_max = 20", "t_max = 3").replace("d_prime = 1.0", ""))

@@ -42,7 +42,7 @@ def count(
     A trial is given at several settings of weights ``share``: if its choice is the same at all,
     time and evidence are interpolated; otherwise it is divided among them.
     """
-    settings, trials = bins.shape
+    settings, trials = len(bins), len(bins[0])
     part = -1
     for trial in range(trials):
         part = part + 1 if part + 1 < len(parts) else 0
@@ -51,16 +51,16 @@ def count(
         same = True
         when, read = 0.0, 0.0
         for setting in range(settings):
-            same = same and choice[setting, trial] == choice[0, trial]
-            when += share[setting] * bins[setting, trial]
-            read += share[setting] * evidence[setting, trial]
+            same = same and choice[setting][trial] == choice[0][trial]
+            when += share[setting] * bins[setting][trial]
+            read += share[setting] * evidence[setting][trial]
         if same:
-            add(when, choice[0, trial], read / width, 1.0, decided, never)
+            add(when, choice[0][trial], read / width, 1.0, decided, never)
         else:
             for setting in range(settings):
                 add(
-                    float(bins[setting, trial]), choice[setting, trial],
-                    evidence[setting, trial] / width, share[setting], decided, never,
+                    float(bins[setting][trial]), choice[setting][trial],
+                    evidence[setting][trial] / width, share[setting], decided, never,
                 )  # fmt: skip
 
 
@@ -167,18 +167,24 @@ class FirstPassageTimes:
 
 @dataclass(frozen=True)
 class Counts:
-    """Trials on a grid of time and evidence for their choice; undecided ones for choice 0."""
+    """Trials on a grid of time and evidence for their choice; undecided ones for choice 0.
+
+    They are still to be ``sharpened``: once for the sum of all that are added.
+    """
 
     decided: Array  # (1 or 2, bins, evidence); with a bias, choices 0 and 1 are apart
     never: Array  # (evidence,), without a decision
 
     @cached_property
     def box(self) -> tuple[int, int, int]:
-        """Bins up to the last decision; first column with decisions, and one past the last such."""
+        """Bins up to the last decision, and columns from one before the first to one past the last.
+
+        The first column, and one past the last.
+        """
         bins, columns = (np.flatnonzero(self.decided.any(axis=axis)) for axis in ((0, 2), (0, 1)))
         if not len(bins):
             return 0, 0, 0
-        return int(bins[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
+        return int(bins[-1]) + 1, max(int(columns[0]) - 1, 0), int(columns[-1]) + 2
 
 
 def interpolated(place: float, rows: int) -> list[tuple[int, float]]:
@@ -215,7 +221,7 @@ def read(
     ]
     drifts = tuple(first.drifts.tolist())
     sides, *shape = weighed[0][0].decided.shape
-    never = np.sum([weight * counts.never for counts, weight in weighed], axis=0)
+    never = sharpened(np.sum([weight * counts.never for counts, weight in weighed], axis=0))
     read_s = (np.arange(shape[0]) + 1) * BIN_S
     seen, box = _seen(weighed)
     seen *= _unmixed(drifts, *shape)[box]
@@ -241,14 +247,14 @@ def read(
 
 
 def _seen(weighed: Sequence[tuple[Counts, float]]) -> tuple[Array, tuple[slice, slice]]:
-    """Return the weighted sum of counts within the box that holds all of them, and that box."""
+    """Return the weighted sum of counts, sharpened, in the box that holds all; and that box."""
     boxes = [counts.box for counts, _ in weighed if counts.box[0]] or [(0, 0, 0)]
     late, low, high = np.array(boxes).T
     box = (slice(late.max()), slice(low.min(), high.max()))
     seen = weighed[0][1] * weighed[0][0].decided[:, *box]
     for counts, weight in weighed[1:]:
         seen += weight * counts.decided[:, *box]
-    return seen, box
+    return sharpened(seen), box
 
 
 def _offsets(seen: Array, read: Array, v: Array) -> list[tuple[slice | Truths, Array]]:
@@ -315,11 +321,11 @@ def _count(settings: Sequence[tuple[FirstPassageTimes, float]], row: int) -> Cou
     never = np.zeros(2 * far + 1)
     for group in every:
         bins, choice, evidence = (
-            np.stack([getattr(each, name)[row] for each in group])
+            tuple(getattr(each, name)[row] for each in group)
             for name in ("bins", "choice", "evidence")
         )
         count(bins, choice, evidence, share, group[0].parts, EVIDENCE_BIN, decided, never)
-    return Counts(sharpened(decided), sharpened(never))
+    return Counts(decided, never)
 
 
 def sharpened(counts: Array) -> Array:
