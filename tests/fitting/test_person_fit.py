@@ -1,7 +1,6 @@
 """One fit as tables."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -10,14 +9,13 @@ from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.person_fit import cells_of, fit_likelihood, widened
-from bgmodel.fitting.posterior import Posterior, posterior
+from bgmodel.fitting.posterior import Posterior
 from bgmodel.fitting.quantiles import phrase, too_few
 from bgmodel.fitting.responses import QUANTILES
 from bgmodel.fitting.responses import moments as of_density
 from bgmodel.fitting.simulated.error import SimulationErrors
 from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn
-from tests.fitting.test_posterior import Doubled
 
 pytestmark = pytest.mark.usefixtures("brief_search")
 MODEL = GapModel()
@@ -46,18 +44,6 @@ def test_there_is_one_row_per_number_with_its_error(fit):
     assert fit.simulation.log_likelihood == 0  # the model is exact
     assert (table["simulation_error"] == 0).all()
     assert np.array_equal(fit.directions.vector, fit.optimum.vector)
-
-
-def test_an_interval_holds_the_value_and_is_as_wide_as_its_error_says(likelihood, monkeypatch):
-    monkeypatch.setattr("bgmodel.fitting.person_fit.posterior", partial(posterior, most_steps=120))
-    told = []
-    table = fit_likelihood(likelihood, draws=True, tell=told.append).parameters()
-    assert (table["low"] < table["value"]).all()
-    assert (table["value"] < table["high"]).all()
-    width = (table["high"] - table["low"]) / table["standard_error"]
-    assert width.to_numpy() == pytest.approx(2 * 1.645, rel=0.35)
-    assert len(told) > 1
-    assert told[-1] == "posterior 120"
 
 
 def test_cells_hold_data_beside_the_model(fit, likelihood):
@@ -100,15 +86,6 @@ def test_a_cell_without_any_response_is_empty_and_not_an_error():
     assert table["answered"].tolist() == [0, 30 - (rest.observed.response < 0).sum()]
     assert np.isnan(table.loc[0, ["accuracy", "mean_s", "q50_s"]].astype(float)).all()
     assert np.isfinite(table.loc[1, "mean_s"])
-
-
-def test_what_can_not_be_told_apart_is_fitted_with_a_warning(likelihood):
-    asked = likelihood_of(Doubled(), likelihood.design, free=["bound", "times"])
-    with pytest.warns(FitWarning, match="hardly distinguish bound from times"):
-        fit = fit_likelihood(asked)
-    assert abs(fit.directions.cosines[0, 1]) > 0.999
-    product = fit.optimum.values["bound"] * fit.optimum.values["times"]
-    assert product == pytest.approx(0.6, abs=0.05)
 
 
 def test_the_error_of_the_simulation_is_part_of_standard_errors_and_intervals(fit):
