@@ -10,11 +10,9 @@ from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.person_fit import cells_of, fit_likelihood, widened
 from bgmodel.fitting.posterior import Posterior
-from bgmodel.fitting.quantiles import phrase, too_few
 from bgmodel.fitting.responses import QUANTILES
 from bgmodel.fitting.responses import moments as of_density
 from bgmodel.fitting.simulated.error import SimulationErrors
-from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn
 
 pytestmark = pytest.mark.usefixtures("brief_search")
@@ -71,13 +69,6 @@ def test_cells_hold_data_beside_the_model(fit, likelihood):
     assert table["model_correct_s"][0] == pytest.approx(table["model_wrong_s"][0], abs=0.02)
 
 
-def test_a_fit_prints_its_largest_residuals_and_cells_without_errors(fit):
-    facts, rows = fit.facts(), fit.residuals()
-    assert facts["residual 1"] == phrase(rows.iloc[0].to_dict())
-    assert [name[-1] for name in facts if name.startswith("residual")] == ["1", "2", "3"]
-    assert facts["errors"] == too_few(fit.cells()) != ""
-
-
 def test_a_cell_without_any_response_is_empty_and_not_an_error():
     some = drawn(MODEL, [0.05, 0.4], 30, 63, deadline_s=1.0, sensitivity=12.0, bound=0.6)
     design = design_of(some)
@@ -119,11 +110,3 @@ def test_an_interval_widens_by_the_error_of_the_simulation_if_it_is_known():
     assert (high - low) / 2 == pytest.approx(1.645 * 0.5, rel=0.02)
     for none in (0.0, np.nan):
         assert np.array_equal(widened(drawn_, np.array([none])), drawn_.interval(0.9))
-
-
-def test_a_number_that_ends_at_a_bound_is_said_in_python_too():
-    """Times of 2 s and more: t0 can't be as late, and the other numbers make up for it."""
-    some = drawn(MODEL, [0.05, 0.4], 100, 61, seconds=2.0, sensitivity=12.0, bound=0.6)
-    late = design_of(replace(some, rt_s=some.rt_s + 2))
-    with pytest.warns(FitWarning, match=r"t0_s ends at a bound of its range, 1.5"):
-        fit_likelihood(likelihood_of(MODEL, late, free=FREE))

@@ -216,16 +216,6 @@ def test_the_same_seed_draws_the_same_and_another_one_others():
     assert not np.array_equal(one.draws, other.draws)
 
 
-def test_a_short_chain_says_so_and_what_it_is_worth(caplog, capfd):
-    chain = GAUSSIAN.draw(most_steps=60)
-    assert not chain.long_enough
-    assert 0 < chain.lasts < ENOUGH
-    assert chain.effective < len(chain.draws) == 60 // 2 * 32
-    # Nothing of the sampler's own warnings.
-    assert caplog.text == ""
-    assert capfd.readouterr() == ("", "")
-
-
 def test_no_chain_is_worth_more_than_its_draws():
     """Where each draw takes back the last, the autocorrelation time would be below a step."""
     rng = np.random.default_rng(6)

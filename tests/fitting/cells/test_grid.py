@@ -46,21 +46,12 @@ def numbers(count, gain, seed=5):
     return [np.r_[each, 0.4, gain * (1 + k)] for k, each in enumerate(course)]
 
 
-def summed(data, values):
-    """Return the sum of clicks in each bin, and at the end."""
-    return data.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
-
-
-def based(data, cell, past, bins=slice(None)):
-    """Return what a cell does without clicks, by its course and by its recent rate."""
-    return data.basis[bins] @ cell[:KNOTS] + cell[-2] * past
-
-
 def poisson_log(data, cells, encoding, sums):
     """Return the log probability of all spikes given the sum of clicks, (trials,)."""
     log_p = np.zeros(len(data.end_s))
     for count, past, cell in zip(data.counts, data.past, cells, strict=True):
-        _, rate, _ = encoding.rate(based(data, cell, past), cell[-1] * encoding.encode(sums)[0])
+        base = data.basis @ cell[:KNOTS] + cell[-2] * past
+        _, rate, _ = encoding.rate(base, cell[-1] * encoding.encode(sums)[0])
         # Counts over their factorials, which no parameter moves, are left out.
         log = count * np.log(rate * BIN_S) - rate * BIN_S
         log_p += (log * data.on).sum(axis=1)
@@ -72,7 +63,7 @@ def test_without_noise_it_is_a_poisson_regression_and_a_probit_of_the_clicks(nam
     data, encoding = session(), ENCODINGS[name]
     values = one_sum(TWO | {"noise": 1e-4, "start_noise": 1e-4, "choice_noise": 1.5})
     cells = numbers(2, 0.1)
-    sums = summed(data, values)
+    sums = data.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
     right = 0.95 * ndtr((sums[:, -1] + values["bias"]) / 1.5) + 0.025
     choice = np.log(np.where(data.choice == 1, right, 1 - right))
     exact = poisson_log(data, cells, encoding, sums[:, :-1]) + choice
@@ -93,7 +84,7 @@ def test_one_bin_is_an_integral_over_two_gaussians():
     data = session(bins=1)
     data.end_s[:] = np.linspace(BIN_S, 1.9 * BIN_S, len(data.end_s))
     encoding, values, cells = ENCODINGS["linear"], DEFAULT, numbers(2, 0.08)
-    sums = summed(data, values)
+    sums = data.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
     left, added = moved(values["leak_per_s"], values["noise"], BIN_S / 2)
     n = np.linspace(-20, 20, 4001)
     density = norm.pdf(n, scale=np.sqrt(left**2 * values["start_noise"] ** 2 + added))
@@ -104,7 +95,7 @@ def test_one_bin_is_an_integral_over_two_gaussians():
         right = 0.95 * ndtr((left[k] * n + sums[k, 1] + values["bias"]) / sd) + 0.025
         each = density * (right if data.choice[k] else 1 - right)
         for count, past, cell in zip(data.counts, data.past, cells, strict=True):
-            base = based(data, cell, past[k, 0], 0)
+            base = data.basis[0] @ cell[:KNOTS] + cell[-2] * past[k, 0]
             _, rate, _ = encoding.rate(base, cell[-1] * (sums[k, 0] + n))
             # Without the factorial, as above.
             each *= poisson.pmf(0, rate * BIN_S) * (rate * BIN_S) ** count[k, 0]
@@ -138,7 +129,7 @@ def test_the_mean_over_simulated_paths_of_the_noise_converges_to_it():
     data, encoding, cells = session(trials=3), ENCODINGS["exponential"], numbers(2, 0.1)
     values = TWO | {"noise": 3.0, "deciding_leak_per_s": -1.0, "shared_noise": 0.7}
     rng, runs = np.random.default_rng(8), 40_000
-    sums = summed(data, values)
+    sums = data.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
     exact = passed(data, values, cells, encoding).log_density
     for k in range(3):
         n, before = values["start_noise"] * rng.standard_normal(runs), 0.0
@@ -149,7 +140,7 @@ def test_the_mean_over_simulated_paths_of_the_noise_converges_to_it():
             if b == data.bins[k]:
                 break
             for count, past, cell in zip(data.counts, data.past, cells, strict=True):
-                base = based(data, cell, past[k, b], b)
+                base = data.basis[b] @ cell[:KNOTS] + cell[-2] * past[k, b]
                 rate = encoding.rate(base, cell[-1] * (sums[k, b] + n))[1] * BIN_S
                 log += count[k, b] * np.log(rate) - rate
         sd, deciding_sd = (

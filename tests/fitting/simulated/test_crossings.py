@@ -11,7 +11,6 @@ from bgmodel.fitting import passage
 from bgmodel.fitting.responses import BIN_S, Grid, moments
 from bgmodel.fitting.simulated.crossings import (
     DRIFTS,
-    FirstPassageTimes,
     count,
     interpolated,
     log_mixture,
@@ -89,20 +88,6 @@ def test_a_longer_grid_adds_bins_and_changes_none(stored, drift, threshold):
     assert np.array_equal(short, standard[:, :, :60])
     assert np.array_equal(long[:, :, :300], standard)
     assert long[:, :, 300:].sum() == 0
-
-
-@given(st.floats(0, 1))
-@settings(max_examples=15)
-def test_a_setting_between_two_lies_as_near_to_each_as_its_share_says(share):
-    rng = np.random.default_rng(3)
-    bins, choice = rng.integers(20, 50, (1, 200)), rng.integers(0, 2, (1, 200))
-    still = FirstPassageTimes(np.array([0.3]), np.zeros(1), bins, choice, np.zeros((1, 200)))
-    later = FirstPassageTimes(np.array([0.3]), np.zeros(1), bins + 20, choice, np.zeros((1, 200)))
-    mean_s, still_s = (
-        moments(decided(each, 0.3, [0.0], GRID) / BIN_S, GRID)["mean_s"]
-        for each in ([(still, 1 - share), (later, share)], [(still, 1.0)])
-    )
-    assert mean_s - still_s == pytest.approx(20 * BIN_S * share, abs=1e-6)
 
 
 @given(st.floats(0, 9), st.lists(st.floats(-5, 5), min_size=3, max_size=3))
