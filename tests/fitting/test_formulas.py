@@ -33,8 +33,9 @@ def table(trials=300):
     return pd.concat(parts, ignore_index=True).assign(participant_id="a", same="yes")
 
 
-def likelihood(data=None, **options):
-    asked = settings_of(strength="strength", fix=FIXED, **options)
+def likelihood(data=None, fix=FIXED, **options):
+    asked = settings_of(strength="strength", fix=fix, **options)
+    asked.check_parameters({"model": GapModel()})
     choices = asked.read(table(60) if data is None else data)
     return asked.likelihood(asked.design(choices), GapModel())
 
@@ -126,12 +127,6 @@ def test_functions_are_over_trials():
     assert np.unique(weights.round(9)) == pytest.approx(np.array([1, 2]) - data["block"].mean())
 
 
-def checked(data, **options):
-    asked = settings_of(strength="strength", **options)
-    asked.check_parameters({"model": GapModel()})
-    return asked.likelihood(asked.design(asked.read(data)), GapModel())
-
-
 MANY = [f"m{k}" for k in np.arange(1600) // 20]
 test_formulas_that_cannot_be_fitted_are_refused = refusing(
     ("bound ~ day", "day"),
@@ -142,7 +137,7 @@ test_formulas_that_cannot_be_fitted_are_refused = refusing(
     *((formula, "formula") for formula in (
         "bound", "speed ~ block", ["bound ~ block", "bound ~ instruction"], 3,
     )),
-    of=lambda formula: checked(table(200).assign(many=MANY), formula=formula),
+    of=lambda formula: likelihood(table(200).assign(many=MANY), formula=formula),
 )  # fmt: skip
 
 
@@ -150,7 +145,7 @@ def test_a_parameter_has_one_rule():
     with refused("vary"):
         likelihood(formula="bound ~ block", vary={"bound": "instruction"})
     with refused("fix"):
-        checked(table(60), formula="bound ~ block", fix={"bound": 0.7})
+        likelihood(formula="bound ~ block", fix={"bound": 0.7})
 
 
 def test_a_covariate_of_any_number_of_values_has_the_slope_that_made_the_data():

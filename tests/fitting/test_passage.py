@@ -17,16 +17,9 @@ def exponential(bound, fall_s, time_s):
     return EXPONENTIAL.at(bound, {"fall_per_s": 1 / fall_s}, time_s)
 
 
-def densities(drift, bound):
-    times = np.linspace(0.0, 18 * bound**2, 6001)[1:]
-    at_rest = passage.constant_at_rest(bound, times)
-    (density,) = with_drift(at_rest, np.full(len(times), bound), times, [drift])
-    return times, density
-
-
 def moments(drift, bound):
-    times, density = densities(drift, bound)
-    mass = density * (times[1] - times[0])
+    times = np.linspace(0.0, 18 * bound**2, 6001)[1:]
+    mass = from_start(bound, 0.0, drift, times)
     mean = mass.sum(axis=0) @ times
     sd = np.sqrt(mass.sum(axis=0) @ times**2 - mean**2)
     return mass.sum(), mass[int(drift >= 0)].sum(), mean, sd

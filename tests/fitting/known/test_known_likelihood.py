@@ -65,27 +65,23 @@ def test_two_alternatives_without_leak_and_noise_decide_alike_in_test_and_leaky_
     np.testing.assert_allclose(first, second, atol=1e-6)
 
 
-def at_start(trials, model="msprt"):
-    """Return log densities of trials with the start of each parameter."""
-    likelihood = known_likelihood(EXACT[model], trials)
-    return likelihood.each(likelihood.freedom.start)
+def common(trials):
+    return trials.log_likelihood + np.random.default_rng(1).normal(size=(60, 40, 1))
+
+
+def late(trials):
+    unseen = np.arange(40) >= trials.seen[:, None]
+    return np.where(unseen[:, :, None], 9.0, trials.log_likelihood)
 
 
 @pytest.mark.parametrize("model", list(EXACT))
-def test_evidence_common_to_all_alternatives_changes_nothing(model):
+@pytest.mark.parametrize("changed", [common, late])
+def test_evidence_common_to_all_alternatives_or_after_the_response_changes_nothing(model, changed):
     trials = simulated(60)
-    values = trials.log_likelihood + np.random.default_rng(1).normal(size=(60, 40, 1))
-    moved = replace(trials, log_likelihood=values)
-    first, second = (at_start(each, model) for each in (trials, moved))
-    np.testing.assert_allclose(first, second, atol=1e-8)
-
-
-def test_readings_after_the_response_change_nothing():
-    trials = simulated(60)
-    values = trials.log_likelihood.copy()
-    values[np.arange(40) >= trials.seen[:, None]] = 9.0
-    moved = replace(trials, log_likelihood=values)
-    np.testing.assert_array_equal(at_start(trials), at_start(moved))
+    every = trials, replace(trials, log_likelihood=changed(trials))
+    first, second = (known_likelihood(EXACT[model], each) for each in every)
+    start = first.freedom.start
+    np.testing.assert_allclose(first.each(start), second.each(start), atol=1e-8)
 
 
 def test_gain_is_free_and_biases_are_not_if_there_are_more_than_two_alternatives():

@@ -143,7 +143,6 @@ def test_a_decision_has_heard_its_bin_and_no_later_reading():
 
 
 def test_parts_hold_every_trial_once(stored):
-    """Counts of the halves add up to those of all trials."""
     even = np.array([True, False])
     first, second = (stored.part(parts).counted(8) for parts in (even, ~even))
     counted = stored.counted(8)
