@@ -203,26 +203,6 @@ def test_each_trial_has_the_parameters_of_its_condition(model, timed):
         np.testing.assert_array_equal(part.part(np.arange(5)).each(vector), each[some[:5]])
 
 
-def test_two_conditions_without_a_common_parameter_are_two_fits():
-    data, evidence = tables(simulated(80, 52))
-    data = data.assign(c=np.resize(["a", "b"], 80))
-    slowest = data.groupby("c")["rt"].idxmax()
-    data.loc[slowest, "rt"] = data["rt"].max()  # lapses extend up to it
-    asked = {"evidence": evidence, "forced": True, "fix": {"t0_sd_s": 0.05, "lapse": 0.02}}
-    free = ("threshold", "noise", "bias_1", "t0_s")
-    both = bg.fit(data, "msprt", vary=dict.fromkeys(free, "c"), **asked)
-    total = 0.0
-    for level, part in data.groupby("c"):
-        seen = evidence["trial"].isin(part["trial"].astype(int))
-        alone = bg.fit(part, "msprt", **{**asked, "evidence": evidence[seen]})
-        total += alone.log_likelihood
-        for name in free:
-            error = alone.summary().loc[name, "standard_error"]
-            off = alone.optimum.values[name] - both.optimum.values[f"{name}[c={level}]"]
-            assert abs(off) < 0.05 * error
-    assert both.log_likelihood == pytest.approx(total, abs=0.01)
-
-
 def test_a_condition_with_one_level_changes_nothing():
     data, evidence = tables(simulated(60, 51))
     asked = {"evidence": evidence, "forced": True, "fix": {"lapse": 0.02}}
