@@ -9,8 +9,10 @@ import pytest
 from bgmodel.fit_trials import fit
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.hierarchy import chains, guide
+from bgmodel.fitting.person_fit import fit_likelihood
 from circuits.errors import FitWarning
 from tests.drawn import drawn, rows_of
+from tests.helpers import told
 
 PEOPLE = {"anna": 8.0, "ben": 9.0, "cleo": 10.0, "dora": 11.0}
 """Sensitivity of each person."""
@@ -28,6 +30,13 @@ def table(people=PEOPLE, trials=60, **columns):
         block = np.where(np.arange(some.trials) % 4 < 2, "early", "late")
         parts.append(rows_of(some, participant_id=who, block=block, **columns))
     return pd.concat(parts, ignore_index=True)
+
+
+def fitted_with(words, likelihood):
+    """Return a fit, and those of its warnings that have these words."""
+    fits = []
+    texts = told(lambda: fits.append(fit_likelihood(likelihood)))
+    return fits[0], [text for text in texts if words in text]
 
 
 @contextmanager

@@ -1,6 +1,5 @@
-"""Errors due to bins of time, and slow trials: said where there are some, and only there."""
+"""Errors due to bins, slow trials, and fast ones that are left out: said only where they are."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -9,19 +8,30 @@ import pytest
 
 from bgmodel.fitting import model_comparison, passage
 from bgmodel.fitting.algorithms import GapModel
-from bgmodel.fitting.cautions import PARTS, finer, moved_by_bins, of_bins, resolved, slow_trials
+from bgmodel.fitting.cautions import (
+    EDGE_NATS,
+    PARTS,
+    cut_nats,
+    finer,
+    moved_by_bins,
+    of_bins,
+    of_cuts,
+    resolved,
+    slow_trials,
+)
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.model_comparison import crossvalidated
 from bgmodel.fitting.optimum import Optimum, optimum
-from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.responses import Grid, moments, responded
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.simulated.race import RaceModel
 from bgmodel.support.seeds import stream
-from tests.drawn import drawn, slowed
+from tests.drawn import TRUTH, drawn, slowed
+from tests.fitting.conftest import fitted_with
 
+pytestmark = pytest.mark.usefixtures("brief_search")
 SEED = 24_611
 STRENGTHS = (0.1, 0.2, 0.4)
 SENSITIVITY, T0_S = 8.0, 0.3
@@ -113,27 +123,24 @@ def test_models_are_compared_in_the_bins_of_their_fits(monkeypatch):
     assert abs(some(fine.vector) - fine.log_likelihood) > 0.5
 
 
-pytestmark = pytest.mark.usefixtures("brief_search")
 MODEL, SLOW_SEED = GapModel(), 84
-CLEAN = drawn(MODEL, [0.0, 0.1, 0.4], 200, SLOW_SEED, seconds=4.0, sensitivity=12.0, bound=0.7)
+TRUE = {"sensitivity": 12.0, "bound": 0.7, **TRUTH}
+CLEAN = drawn(MODEL, [0.0, 0.1, 0.4], 200, SLOW_SEED, seconds=4.0, **TRUE)
 SLOWED = slowed(CLEAN, SLOW_SEED)
 
 
-def with_warnings(some, **options):
-    """Return a fit, and the warnings of slow trials."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        fit = fit_likelihood(likelihood_of(MODEL, design_of(some), **options))
-    return fit, [str(each.message) for each in caught if "slower" in str(each.message)]
+def said(words, some, window_s=None, **options):
+    """Return a fit, and what it says in these words."""
+    return fitted_with(words, likelihood_of(MODEL, design_of(some, rt_window=window_s), **options))
 
 
 @pytest.fixture(scope="module")
 def slow_fit():
-    return with_warnings(SLOWED)
+    return said("slower", SLOWED)
 
 
 def test_a_clean_set_has_no_slow_trials():
-    fit, texts = with_warnings(CLEAN)
+    fit, texts = said("slower", CLEAN)
     assert texts == []
     assert slow_trials(fit.optimum).gain_nats < 0.5
 
@@ -150,8 +157,63 @@ def test_a_tail_of_slow_trials_is_said_with_their_number(slow_fit):
 
 
 def test_where_lapses_are_held_it_is_advised_to_free_them_and_that_helps(slow_fit):
-    held, (text,) = with_warnings(SLOWED, fixed={"lapse": 0.001})
+    held, (text,) = said("slower", SLOWED, fixed={"lapse": 0.001})
     assert "free lapse, which" in text
     free, _ = slow_fit
     off = [abs(each.optimum.values["bound"] - 0.7) for each in (free, held)]
     assert off[0] < off[1] / 2
+
+
+BEGUN, CUT = drawn(MODEL, [0.0, 0.1, 0.4], 250, 87, seconds=4.0, **TRUE), "abruptly"
+"""Trials, the fastest of which are left out, and what is then said."""
+
+
+def test_a_clean_set_is_not_said_to_begin_abruptly():
+    fit, texts = said(CUT, BEGUN)
+    assert texts == []
+    assert cut_nats(fit.optimum) < 2
+
+
+@pytest.mark.parametrize("share", [0.2, 0.35])
+def test_fast_trials_that_were_left_out_are_asked_for_and_the_window_mends_the_fit(share):
+    """With the window the truth is as likely as it should be, and without it impossible."""
+    first_s = float(np.quantile(BEGUN.rt_s, share))
+    kept = BEGUN.where(first_s <= BEGUN.rt_s)
+    off, (text,) = said(CUT, kept)
+    assert f"all at {kept.rt_s.min():.4g} s" in text
+    mended, texts = said(CUT, kept, (first_s, np.inf))
+    assert texts == []
+    worse = [
+        fit.log_likelihood
+        - fit.optimum.likelihood(np.array([TRUE[name] for name in fit.optimum.values]))
+        for fit in (off, mended)
+    ]
+    assert worse[0] > 50
+    assert worse[1] < 5.5  # half of the 95 % point of chi-square, 5 degrees of freedom
+    assert mended.optimum.values["bound"] == pytest.approx(0.7, abs=0.04)
+    assert mended.log_likelihood - off.log_likelihood > cut_nats(off.optimum) > EDGE_NATS
+
+
+def test_the_window_of_rounded_times_begins_half_a_step_earlier():
+    first_s = round(float(np.quantile(BEGUN.rt_s, 0.3)), 2)
+    rounded = replace(BEGUN, rt_s=np.round(BEGUN.rt_s, 2))
+    kept = rounded.where(rounded.rt_s >= first_s)
+    _, (text,) = said(CUT, kept)
+    assert f"all at {first_s - 0.005:.4g} s" in text
+    right, texts = said(CUT, kept, (first_s - 0.005, np.inf))
+    assert texts == []
+    late, _ = said(CUT, kept, (first_s, np.inf))
+    off = [abs(fit.optimum.values["t0_s"] - TRUE["t0_s"]) for fit in (right, late)]
+    assert off[0] < off[1]
+
+
+def test_times_in_coarse_steps_are_not_taken_to_begin_abruptly():
+    some = drawn(MODEL, [0.05, 0.1, 0.2, 0.4], 400, 12, seconds=3, sensitivity=10.0, bound=0.5)
+    _, texts = said(CUT, replace(some, rt_s=np.ceil(10 * some.rt_s) / 10))
+    assert texts == []
+
+
+def test_a_warning_names_a_few_people_of_many():
+    optimum = said(CUT, BEGUN.where(np.quantile(BEGUN.rt_s, 0.3) <= BEGUN.rt_s))[0].optimum
+    (text,) = of_cuts([optimum] * 9)
+    assert (text.count("all at"), text.count(" and 5 more: ")) == (4, 1)

@@ -1,6 +1,5 @@
 """Misfit is reported for data that the model cannot fit, and not for clean data."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -15,12 +14,13 @@ from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.misfit import FIXED, TOGETHER, Excess, group_misfit, misfit
 from bgmodel.fitting.optimum import Optimum
-from bgmodel.fitting.person_fit import fit_likelihood
+from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.responses import moments
 from bgmodel.fitting.simulated.circuit_model import CircuitModel
 from bgmodel.fitting.simulated.error import jackknifed, without_parts
 from circuits.anatomy import load_circuit
 from tests.drawn import TRUTH, choices, drawn
+from tests.fitting.conftest import fitted_with
 
 MODEL, SEED = GapModel(), 92
 STRENGTHS = [0.0, 0.1, 0.2, 0.4]
@@ -29,12 +29,9 @@ CLEAN = drawn(MODEL, STRENGTHS, 500, SEED, seconds=4.0, **VALUES)
 FREE = ["sensitivity", "bound", "t0_s", "t0_sd_s", "lapse"]
 
 
-def fitted(some, **options):
+def fitted(some):
     """Return a fit, and its warnings of a misfit."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        fit = fit_likelihood(likelihood_of(MODEL, design_of(some, **options), free=FREE))
-    return fit, [str(each.message) for each in caught if "does not fit" in str(each.message)]
+    return fitted_with("does not fit", likelihood_of(MODEL, design_of(some), free=FREE))
 
 
 def truth(some, sensitivity=8.0, **options):
@@ -65,24 +62,12 @@ def mixed_units():
     return replace(CLEAN, strength=np.where(half, 100.0, 1.0) * CLEAN.strength)
 
 
-class Varying(GapModel):
-    """The test with a drift that differs from trial to trial, with a standard deviation of 4."""
-
-    def decided(self, values, strength, grid):
-        nodes, weights = np.polynomial.hermite_e.hermegauss(11)
-        mass = 0.0
-        for node, weight in zip(nodes, weights / weights.sum(), strict=True):
-            drift = values["sensitivity"] * strength + 4.0 * node
-            one = super().decided({**values, "sensitivity": np.ones(len(drift))}, abs(drift), grid)
-            mass = mass + weight * np.where((drift < 0)[:, None, None], one[:, ::-1], one)
-        return mass
+def varying():
+    """Return choices whose drift differs from trial to trial."""
+    return drawn(MODEL, STRENGTHS, 500, SEED, seconds=4.0, drift_sd=4.0, **VALUES)
 
 
-@pytest.mark.parametrize(
-    "some",
-    [guessing, mixed_units, lambda: drawn(Varying(), STRENGTHS, 500, SEED, seconds=4.0, **VALUES)],
-    ids=["guesses", "units", "varying drift"],
-)
+@pytest.mark.parametrize("some", [guessing, mixed_units, varying])
 def test_data_that_the_model_does_not_fit_are_said_with_the_worst_cell(some):
     fit, (text,) = fitted(some())
     worst = fit.cells()[["z_accuracy", "z_mean_rt"]].abs().max(axis=1).idxmax()
@@ -158,8 +143,6 @@ def test_the_error_of_simulated_trials_is_part_of_the_z_scores():
     model = CircuitModel(load_circuit("bogacz_gurney", 2), "algebra", seconds=1.0, trials=16)
     likelihood = likelihood_of(model, design_of(seen), free=["threshold_nats"])
     best = Optimum(likelihood, np.array([0.25]), 0.0, 0)
-    from bgmodel.fitting.posterior import directions
-
     left = without_parts(likelihood, directions(likelihood, best.vector))
     alone, with_error = misfit(best), misfit(best, left)
     assert (np.abs(with_error.z_accuracy) < np.abs(alone.z_accuracy)).all()

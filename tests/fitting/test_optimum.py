@@ -11,7 +11,7 @@ import pytest
 from bgmodel.fitting.algorithms import EXPONENTIAL, GapModel
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import BinnedLikelihood, likelihood_of
-from bgmodel.fitting.optimum import TOLERANCE_NATS, Optimum, _scales, _slid, optimum
+from bgmodel.fitting.optimum import TOLERANCE_NATS, _scales, _slid, optimum
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.responses import moments
@@ -87,18 +87,6 @@ def within(usual, parameter):
     )
 
 
-def test_an_optimum_at_a_bound_says_so(small):
-    usual = likelihood_of(CONSTANT, design_of(small), free=["sensitivity", "bound", "t0_s"])
-
-    def near(*parameter):
-        peak = optimum(within(usual, Parameter(*parameter)))
-        return dict(zip(peak.likelihood.freedom.names, peak.at_bound.tolist(), strict=True))
-
-    assert near("bound", 0.8, 2.0, 1.4) == {"sensitivity": False, "bound": True, "t0_s": False}
-    assert near("t0_s", 0.1, 0.2, 0.15)["t0_s"]
-    assert not any(near("bound", 0.2, 2.0, 1.1).values())
-
-
 def test_the_range_of_sensitivity_goes_by_the_largest_strength(small):
     freed = likelihood_of(CONSTANT, design_of(small)).freedom
     k = freed.names.index("sensitivity")
@@ -129,14 +117,6 @@ class Hills:
     def __call__(self, vector):
         high, low = (-np.sum((vector - at) ** 2) for at in (3.0, -3.0))
         return float(max(high, low - 5))
-
-
-def test_a_number_counts_as_at_its_bound_within_a_thousandth_of_its_range():
-    """The range here is 16: 0.016 from either end."""
-    for vector, at in (([-7.985, 0], True), ([-7.983, 0], False), ([7.983, 0], False)):
-        peak = Optimum(Hills(), np.array(vector), 0.0, 1)
-        assert peak.at_bound.tolist() == [at, False]
-    assert Optimum(Hills(), np.array([0, 7.985]), 0.0, 1).at_bound.tolist() == [False, True]
 
 
 def test_a_search_first_looks_as_far_away_as_about_a_sixth_of_its_start():

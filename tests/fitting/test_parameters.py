@@ -105,5 +105,5 @@ def test_the_page_of_fits_states_the_range_and_the_start_of_each_parameter(name)
 def test_a_number_is_at_a_bound_near_either_end_by_factors_if_it_differs_by_these():
     space = freedom([Parameter("a", 0.0, 1.0, 0.5), Parameter("b", 1e-3, 100.0, 1.0, scale="log")],
                     {}, 1)  # fmt: skip
-    for vector, ends in (([0.9995, 1e-3], [1, 1]), ([5e-4, 100.0], [1, 1]), ([0.01, 0.01], [0, 0])):
+    for vector, ends in (([0.9991, 1e-3], [1, 1]), ([9e-4, 100.0], [1, 1]), ([0.0011, 1], [0, 0])):
         assert space.at_bound(np.array(vector)).tolist() == ends

@@ -13,24 +13,13 @@ DRIFT = st.floats(-6.0, 6.0)
 BOUND = st.floats(0.2, 1.5)
 
 
-def constant(bound, time_s):
-    return np.full(len(time_s), bound), np.zeros(len(time_s))
-
-
 def exponential(bound, fall_s, time_s):
     return EXPONENTIAL.at(bound, {"fall_per_s": 1 / fall_s}, time_s)
 
 
-def densities(drift, bound):
-    times = np.linspace(0.0, 18 * bound**2, 6001)[1:]
-    at_rest = passage.constant_at_rest(bound, times)
-    (density,) = with_drift(at_rest, np.full(len(times), bound), times, [drift])
-    return times, density
-
-
 def moments(drift, bound):
-    times, density = densities(drift, bound)
-    mass = density * (times[1] - times[0])
+    times = np.linspace(0.0, 18 * bound**2, 6001)[1:]
+    mass = from_start(bound, 0.0, drift, times)
     mean = mass.sum(axis=0) @ times
     sd = np.sqrt(mass.sum(axis=0) @ times**2 - mean**2)
     return mass.sum(), mass[int(drift >= 0)].sum(), mean, sd
@@ -66,7 +55,7 @@ def test_a_bound_that_does_not_fall_has_the_density_of_a_constant_one(bound, sha
     times = np.arange(1, 1000) * 0.0025
     exact = passage.constant_at_rest(bound, times, share * bound)[:, 20:]
     falling, wrong = (
-        passage.falling_at_rest(*constant(b, times), times, start=share * bound)[:, 20:]
+        passage.falling_at_rest(b + 0 * times, 0 * times, times, start=share * bound)[:, 20:]
         for b in (bound, bound + max(far, 0.01 * bound))
     )
     assert falling == pytest.approx(exact, abs=close)

@@ -1,7 +1,6 @@
 """One fit as tables."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -10,14 +9,11 @@ from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.person_fit import cells_of, fit_likelihood, widened
-from bgmodel.fitting.posterior import Posterior, posterior
-from bgmodel.fitting.quantiles import phrase, too_few
+from bgmodel.fitting.posterior import Posterior
 from bgmodel.fitting.responses import QUANTILES
 from bgmodel.fitting.responses import moments as of_density
 from bgmodel.fitting.simulated.error import SimulationErrors
-from circuits.errors import FitWarning
 from tests.drawn import TRUTH, drawn
-from tests.fitting.test_posterior import Doubled
 
 pytestmark = pytest.mark.usefixtures("brief_search")
 MODEL = GapModel()
@@ -48,18 +44,6 @@ def test_there_is_one_row_per_number_with_its_error(fit):
     assert np.array_equal(fit.directions.vector, fit.optimum.vector)
 
 
-def test_an_interval_holds_the_value_and_is_as_wide_as_its_error_says(likelihood, monkeypatch):
-    monkeypatch.setattr("bgmodel.fitting.person_fit.posterior", partial(posterior, most_steps=120))
-    told = []
-    table = fit_likelihood(likelihood, draws=True, tell=told.append).parameters()
-    assert (table["low"] < table["value"]).all()
-    assert (table["value"] < table["high"]).all()
-    width = (table["high"] - table["low"]) / table["standard_error"]
-    assert width.to_numpy() == pytest.approx(2 * 1.645, rel=0.35)
-    assert len(told) > 1
-    assert told[-1] == "posterior 120"
-
-
 def test_cells_hold_data_beside_the_model(fit, likelihood):
     table, design = fit.cells(), likelihood.design
     assert {f"q{percent}_s" for percent in (10, 30, 50, 70, 90)} < set(table)
@@ -79,17 +63,9 @@ def test_cells_hold_data_beside_the_model(fit, likelihood):
     whole = fit.optimum.complete
     moments = of_density(whole.density, whole.likelihood.design.grid)
     assert table["model_accuracy"].to_numpy() == pytest.approx(moments["accuracy"], rel=1e-12)
-    assert table["model_accuracy"].to_numpy() == pytest.approx(table["accuracy"], abs=0.05)
-    assert table["model_mean_s"].to_numpy() == pytest.approx(table["mean_s"], abs=0.04)
+    assert table["model_mean_s"].to_numpy() == pytest.approx(moments["mean_s"], rel=1e-12)
     # In the test times of both responses are alike, where those that are wrong are no lapses.
     assert table["model_correct_s"][0] == pytest.approx(table["model_wrong_s"][0], abs=0.02)
-
-
-def test_a_fit_prints_its_largest_residuals_and_cells_without_errors(fit):
-    facts, rows = fit.facts(), fit.residuals()
-    assert facts["residual 1"] == phrase(rows.iloc[0].to_dict())
-    assert [name[-1] for name in facts if name.startswith("residual")] == ["1", "2", "3"]
-    assert facts["errors"] == too_few(fit.cells()) != ""
 
 
 def test_a_cell_without_any_response_is_empty_and_not_an_error():
@@ -100,15 +76,6 @@ def test_a_cell_without_any_response_is_empty_and_not_an_error():
     assert table["answered"].tolist() == [0, 30 - (rest.observed.response < 0).sum()]
     assert np.isnan(table.loc[0, ["accuracy", "mean_s", "q50_s"]].astype(float)).all()
     assert np.isfinite(table.loc[1, "mean_s"])
-
-
-def test_what_can_not_be_told_apart_is_fitted_with_a_warning(likelihood):
-    asked = likelihood_of(Doubled(), likelihood.design, free=["bound", "times"])
-    with pytest.warns(FitWarning, match="hardly distinguish bound from times"):
-        fit = fit_likelihood(asked)
-    assert abs(fit.directions.cosines[0, 1]) > 0.999
-    product = fit.optimum.values["bound"] * fit.optimum.values["times"]
-    assert product == pytest.approx(0.6, abs=0.05)
 
 
 def test_the_error_of_the_simulation_is_part_of_standard_errors_and_intervals(fit):
@@ -142,11 +109,3 @@ def test_an_interval_widens_by_the_error_of_the_simulation_if_it_is_known():
     assert (high - low) / 2 == pytest.approx(1.645 * 0.5, rel=0.02)
     for none in (0.0, np.nan):
         assert np.array_equal(widened(drawn_, np.array([none])), drawn_.interval(0.9))
-
-
-def test_a_number_that_ends_at_a_bound_is_said_in_python_too():
-    """Times of 2 s and more: t0 can't be as late, and the other numbers make up for it."""
-    some = drawn(MODEL, [0.05, 0.4], 100, 61, seconds=2.0, sensitivity=12.0, bound=0.6)
-    late = design_of(replace(some, rt_s=some.rt_s + 2))
-    with pytest.warns(FitWarning, match=r"t0_s ends at a bound of its range, 1.5"):
-        fit_likelihood(likelihood_of(MODEL, late, free=FREE))

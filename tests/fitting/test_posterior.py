@@ -12,7 +12,6 @@ from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.fitting.posterior import (
     ENOUGH,
     Directions,
-    Posterior,
     _correlated,
     directions,
     posterior,
@@ -43,17 +42,7 @@ def test_information_is_the_covariance_of_the_score():
     seen = np.cov(score) * likelihood.design.trials.sum()
     expected = directions(likelihood, TRUE).information
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
-    assert np.abs(seen - expected).max() > 0
     assert seen / scale == pytest.approx(expected / scale, abs=0.05)
-
-
-def test_errors_are_those_of_the_inverse_of_the_information():
-    errors = directions(likelihood_at(100), TRUE)
-    assert errors.standard_errors == pytest.approx(
-        np.sqrt(np.diag(np.linalg.inv(errors.information)))
-    )
-    assert errors.cosines == pytest.approx(errors.cosines.T)
-    assert np.diag(errors.cosines) == pytest.approx(1)
 
 
 class Doubled:
@@ -103,16 +92,14 @@ def of_information(*rows):
     return Directions(list("abc")[: len(rows)], np.ones(len(rows)), np.array(rows))
 
 
-def alike(cosine):
-    return of_information([1.0, cosine], [cosine, 1.0])
-
-
 def test_opposite_directions_are_named_too_and_a_right_angle_is_not():
-    assert [len(alike(c).cautions()) for c in (0.96, -0.96, 0.94, -0.94)] == [1, 1, 0, 0]
+    for c, named in ((0.96, 1), (-0.96, 1), (0.94, 0), (-0.94, 0)):
+        assert len(of_information([1.0, c], [c, 1.0]).cautions()) == named
     # Of an estimate, products of the derivatives of two halves may be larger than the squares.
-    for sign in (1, -1):
-        assert alike(sign * 1.3).cosines.tolist() == [[1, sign], [sign, 1]]
-        assert np.isinf(alike(sign * 1.3).standard_errors).all()
+    for c in (1.3, -1.3):
+        beyond = of_information([1.0, c], [c, 1.0])
+        assert beyond.cosines.tolist() == [[1, np.sign(c)], [np.sign(c), 1]]
+        assert np.isinf(beyond.standard_errors).all()
 
 
 def test_what_nothing_fixes_has_an_infinite_error_and_is_said():
@@ -227,23 +214,6 @@ def test_the_same_seed_draws_the_same_and_another_one_others():
     one, same, other = (GAUSSIAN.draw(most_steps=40, seed=seed) for seed in (1, 1, 2))
     assert np.array_equal(one.draws, same.draws)
     assert not np.array_equal(one.draws, other.draws)
-
-
-def test_a_short_chain_says_so_and_what_it_is_worth(caplog, capfd):
-    chain = GAUSSIAN.draw(most_steps=60)
-    assert not chain.long_enough
-    assert 0 < chain.lasts < ENOUGH
-    assert chain.effective < len(chain.draws) == 60 // 2 * 32
-    # Nothing of the sampler's own warnings.
-    assert caplog.text == ""
-    assert capfd.readouterr() == ("", "")
-
-
-def test_an_interval_holds_nine_tenths_unless_another_share_is_asked_for():
-    draws = np.linspace(0, 1, 1001)[:, None] * [1.0, 10.0]
-    chain = Posterior(["a", "b"], draws, draws[:, 0], 1.0, 1.0)
-    assert chain.interval() == pytest.approx(np.array([[0.05, 0.5], [0.95, 9.5]]))
-    assert chain.interval(0.5) == pytest.approx(np.array([[0.25, 2.5], [0.75, 7.5]]))
 
 
 def test_no_chain_is_worth_more_than_its_draws():

@@ -29,17 +29,12 @@ NAMES = [f"{name}_q{round(100 * q)}" for name in SIDES for q in QUANTILES]
 SUMMED = ["accuracy", "mean_s", "sd_s", *(f"q{round(100 * q)}_s" for q in QUANTILES)]
 
 
-def cells_at(some, vector=(8.0, 0.6), **options):
-    """Return cells of choices under the constant gap at some sensitivity and bound."""
-    design = design_of(some, **options)
-    likelihood = likelihood_of(MODEL, design, free=["sensitivity", "bound"], fixed=TRUTH)
-    return cells_of(design, likelihood.density(np.array(vector)))
-
-
 @pytest.fixture(scope="module")
 def cells():
     """Return the cells of many trials at the truth; errors hardly ever occur at 0.9."""
-    return cells_at(drawn(MODEL, [0.0, 0.1, 0.9], 2000, 64, **VALUES))
+    design = design_of(drawn(MODEL, [0.0, 0.1, 0.9], 2000, 64, **VALUES))
+    likelihood = likelihood_of(MODEL, design, free=list(VALUES), fixed=TRUTH)
+    return cells_of(design, likelihood.density(np.array(list(VALUES.values()))))
 
 
 def test_quantiles_are_those_of_each_response_in_data_and_model(cells):

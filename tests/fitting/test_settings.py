@@ -90,11 +90,6 @@ def test_a_circuit_is_taken_as_it_is(tmp_path):
     assert (model.circuit, model.folder) == (table, tmp_path)
 
 
-def test_one_free_parameter_may_be_named_alone():
-    alone = fit(DATA, "constant_gap", free="bound", **WHOSE)
-    assert list(alone.optimum.values) == ["bound"]
-
-
 @pytest.mark.parametrize(
     ("asked", "free"),
     [

@@ -40,15 +40,15 @@ def likelihood_of(trials, model="exponential", **options):
     return one.likelihoods(model)["all"]
 
 
-def true_vector(likelihood, **values):
-    """Return the default with some values, and gains of both signs."""
+def true_vector(likelihood, gains=(0.08, -0.08, 0.0), **values):
+    """Return the default with some values, and these gains in turn."""
     vector = likelihood.freedom.start.copy()
     names = likelihood.freedom.names
     for session in likelihood.sessions:
         for k, cell in enumerate(session.names):
             for name in numbers_of(cell):
                 vector[names.index(name)] = 2.0 if "course" in name else 0.2
-            values[f"{cell} gain"] = (0.08, -0.08, 0.0)[k % 3]
+            values[f"{cell} gain"] = gains[k % len(gains)]
     for name, value in values.items():
         vector[names.index(name)] = value
     return vector
@@ -173,15 +173,16 @@ def test_a_start_is_the_regression_given_what_is_fixed(simulated):
         assert np.abs(slope[of_cells]).max() < 1.0
 
 
+LEAKY = {"noise": 20.0, "leak_per_s": 18.0, "start_noise": 0.1, "gains": (0.5, -0.5)}
+
+
 def test_a_fit_starts_with_and_without_a_leak_and_ends_at_the_higher_peak():
     """With strong gains on a leaky sum, the start with hardly a leak often ends far lower.
 
     Whether it does in a given set depends on the last bits, and so on the processor.
     """
     likelihood = likelihood_of(clicked(trials=60, cells=2))
-    true = true_vector(likelihood, noise=20.0, leak_per_s=18.0, start_noise=0.1)
-    for cell, gain in (("0", 0.5), ("1", -0.5)):
-        true[likelihood.freedom.names.index(f"{cell} gain")] = gain
+    true = true_vector(likelihood, **LEAKY)
     lower = []
     for seed in (2, 3):
         data = likelihood_of(likelihood.simulated(true, np.random.default_rng(seed)))
@@ -194,10 +195,6 @@ def test_a_fit_starts_with_and_without_a_leak_and_ends_at_the_higher_peak():
 def test_where_the_likelihood_is_flat_a_search_goes_on():
     """A search comes to a point at which no trial's likelihood depends on the bias."""
     likelihood = likelihood_of(clicked(trials=150, cells=4))
-    true = true_vector(likelihood, noise=20.0, leak_per_s=18.0, start_noise=0.1)
-    at = likelihood.freedom.names.index
-    true[at("deciding_noise")], true[at("deciding_leak_per_s")] = 4.0, -1.0
-    for cell in range(4):
-        true[at(f"{cell} gain")] = 0.5 * (-1) ** cell
+    true = true_vector(likelihood, **LEAKY, deciding_noise=4.0, deciding_leak_per_s=-1.0)
     data = likelihood_of(likelihood.simulated(true, np.random.default_rng(3)))
     assert np.isfinite(optimum(data, starts=data.starts()[-1:]).log_likelihood)

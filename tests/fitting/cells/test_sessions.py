@@ -59,12 +59,6 @@ def test_courses_are_a_partition_of_unity():
         assert np.allclose(courses(bins).sum(axis=1), 1)
 
 
-def test_a_subset_has_the_same_sums(trials):
-    session = sessions_of(trials)[1]
-    kept, told = np.arange(len(session.trials)) % 3 == 0, (1.0, 0.1, 0.1)
-    assert np.array_equal(session.where(kept).sums(*told), session.sums(*told)[kept])
-
-
 def test_trials_without_spikes_and_cells_with_few_are_refused(trials):
     table, spikes = tables(trials=20)
     some = read_trials(table, columns=NAMED, spikes=spikes.iloc[::6])

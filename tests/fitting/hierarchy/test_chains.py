@@ -18,14 +18,15 @@ SEED = 24_314
 
 
 class Gaussian(Person):
-    """A person with one parameter and a Gaussian likelihood."""
+    """A person with a Gaussian likelihood, who refuses another number of parameters."""
 
-    def __init__(self, middle):
-        object.__setattr__(self, "middle", middle)
-        object.__setattr__(self, "scale", wide(1))
+    def __init__(self, middle, size=1):
+        object.__setattr__(self, "middle", np.full(size, middle))
+        object.__setattr__(self, "scale", wide(size))
 
     def __call__(self, scaled):
-        return float(-2 * ((scaled - self.middle) ** 2).sum())
+        off = [x - middle for x, middle in zip(scaled, self.middle, strict=True)]
+        return float(-2 * np.square(off).sum())
 
 
 MIDDLES = np.array([-0.5, 0.0, 0.2, 0.7])
@@ -94,22 +95,13 @@ def test_chains_that_mix_slowly_are_discarded_and_their_surrogate_is_learned_aga
         assert [each.scaled.tobytes() for each in rest] == [each.scaled.tobytes() for each in once]
 
 
-class Two(Gaussian):
-    """A person with two parameters, who refuses another number of them, as likelihoods do."""
-
-    def __init__(self, middle):
-        super().__init__(middle)
-        object.__setattr__(self, "scale", wide(2))
-
-    def __call__(self, scaled):
-        first, second = scaled
-        return super().__call__(np.array([first, second]))
-
-
 BOTH = Expansion(np.tile(MIDDLES[:, None], 2), np.zeros((4, 2)), np.tile(4 * np.eye(2), (4, 1, 1)))
 OTHERS = {
     "data": (replace(SAMPLER, people=[Gaussian(each + 0.01) for each in MIDDLES]), START),
-    "parameters": (Sampler([Two(each) for each in MIDDLES], BOTH), Group(np.zeros(2), np.ones(2))),
+    "parameters": (
+        Sampler([Gaussian(each, 2) for each in MIDDLES], BOTH),
+        Group(np.zeros(2), np.ones(2)),
+    ),
 }
 
 

@@ -88,13 +88,6 @@ def test_slope_is_the_derivative():
     assert SCALE.slope(at) == pytest.approx(numeric)
 
 
-def test_a_uniform_distribution_has_the_density_of_the_slope():
-    at = np.linspace(-4, 4, 9)
-    assert np.exp(log_uniform(at)) == pytest.approx(
-        (np.logaddexp(0, at + 1e-6) - np.logaddexp(0, at - 1e-6)) / 2e-6
-    )
-
-
 def test_coefficients_of_a_formula_have_the_unit_of_their_parameter():
     """Divided by their weight; far above the end of their range, the scale is linear in them."""
     bound = Parameter("bound", 0.1, 8.0, 0.7)

@@ -18,7 +18,7 @@ from bgmodel.fitting.hierarchy.group import (
     log_uniform,
     priors_of,
 )
-from bgmodel.fitting.hierarchy.sampler import Draws, Sampler, joined
+from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.hierarchy.sampler import guided as guide_from
 from bgmodel.fitting.parameters import Parameter, freedom
 from bgmodel.support.processes import local_map
@@ -129,22 +129,6 @@ def missed_by(drawn):
     known = [quadrature(ESTIMATES, ERRORS), quadrature(SECOND, 3 * ERRORS)]
     expected = [each[k] for k in range(2) for each in known]
     return misses([*drawn.mean.T, *drawn.sd.T], expected, 75)
-
-
-def test_log_likelihood_is_that_of_the_kept_parameters(people):
-    drawn = draws(expansion(people), people, 20)
-    for scaled, log in zip(drawn.scaled, drawn.log_likelihood, strict=True):
-        assert log.tolist() == [p(x) for p, x in zip(people, scaled, strict=True)]
-
-
-def test_draws_do_not_depend_on_how_they_are_divided_into_blocks(people):
-    sampler = Sampler(people, expansion(people))
-    first, again = (sampler.first(Group(MIDDLE, np.ones(2)), stream(SEED)) for _ in range(2))
-    _, undivided = sampler.run(first, 30)
-    state, begun = sampler.run(again, 13)
-    _, rest = sampler.run(state, 17)
-    assert joined([begun, rest]).scaled.tobytes() == undivided.scaled.tobytes()
-    assert len(undivided) == 30
 
 
 @pytest.fixture(scope="module")

@@ -69,14 +69,6 @@ def test_it_agrees_with_the_exact_log_likelihood_at_other_draws(person):
     assert (np.abs(error) < 0.1 + 0.1 * below).all()
 
 
-def test_each_person_has_a_separate_surrogate():
-    parts = [drawn(each, 300) for each in (quadratic, bent)]
-    draws, logs = (np.concatenate(both, axis=1) for both in zip(*parts, strict=True))
-    both = surrogates([quadratic, bent], draws, logs)
-    x = MIDDLE + np.array([[0.3, 0.2], [-0.4, 0.1]])
-    assert at(both, x) == pytest.approx([quadratic(x[0]), bent(x[1])], abs=0.1)
-
-
 def test_far_away_it_is_at_most_a_nat_above_the_highest_draw_and_constant_below_a_range():
     """A quadratic function of the scale is not, by tens of nats: chains stayed there for long."""
     draws, logs = drawn(bent, 450)

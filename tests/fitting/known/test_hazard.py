@@ -1,7 +1,6 @@
 """Decisions at each reading: exact sums over all courses of noise, and the limit without noise."""
 
 import itertools
-import math
 
 import numpy as np
 import pytest
@@ -13,13 +12,6 @@ from bgmodel.integrators.sprt import Msprt
 from bgmodel.simulated_evidence import gaussian_evidence
 
 
-def logit(past, wait=True):
-    """Return the probability of waiting and of each alternative, by the definition."""
-    top = [math.exp(v) for v in past]
-    total = (1.0 if wait else 0.0) + sum(top)
-    return [(1.0 if wait else 0.0) / total, *(v / total for v in top)]
-
-
 def enumerated(out, level, bias, scale, ends):
     """Return decisions by the probability of every course of events, one after the other."""
     readings, count = out.shape
@@ -27,8 +19,9 @@ def enumerated(out, level, bias, scale, ends):
     for course in itertools.product(range(count + 1), repeat=readings):
         probability, first = 1.0, None
         for k, event in enumerate(course):
-            past = [(level[k] + bias[i] - out[k, i]) / scale for i in range(count)]
-            probability *= logit(past, wait=not (ends and k == readings - 1))[event]
+            waits = 0.0 if ends and k == readings - 1 else 1.0
+            odds = np.append(waits, np.exp((level[k] + bias - out[k]) / scale))
+            probability *= odds[event] / odds.sum()
             if first is None and event > 0:
                 first = (k, event - 1)
         if first is None:

@@ -1,28 +1,24 @@
 """Psychophysical kernels: weights that are put in, and the gradient at the optimum."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from bgmodel.fitting.known.kernels import hazards, kernel, kernels
 from bgmodel.fitting.known.known_likelihood import known_likelihood
 from bgmodel.fitting.known.models import EXACT
-from bgmodel.fitting.known.trials import KnownTrials
 from bgmodel.fitting.optimum import optimum
 from tests.helpers import refused
-from tests.known_trials import TRUTH, simulated
+from tests.known_trials import TRUTH, few, simulated
 
 
-def weighted(weights, trials=4000, alternatives=2, seed=1):
+def weighted(weights, trials=4000, alternatives=2):
     """Return trials whose choice follows a conditional logit with weights by position."""
-    rng = np.random.default_rng(seed)
-    values = rng.normal(size=(trials, len(weights), alternatives))
-    score = np.einsum("tki,k->ti", values, weights) + rng.gumbel(size=(trials, alternatives))
-    time_s = np.tile(0.1 * (1 + np.arange(len(weights))), (trials, 1))
-    return KnownTrials(
-        values, time_s, np.full(trials, len(weights)), tuple("abcd"[:alternatives]),
-        score.argmax(axis=1), np.full(trials, 1.0 + 0.1 * len(weights)),
-        tuple(map(str, range(trials))),
-    )  # fmt: skip
+    some, rng = few(trials, len(weights), alternatives), np.random.default_rng(2)
+    score = np.einsum("tki,k->ti", some.log_likelihood, weights)
+    choice = (score + rng.gumbel(size=score.shape)).argmax(axis=1)
+    return replace(some, choice=choice, rt_s=np.full(trials, 1.0 + 0.1 * len(weights)))
 
 
 @pytest.mark.parametrize("alternatives", [2, 4])

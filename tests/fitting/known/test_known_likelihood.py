@@ -17,7 +17,6 @@ from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.settings import settings_of
 from bgmodel.trials.record import joined
-from circuits.errors import InputError
 from tests.known_trials import TRUTH, few, simulated
 from tests.trials.test_timed_readings import tables
 
@@ -32,7 +31,10 @@ def vector_of(likelihood, values):
 
 
 def test_it_is_the_sum_over_readings_of_hazard_and_non_decision_time():
-    trials = few()
+    """Without a response it is the probability of no decision."""
+    trials, none = few(), np.arange(20) < 5
+    choice, rt_s = np.where(none, -1, trials.choice), np.where(none, np.nan, trials.rt_s)
+    trials = replace(trials, choice=choice, rt_s=rt_s)
     likelihood = known_likelihood(EXACT["msprt"], trials, free=list(VALUES))
     log_density = likelihood.each(vector_of(likelihood, VALUES))
     out = minus_log_softmax(0.8 * np.cumsum(trials.log_likelihood, axis=1))
@@ -46,22 +48,9 @@ def test_it_is_the_sum_over_readings_of_hazard_and_non_decision_time():
             late = norm.pdf(trials.rt_s[trial], time_s + 0.2, 0.06)
             density += alive * hazard[trials.choice[trial]] * late
             alive *= 1 - hazard.sum()
-        expected = 0.95 * density + 0.05 / (3 * trials.rt_s.max())
+        response = 0.95 * density + 0.05 / (3 * np.nanmax(trials.rt_s))
+        expected = 0.95 * alive if none[trial] else response
         assert log_density[trial] == pytest.approx(np.log(expected))
-
-
-def test_a_trial_without_a_response_is_one_without_a_decision():
-    trials = few()
-    none = np.arange(20) < 5
-    choice, rt_s = np.where(none, -1, trials.choice), np.where(none, np.nan, trials.rt_s)
-    silent = replace(trials, choice=choice, rt_s=rt_s)
-    likelihood = known_likelihood(EXACT["msprt"], silent, free=list(VALUES))
-    vector = vector_of(likelihood, VALUES)
-    _, left = likelihood.decisions(VALUES)
-    np.testing.assert_allclose(likelihood.each(vector)[:5], np.log(0.95 * left[:5]))
-    other = known_likelihood(EXACT["msprt"], trials, free=list(VALUES)).each(vector)
-    same_span = silent.span_s == trials.span_s
-    assert not same_span or np.allclose(likelihood.each(vector)[5:], other[5:])
 
 
 def test_two_alternatives_without_leak_and_noise_decide_alike_in_test_and_leaky_sum():
@@ -76,66 +65,45 @@ def test_two_alternatives_without_leak_and_noise_decide_alike_in_test_and_leaky_
     np.testing.assert_allclose(first, second, atol=1e-6)
 
 
-def at_start(trials, model="msprt"):
-    """Return log densities of trials with the start of each parameter."""
-    likelihood = known_likelihood(EXACT[model], trials)
-    return likelihood.each(likelihood.freedom.start)
+def common(trials):
+    return trials.log_likelihood + np.random.default_rng(1).normal(size=(60, 40, 1))
+
+
+def late(trials):
+    unseen = np.arange(40) >= trials.seen[:, None]
+    return np.where(unseen[:, :, None], 9.0, trials.log_likelihood)
 
 
 @pytest.mark.parametrize("model", list(EXACT))
-def test_evidence_common_to_all_alternatives_changes_nothing(model):
+@pytest.mark.parametrize("changed", [common, late])
+def test_evidence_common_to_all_alternatives_or_after_the_response_changes_nothing(model, changed):
     trials = simulated(60)
-    values = trials.log_likelihood + np.random.default_rng(1).normal(size=(60, 40, 1))
-    moved = replace(trials, log_likelihood=values)
-    first, second = (at_start(each, model) for each in (trials, moved))
-    np.testing.assert_allclose(first, second, atol=1e-8)
+    every = trials, replace(trials, log_likelihood=changed(trials))
+    first, second = (known_likelihood(EXACT[model], each) for each in every)
+    start = first.freedom.start
+    np.testing.assert_allclose(first.each(start), second.each(start), atol=1e-8)
 
 
-def test_readings_after_the_response_change_nothing():
-    trials = simulated(60)
-    values = trials.log_likelihood.copy()
-    values[np.arange(40) >= trials.seen[:, None]] = 9.0
-    moved = replace(trials, log_likelihood=values)
-    np.testing.assert_array_equal(at_start(trials), at_start(moved))
-
-
-def test_the_choice_given_the_time_is_a_probability():
-    likelihood = known_likelihood(EXACT["msprt"], simulated(60))
-    chosen = likelihood.chosen(likelihood.freedom.start)
-    np.testing.assert_allclose(chosen.sum(axis=1), 1.0)
-
-
-def test_options_add_to_replace_and_fix_parameters():
+def test_gain_is_free_and_biases_are_not_if_there_are_more_than_two_alternatives():
     trials = simulated(60)
     names = known_likelihood(EXACT["msprt"], trials).freedom.names
     assert "gain" not in names
     assert "bias_1" in names
     added = known_likelihood(EXACT["msprt"], trials, free=["+gain"]).freedom.names
     assert set(added) == {*names, "gain"}
-    fixed = known_likelihood(EXACT["msprt"], trials, fixed={"lapse": 0.1})
-    assert "lapse" not in fixed.freedom.names
-    assert set(fixed.values(fixed.freedom.start)["lapse"]) == {0.1}
-    assert "gain" in known_likelihood(EXACT["msprt"], few()).freedom.names
-    with pytest.raises(InputError):
-        known_likelihood(EXACT["run"], trials, free=["gain"])
-
-
-def fitted(trials, model="msprt", **options):
-    """Return an optimum, and each parameter with its standard error by name."""
-    peak = optimum(known_likelihood(EXACT[model], trials, **options))
-    errors = directions(peak.likelihood, peak.vector).standard_errors
-    names = peak.likelihood.freedom.names
-    return peak, dict(zip(names, zip(peak.vector, errors, strict=True), strict=True))
+    of_three = known_likelihood(EXACT["msprt"], few()).freedom.names
+    assert "gain" in of_three
+    assert "bias_b" not in of_three
 
 
 @pytest.mark.parametrize("channels", [2, 4])
 def test_parameters_of_the_test_are_found_again(channels):
-    peak, values = fitted(simulated(300, 11, channels=channels, gain=1.0))
-    for name, true in TRUTH.items():
-        if name in values and name != "lapse":
-            value, error = values[name]
-            assert abs(value - true) < 3.5 * error
-            assert error < 0.5 * true
+    peak = optimum(known_likelihood(EXACT["msprt"], simulated(300, 11, channels=channels)))
+    there = directions(peak.likelihood, peak.vector)
+    for name, value, error in zip(there.names, peak.vector, there.standard_errors, strict=True):
+        if name in TRUTH and name != "lapse":
+            assert abs(value - TRUTH[name]) < 3.5 * error
+            assert error < 0.5 * TRUTH[name]
     assert peak.log_likelihood >= peak.likelihood(truth_of(peak.likelihood)) - 1e-6
 
 
@@ -154,14 +122,14 @@ def test_the_probability_of_a_response_by_a_time_is_the_integral_of_its_density(
     np.testing.assert_allclose(total[:19], np.diff(ends, axis=1)[:19, 0], atol=1e-3)
 
 
-def misfits(channels, ended, threshold=0.12):
+def misfits(channels, ended):
     """Return z scores of accuracy and mean time, and p values, of 30 observers at the truth."""
     zs, ps = [], []
     for seed in range(30):
         trials = simulated(100, 1000 + seed, channels=channels, t_max=150)
         if ended:
             trials = shortened(trials)
-        likelihood = known_likelihood(EXACT["msprt"], trials, fixed={"threshold": threshold})
+        likelihood = known_likelihood(EXACT["msprt"], trials, fixed={"threshold": 0.12})
         checked = misfit(Optimum(likelihood, truth_of(likelihood), 0.0, 1))
         zs.append([checked.z_accuracy[0], checked.z_mean_rt[0]])
         ps.append(list(checked.p.values()))
@@ -183,25 +151,6 @@ def test_predictions_are_calibrated_even_if_readings_end_with_the_response(chann
     assert (abs(zs.mean(axis=0)) < 3 / np.sqrt(30)).all()
     assert (zs.std(axis=0) < 1.5).all()
     assert (ps < 0.05).mean() < 0.15
-
-
-def test_trials_left_out_keep_their_log_likelihood():
-    likelihood = known_likelihood(EXACT["leaky_sum"], simulated(60))
-    some, start = np.arange(10, 40), likelihood.freedom.start
-    part = likelihood.part(some).part(np.arange(5))
-    np.testing.assert_array_equal(part.each(start), likelihood.each(start)[10:15])
-    assert part.design.trials.sum() == 5
-
-
-def test_new_trials_have_the_times_that_are_predicted():
-    likelihood = known_likelihood(EXACT["msprt"], simulated(400, 16))
-    at, rng = truth_of(likelihood), np.random.default_rng(1)
-    rt_s, response = likelihood.drawn(at, rng)
-    density, grid = likelihood.density(at)[0], likelihood.design.grid
-    mean_s = (density.sum(axis=0) @ grid.middles_s) / density.sum()
-    assert np.isfinite(rt_s).all()
-    assert rt_s.mean() == pytest.approx(mean_s, abs=3 * rt_s.std() / 20)
-    assert response.mean() == pytest.approx(density[1].sum() / density.sum(), abs=0.075)
 
 
 OBSERVER = {
@@ -249,27 +198,9 @@ def test_each_trial_has_the_parameters_of_its_condition(model, timed):
         np.testing.assert_allclose(each[some], alone.each(values[level])[some])
         expected = alone.part(some).density(values[level])[0]
         np.testing.assert_allclose(density[k], expected, atol=1e-12)
-        np.testing.assert_allclose(both.part(some).each(vector), each[some])
-
-
-def test_two_conditions_without_a_common_parameter_are_two_fits():
-    data, evidence = tables(simulated(80, 52))
-    data = data.assign(c=np.resize(["a", "b"], 80))
-    slowest = data.groupby("c")["rt"].idxmax()
-    data.loc[slowest, "rt"] = data["rt"].max()  # lapses extend up to it
-    asked = {"evidence": evidence, "forced": True, "fix": {"t0_sd_s": 0.05, "lapse": 0.02}}
-    free = ("threshold", "noise", "bias_1", "t0_s")
-    both = bg.fit(data, "msprt", vary=dict.fromkeys(free, "c"), **asked)
-    total = 0.0
-    for level, part in data.groupby("c"):
-        seen = evidence["trial"].isin(part["trial"].astype(int))
-        alone = bg.fit(part, "msprt", **{**asked, "evidence": evidence[seen]})
-        total += alone.log_likelihood
-        for name in free:
-            error = alone.summary().loc[name, "standard_error"]
-            off = alone.optimum.values[name] - both.optimum.values[f"{name}[c={level}]"]
-            assert abs(off) < 0.05 * error
-    assert both.log_likelihood == pytest.approx(total, abs=0.01)
+        part = both.part(some)
+        np.testing.assert_allclose(part.each(vector), each[some])
+        np.testing.assert_array_equal(part.part(np.arange(5)).each(vector), each[some[:5]])
 
 
 def test_a_condition_with_one_level_changes_nothing():

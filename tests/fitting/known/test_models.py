@@ -14,13 +14,6 @@ def test_a_leak_is_the_sum_of_decayed_readings():
         np.testing.assert_allclose(sums[:, k], (values[:, : k + 1] * kept[:, :, None]).sum(axis=1))
 
 
-def test_without_a_leak_it_is_the_running_sum():
-    values = np.random.default_rng(2).normal(size=(3, 4, 3))
-    time_s = np.tile(np.arange(4.0), (3, 1))
-    np.testing.assert_array_equal(leaky_sums(values, time_s, 0.0), np.cumsum(values, axis=1))
-    np.testing.assert_allclose(leaky_sums(values, time_s, 1e-9), np.cumsum(values, axis=1))
-
-
 def test_runs_begin_anew_with_each_change_and_end_at_a_tie():
     favours = [0, 0, 1, 1, 1, -1, 1]
     values = np.zeros((1, 7, 2))

@@ -11,10 +11,10 @@ from bgmodel.fitting import passage
 from bgmodel.fitting.responses import BIN_S, Grid, moments
 from bgmodel.fitting.simulated.crossings import (
     DRIFTS,
-    FirstPassageTimes,
     count,
     interpolated,
     log_mixture,
+    log_odds,
     read,
     simulated,
 )
@@ -33,11 +33,6 @@ def stored():
     return simulated(ideal, THRESHOLDS, seconds=3.0, trials=900, seed=7)
 
 
-def odds(threshold_nats):
-    """Return the log odds at which OUT of the likelier channel is at a threshold."""
-    return -np.log(np.expm1(threshold_nats))
-
-
 def effective(stored, row, drift):
     """Return how many independent trials the weights at a drift are worth."""
     read_s = (stored.bins[row] + 1) * BIN_S
@@ -51,7 +46,7 @@ def effective(stored, row, drift):
 def test_a_drift_that_was_not_simulated_ends_as_the_exact_walk(stored, row, drift):
     mass = decided([(stored, 1.0)], THRESHOLDS[row], [drift], GRID)
     computed = {name: float(value[0]) for name, value in moments(mass / BIN_S, GRID).items()}
-    bound = odds(THRESHOLDS[row])
+    bound = float(log_odds(THRESHOLDS[row]))
     step = GaussianIncrements(GAIN * drift * BIN_S, GAIN * np.sqrt(BIN_S))
     exact = walk(step, -bound, bound, t_max=300)
     steps = np.arange(301)
@@ -93,20 +88,6 @@ def test_a_longer_grid_adds_bins_and_changes_none(stored, drift, threshold):
     assert np.array_equal(short, standard[:, :, :60])
     assert np.array_equal(long[:, :, :300], standard)
     assert long[:, :, 300:].sum() == 0
-
-
-@given(st.floats(0, 1))
-@settings(max_examples=15)
-def test_a_setting_between_two_lies_as_near_to_each_as_its_share_says(share):
-    rng = np.random.default_rng(3)
-    bins, choice = rng.integers(20, 50, (1, 200)), rng.integers(0, 2, (1, 200))
-    still = FirstPassageTimes(np.array([0.3]), np.zeros(1), bins, choice, np.zeros((1, 200)))
-    later = FirstPassageTimes(np.array([0.3]), np.zeros(1), bins + 20, choice, np.zeros((1, 200)))
-    mean_s, still_s = (
-        moments(decided(each, 0.3, [0.0], GRID) / BIN_S, GRID)["mean_s"]
-        for each in ([(still, 1 - share), (later, share)], [(still, 1.0)])
-    )
-    assert mean_s - still_s == pytest.approx(20 * BIN_S * share, abs=1e-6)
 
 
 @given(st.floats(0, 9), st.lists(st.floats(-5, 5), min_size=3, max_size=3))
@@ -161,35 +142,13 @@ def test_a_decision_has_heard_its_bin_and_no_later_reading():
     assert crossings.evidence[0] == pytest.approx(read[:, 12, 0] - read[:, 12, 1])
 
 
-def test_evidence_has_the_drift_and_the_noise_that_is_asked_for():
-    seen = []
-
-    def run(read, first):
-        seen.append(read[:, :, 0] - read[:, :, 1])
-        return ideal(read, first)
-
-    simulated(run, np.array([0.3]), seconds=1.0, trials=3000, seed=2, drifts=[0.0, 4.0])
-    at_end = [np.concatenate([each[:, -1] for each in seen[k : k + 6]]) for k in (0, 6)]
-    for end, drift in zip(at_end, (0.0, 4.0), strict=True):
-        assert end.mean() == pytest.approx(drift, abs=4 / np.sqrt(3000))
-        assert end.var() == pytest.approx(1, abs=0.1)
-
-
-def test_the_log_mixture_is_that_of_all_drifts_and_both_signs():
-    x, t = np.linspace(-3, 3, 50), np.linspace(0.01, 3, 50)
-    v = np.array([*DRIFTS, *(-np.array(DRIFTS))])[:, None]
-    expected = np.log(np.exp(v * x - v**2 * t / 2).mean(axis=0))
-    assert log_mixture(DRIFTS, t, x) == pytest.approx(expected, abs=1e-9)
-
-
 def test_parts_hold_every_trial_once(stored):
-    """Counts of the halves add up to those of all trials."""
     even = np.array([True, False])
     first, second = (stored.part(parts).counted(8) for parts in (even, ~even))
     counted = stored.counted(8)
     assert first.decided + second.decided == pytest.approx(counted.decided)
     assert first.never + second.never == pytest.approx(counted.never)
-    assert first.decided.sum() > 0
+    assert first.decided.sum() == pytest.approx(second.decided.sum(), rel=0.1)
 
 
 def waits(read, first):
@@ -199,14 +158,7 @@ def waits(read, first):
     return replace(trace, out_nats=np.where(silent, np.log(2), trace.out_nats))
 
 
-def test_a_circuit_that_decides_late_on_strong_evidence_has_finite_weights():
-    late = simulated(waits, THRESHOLDS, seconds=3.0, trials=100, seed=7)
-    (mass,) = decided([(late, 1.0)], THRESHOLDS[8], [15.0], GRID)
-    assert mass[:, :280].sum() == pytest.approx(0, abs=1e-6)
-    assert mass[1].sum() == pytest.approx(1, abs=1e-6)
-
-
-@pytest.mark.parametrize("v", [30.0, 33.0])
+@pytest.mark.parametrize("v", [15.0, 30.0, 33.0])
 def test_weights_that_one_offset_would_let_overflow_are_those_of_trials_one_by_one(v):
     late = simulated(waits, THRESHOLDS, seconds=3.0, trials=100, seed=7)
     (mass,) = read([(late, 1.0)], [(8, 1.0)], np.array([v])).transpose(2, 1, 0)
@@ -218,27 +170,13 @@ def test_weights_that_one_offset_would_let_overflow_are_those_of_trials_one_by_o
 MIDDLE, WIDTH = 40, 0.1
 
 
-def counted(bins, choice, share, evidence=None, parts=(True,), sides=1):
-    """Return the counts that decided and that did not, by bin and evidence, and for two by side."""
+def counted(bins, choice, share, evidence=None):
+    """Return the counts that decided and that did not, by bin and evidence."""
     bins, choice = np.array(bins, np.int16), np.array(choice, np.int8)
-    evidence = np.zeros(bins.shape) if evidence is None else np.array(evidence, float)
-    decided, never = np.zeros((sides, 32, 2 * MIDDLE + 1)), np.zeros(2 * MIDDLE + 1)
-    count(bins, choice, evidence, np.array(share), np.array(parts), WIDTH, decided, never)
-    return decided if sides == 2 else decided[0], never
-
-
-def test_a_trial_of_one_choice_lies_between_its_settings_in_time_and_evidence():
-    decided, _ = counted([[10], [20]], [[0], [0]], [0.75, 0.25], [[1.0], [3.0]])
-    assert decided[12, MIDDLE + 15] == pytest.approx(0.5)
-    assert decided[13, MIDDLE + 15] == pytest.approx(0.5)
-
-
-def test_of_two_sides_each_has_its_choices():
-    decided, never = counted([[5, 6, 7]], [[0, 1, -1]], [1.0], [[1.0, 1.0, 1.0]], sides=2)
-    assert decided[0, 5, MIDDLE + 10] == pytest.approx(1)
-    assert decided[1, 6, MIDDLE - 10] == pytest.approx(1)
-    assert decided.sum() == pytest.approx(2)
-    assert never[MIDDLE + 10] == pytest.approx(1)
+    evidence = np.zeros(bins.shape) if evidence is None else evidence
+    decided, never = np.zeros((1, 32, 2 * MIDDLE + 1)), np.zeros(2 * MIDDLE + 1)
+    count(bins, choice, evidence, np.array(share), np.array([True]), WIDTH, decided, never)
+    return decided[0], never
 
 
 @pytest.mark.parametrize("other", [1, -1])
@@ -261,14 +199,3 @@ def test_every_trial_counts_once_and_keeps_its_evidence(settings_, seed):
     towards = share @ np.where(choice == 0, evidence, -evidence)
     columns = (np.arange(2 * MIDDLE + 1) - MIDDLE) * WIDTH
     assert (decided @ columns).sum() == pytest.approx(towards.sum())
-
-
-@given(st.integers(1, 5), st.integers(0, 2**32))
-@settings(max_examples=20)
-def test_parts_add_up_to_the_whole(parts, seed):
-    rng = np.random.default_rng(seed)
-    trials = [rng.integers(0, 30, (1, 40)), rng.integers(-1, 2, (1, 40)), [1.0]]
-    evidence = rng.uniform(-3, 3, (1, 40))
-    each = [counted(*trials, evidence, row) for row in np.eye(parts, dtype=bool)]
-    for some, total in zip(zip(*each, strict=True), counted(*trials, evidence), strict=True):
-        assert np.sum(some, axis=0) == pytest.approx(total)

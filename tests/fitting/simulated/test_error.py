@@ -170,11 +170,6 @@ SETUP = {"seconds": 2.0, "trials": 600, "seed": 5}
 GRID = Grid(200)
 
 
-@pytest.fixture(scope="module")
-def walks():
-    return simulated(error.ideal, -BOUNDS, **SETUP)
-
-
 @pytest.mark.parametrize("v", [0.0, 2.0, -5.0])
 @pytest.mark.parametrize("bound", [0.3, 0.9])
 def test_the_law_of_a_walk_with_drift_is_that_of_the_exact_chain(bound, v):
@@ -209,7 +204,7 @@ def stored(seed, *, controlled):
     return replace(crossings, control=matched(crossings, simulated(error.ideal, -BOUNDS, **setup)))
 
 
-def test_walks_are_matched_to_the_bound_of_the_circuit(walks):
+def test_walks_are_matched_to_the_bound_of_the_circuit():
     """Without noise or delay the bound is the log odds over the gain, and the lag is 0."""
     control = stored(1, controlled=True).control
     expected = ODDS / GAIN

@@ -21,15 +21,6 @@ def decided(model, strengths, grid=GRID, **values):
     return model.decided(every, np.array(strengths, float), grid)
 
 
-def moments_of(mass):
-    return moments(mass / BIN_S, GRID)
-
-
-def far(share, expected):
-    """Return the distance of a share of the paths from its expectation in standard errors."""
-    return (share - expected) / np.sqrt(expected * (1 - expected) / PATHS)
-
-
 @pytest.mark.parametrize("posterior", [0.6, 0.8, 0.95])
 def test_with_two_alternatives_it_is_the_test_with_a_constant_gap(posterior):
     """At all strengths, although one gain serves them."""
@@ -44,7 +35,8 @@ def test_with_two_alternatives_it_is_the_test_with_a_constant_gap(posterior):
 @pytest.mark.parametrize("posterior", [0.5, 0.8, 0.95])
 def test_its_accuracy_is_the_posterior_at_which_it_decides(alternatives, posterior):
     mass = decided(model(alternatives), [1.0], sensitivity=2.0, threshold_nats=-np.log(posterior))
-    assert abs(far(moments_of(mass)["accuracy"][0], posterior)) < 3.3
+    accuracy, variance = moments(mass / BIN_S, GRID)["accuracy"][0], posterior * (1 - posterior)
+    assert accuracy == pytest.approx(posterior, abs=3.3 * np.sqrt(variance / PATHS))
 
 
 def test_sensitivity_scales_time_alone():
