@@ -1,7 +1,5 @@
 """Cell types: missing methods are reported, and invalid types are rejected."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.testing as npt
 import pytest
@@ -13,6 +11,7 @@ from tests.circuits.spiking import (
     BASE,
     SPIKING,
     Diffusing,
+    kind_of,
     lacking,
     one_sentence,
     spikes_of,
@@ -22,47 +21,26 @@ from tests.helpers import refused
 
 
 def test_a_type_that_only_names_its_state_lacks_every_step():
-    @register
-    @dataclass(frozen=True)
-    class Bare(Cell):
-        state = ("v",)
-
-    circuit = with_cell(BASE, "GPe", Bare())
+    circuit = with_cell(BASE, "GPe", register(kind_of(state=("v",)))())
     for engine in SPIKING:
-        with refused(r"cell Bare\.\w+, and Bare cells do not have it"):
+        with refused(r"cell Own\.\w+, and Own cells do not have it"):
             lacking(engine)(circuit)
 
 
-def test_a_type_that_cannot_be_one_is_refused_at_registration():
-    class Plain(Cell):
-        pass
-
-    @dataclass(frozen=True)
-    class Deaf(Cell):
-        hears = "mv"
-        state = ("v",)
-
-    @dataclass(frozen=True)
-    class Stateless(Cell):
-        pass
-
-    one_sentence(lambda: register(int), "subclass of Cell")
-    one_sentence(lambda: register(Plain), "frozen=True")
-    one_sentence(lambda: register(Deaf), "hears must be one of nats, hz")
-
-    @dataclass(frozen=True)
-    class Hearing(Phase):
-        hears = "nats"
-
-    @dataclass(frozen=True)
-    class Both(Diffusing):
-        interval_quantiles = Phase.interval_quantiles
-
-    one_sentence(lambda: register(Stateless), "Stateless: state must be a tuple")
-    one_sentence(lambda: register(Hearing), "Hearing: hears must be hz for renewal cells")
-    one_sentence(lambda: register(Both), "Both must have either")
-    twin = dataclass(frozen=True)(type("Lif", (Phase,), {"__module__": "elsewhere"}))
-    one_sentence(lambda: register(twin), "there is a cell type Lif already")
+@pytest.mark.parametrize(
+    ("kind", "says"),
+    [
+        (int, "subclass of Cell"),
+        (type("Plain", (Cell,), {}), "frozen=True"),
+        (kind_of(hears="mv", state=("v",)), "hears must be one of nats, hz"),
+        (kind_of(), "Own: state must be a tuple"),
+        (kind_of(Phase, hears="nats"), "Own: hears must be hz for renewal cells"),
+        (kind_of(Diffusing, interval_quantiles=Phase.interval_quantiles), "Own must have either"),
+        (kind_of(Phase, "Lif"), "there is a cell type Lif already"),
+    ],
+)
+def test_a_type_that_cannot_be_one_is_refused_at_registration(kind, says):
+    one_sentence(lambda: register(kind), says)
 
 
 def test_every_registered_type_answers_or_raises_in_every_engine():
@@ -85,9 +63,7 @@ ONE = np.float32(1)
 
 def fitting(**answers):
     """Return a circuit whose STN has a custom cell type with a tick and other methods."""
-    given = {"__module__": __name__, **answers}
-    kind = dataclass(frozen=True)(type("Fitting", (Diffusing,), given))
-    return with_cell(BASE, "STN", register(kind)(0.3))
+    return with_cell(BASE, "STN", register(kind_of(Diffusing, **answers))(0.3))
 
 
 def short(heard, ones, phi, noise_step, factor):
