@@ -84,13 +84,6 @@ def test_adex_cells_spike_alike_in_all_engines(circuit):
     assert len(spikes[0]) > 600
 
 
-def test_adex_cells_with_sparse_connections_spike_alike_up_to_single_precision():
-    circuit = with_cell(BASE.with_connections(0.25), "GPe", ADEX)
-    fast, brian, plain = (spikes_of(circuit, engine) for engine in SPIKING)
-    assert brian == plain
-    assert len(fast ^ plain) <= 0.03 * len(plain)
-
-
 def test_factors_of_an_adex_are_of_its_time_constant_its_slope_and_its_way_to_the_knee():
     factors = np.array([(1, 1, 1), (2, 1, 1), (1, 2, 1), (1, 1, 2)])
     one, tau, slope, top = (ADEX.constants(each, 0.1) for each in factors)
