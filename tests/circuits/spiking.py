@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pytest
 
 from circuits import anatomy
 from circuits.cells import AdEx, BrianText, Cell
@@ -94,22 +93,9 @@ def spikes_of(circuit, engine):
     return spike_set(run(circuit, DRIVE, engine=engine, spikes=NAMES, **GIVEN))
 
 
-WITH_ADEX = with_cell(BASE, "GPe", ADEX)
-
-
 def lacking(engine="spikes", **options):
     def call(circuit):
         options_of_engine = GIVEN if engine in SPIKING else {"step_ms": 40.0}
         return run(circuit, DRIVE[:, :1], engine=engine, **options_of_engine | options)
 
     return call
-
-
-def one_sentence(call, *parts):
-    with pytest.raises(ValueError, match=r".") as error:
-        call()
-    sentence = str(error.value)
-    assert "\n" not in sentence
-    for part in parts:
-        assert part in sentence
-    return sentence
