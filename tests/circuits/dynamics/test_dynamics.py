@@ -22,6 +22,16 @@ def test_the_fixed_point_stays_where_it_is(name):
     assert np.abs(wiring.inputs(units) + wiring.drive(drive) - still).max() < 1e-12
 
 
+def test_parts_come_upstream_first_and_say_which_loop():
+    wiring = fixed_point.wired(anatomy.appendix_b(3))
+    parts = [({wiring.rows[k].name for k in b}, loop) for b, loop in fixed_point.parts(wiring)]
+    order = {name: i for i, (names, _) in enumerate(parts) for name in names}
+    assert ({"STN", "GPe"}, True) in parts
+    assert [loop for names, loop in parts if len(names) == 1] == [False] * 4
+    assert order["ctx"] < order["D2"] < order["GPe"] < order["SNr"]
+    assert order["D1"] < order["SNr"]
+
+
 @pytest.mark.parametrize(
     "channels", [2, 6, 100, 150, pytest.param(300, marks=pytest.mark.validate)]
 )
