@@ -42,6 +42,13 @@ def test_edits_that_change_nothing_return_the_circuit(circuit):
     assert circuit.with_channels(circuit.channels).about == circuit.about
 
 
+def test_cells_of_all_nuclei_and_pathways_between_them_are_edited_and_no_others():
+    small = anatomy.spiking_msprt().with_neurons(7).with_heterogeneity(0.1).with_connections(0.25)
+    rates = [row.name for row in small.populations if (row.neurons, row.heterogeneity) != (7, 0.1)]
+    dense = [p.name for p in small.projections if p.probability != 0.25]
+    assert (rates, dense) == (["common"], ["common->ctx", "STN->common"])
+
+
 def test_factors_of_channels_multiply_and_all_alike_are_those_of_the_pathway(circuit):
     each, drive = circuit.with_channels(3), np.array([[[0.4, 0.1, -0.5]]])
     whole = each.scale("D1->SNr", 0.9)
