@@ -11,10 +11,10 @@ from circuits.dynamics.ticks import Clock, Scheme, tick_ms
 from circuits.dynamics.wiring import wire
 from circuits.engines import Populations
 from circuits.engines.population import answers as module
-from circuits.engines.population import filters
+from circuits.engines.population import filters, kernel
 from circuits.engines.population.answers import Mixture, answers, looked_up
 from circuits.engines.population.filters import PER_RAD_S
-from circuits.engines.population.plan import plan
+from circuits.engines.population.plan import plan, rest
 from circuits.store import Entry
 
 GPE = anatomy.spiking_msprt().population("GPe")
@@ -93,6 +93,16 @@ def test_filters_follow_the_state_with_a_time_constant_of_fifty_milliseconds():
     scheme = Scheme(wire(anatomy.spiking_msprt(2)), 0.5)
     clock = plan(scheme, Clock(1, 50, 0.5), Populations(noise=True)).clock[0]
     assert (1 - clock["follow_slowly"]) ** (50 / 0.5) == pytest.approx(np.exp(-1), rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
+def test_what_units_pass_on_at_rest_keeps_blocks_at_rest(name):
+    wiring = wire(anatomy.load_circuit(name, 3))
+    scheme = Scheme(wiring, 0.5)
+    state = rest(scheme)
+    arrives = wiring.weight @ state.units[0, :, kernel.PASSED] + wiring.bias
+    np.testing.assert_allclose(arrives, state.blocks[0, :, kernel.X], rtol=1e-5, atol=1e-5)
+    assert (wiring.constant != 0).any()
 
 
 def test_how_a_rational_answer_follows_is_found_again():
