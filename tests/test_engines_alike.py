@@ -14,6 +14,7 @@ from circuits.declaration.rows import Projection
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock
 from circuits.engines import ENGINES, engine_of, run
+from tests.circuits.spiking import spike_set
 from tests.helpers import refusing
 
 SEED = 11
@@ -165,10 +166,7 @@ def in_plain(circuit):
 def test_same_input_same_noise_same_spikes(engine, circuit):
     fast = all_of(circuit, CENTRED[:, None, :], engine, **SHORT)
     plain = in_plain(circuit)
-    for name, table in plain.spikes.items():
-        order = ["time_ms", "trial", "channel", "neuron"]
-        a, b = (t.round(3).sort_values(order)[order].to_numpy() for t in (fast.spikes[name], table))
-        npt.assert_allclose(a, b)
+    assert spike_set(fast) == spike_set(plain)
     npt.assert_allclose(fast.output_nats, plain.output_nats, atol=1e-9)
 
 
@@ -215,10 +213,7 @@ def test_an_edit_leaves_the_spiking_engines_with_the_same_spikes(circuit):
     options = {"step_ms": 30, "settle_ms": 0, "seed": 1, "spikes": names}
     fast = run(circuit, walk, engine="spikes", **options)
     plain = run(circuit, walk, engine="brian2", **options)
-    order = ["trial", "channel", "time_ms", "neuron"]
-    for name in names:
-        a, b = (each.spikes[name].sort_values(order)[order] for each in (fast, plain))
-        npt.assert_array_equal(a.round(6).to_numpy(), b.round(6).to_numpy(), err_msg=name)
+    assert spike_set(fast) == spike_set(plain)
     npt.assert_allclose(fast.output_nats, plain.output_nats, rtol=0, atol=1e-12)
 
 
@@ -230,10 +225,8 @@ def test_courses_act_through_connections_cell_by_cell_as_through_whole_blocks():
     options = {"step_ms": 70, "settle_ms": 10, "spikes": names}
     engines = ("plain", "brian2", "spikes")
     plain, brian2, fast = (all_of(sparse, drive, engine, **options) for engine in engines)
-    order = ["channel", "time_ms", "neuron"]
     for name in names:
-        rows = (ran.spikes[name][order].round(6).to_numpy() for ran in (plain, brian2, fast))
-        one, two, three = (set(map(tuple, each)) for each in rows)
+        one, two, three = (spike_set(ran, name) for ran in (plain, brian2, fast))
         assert one == two
         assert len(one ^ three) <= 0.02 * len(one)
     without = all_of(sparse.steady, drive, "plain", **options)

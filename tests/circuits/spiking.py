@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pytest
 
 from circuits import anatomy
 from circuits.cells import AdEx, BrianText, Cell
@@ -72,20 +71,26 @@ class Diffusing(Cell):
         return {"noise_step": noise_step, "factor": np.float32(factors[0])}
 
 
+def kind_of(base=Cell, name="Own", **given):
+    """Return a cell type that a test makes from another one."""
+    return dataclass(frozen=True)(type(name, (base,), {"__module__": __name__, **given}))
+
+
 def with_cell(circuit, name, cell):
     """Return a circuit where a population has another cell."""
     rows = (replace(p, cell=cell) if p.name == name else p for p in circuit.populations)
     return replace(circuit, populations=tuple(rows))
 
 
-def spikes_of(circuit, engine, names=NAMES):
-    activity = run(circuit, DRIVE, engine=engine, spikes=names, **GIVEN)
+def spike_set(activity, *names):
+    """Return the spikes of some nuclei, or of all that were recorded."""
     columns = ["trial", "channel", "neuron", "time_ms"]
-    spikes = {name: np.rint(t[columns] * 10).astype(int) for name, t in activity.spikes.items()}
-    return {(name, *row) for name, t in spikes.items() for row in t.itertuples(index=False)}
+    tables = {name: activity.spikes[name][columns].round(3) for name in names or activity.spikes}
+    return {(name, *row) for name, t in tables.items() for row in t.itertuples(index=False)}
 
 
-WITH_ADEX = with_cell(BASE, "GPe", ADEX)
+def spikes_of(circuit, engine):
+    return spike_set(run(circuit, DRIVE, engine=engine, spikes=NAMES, **GIVEN))
 
 
 def lacking(engine="spikes", **options):
@@ -94,13 +99,3 @@ def lacking(engine="spikes", **options):
         return run(circuit, DRIVE[:, :1], engine=engine, **options_of_engine | options)
 
     return call
-
-
-def one_sentence(call, *parts):
-    with pytest.raises(ValueError, match=r".") as error:
-        call()
-    sentence = str(error.value)
-    assert "\n" not in sentence
-    for part in parts:
-        assert part in sentence
-    return sentence

@@ -7,7 +7,6 @@ import pytest
 
 from circuits import anatomy
 from circuits.anatomy import CIRCUITS, load_circuit
-from circuits.anatomy import load_circuit as named
 from circuits.declaration.edits import Edits
 from circuits.differences import check_edits, differences
 from circuits.dynamics.fixed_point import rest_rates, wired
@@ -43,38 +42,22 @@ def test_edits_that_change_nothing_return_the_circuit(circuit):
     assert circuit.with_channels(circuit.channels).about == circuit.about
 
 
-def test_fields_of_a_cell_are_edited_like_those_of_its_row():
-    circuit = anatomy.spiking_msprt()
-    edited = circuit.with_cell("STN", cv=0.1).with_population("STN", neurons=40)
-    assert (edited.population("STN").cell.cv, edited.population("STN").neurons) == (0.1, 40)
-    assert circuit.with_cell("GPe", tau_ms=20).population("GPe").cell.tau_ms == 20
-    small = circuit.with_neurons(7).with_heterogeneity(0.1).with_connections(0.25)
-    assert {row.neurons for row in small.populations if row.spiking} == {7}
-    assert {row.heterogeneity for row in small.populations} == {0.1, 0.0}
-    assert {p.probability for p in small.projections} == {0.25, 1.0}
+def test_cells_of_all_nuclei_and_pathways_between_them_are_edited_and_no_others():
+    small = anatomy.spiking_msprt().with_neurons(7).with_heterogeneity(0.1).with_connections(0.25)
+    rates = [row.name for row in small.populations if (row.neurons, row.heterogeneity) != (7, 0.1)]
+    dense = [p.name for p in small.projections if p.probability != 0.25]
+    assert (rates, dense) == (["common"], ["common->ctx", "STN->common"])
 
 
-def test_one_channel_is_scaled_and_no_other(circuit):
-    """At the fixed point: each channel in turn is the whole, and factors multiply."""
-    drive = np.array([[[0.4, 0.1, -0.5]]])
-    three = circuit.with_channels(3)
-    each = three
+def test_factors_of_channels_multiply_and_all_alike_are_those_of_the_pathway(circuit):
+    each, drive = circuit.with_channels(3), np.array([[[0.4, 0.1, -0.5]]])
+    whole = each.scale("D1->SNr", 0.9)
     for channel in range(3):
         each = each.scale("D1->SNr", 0.5, channel).scale("D1->SNr", 1.8, channel)
+        assert not each.exact
     assert each.projection("D1->SNr").factors == (0.9, 0.9, 0.9)
-    one, whole = (three.scale("D1->SNr", 0.9, channel) for channel in (1, None))
-    tables = {"unedited": three, "one": one, "each": each, "all": whole}
-    out = {name: run_algebra(c, drive).output_nats[0, 0] for name, c in tables.items()}
-    np.testing.assert_allclose(out["each"], out["all"], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(out["one"][[0, 2]], out["unedited"][[0, 2]], rtol=0, atol=1e-12)
-    assert out["one"][1] == pytest.approx(out["all"][1], abs=1e-12)
-    assert not one.exact
-
-
-def test_lesions_multiply_and_can_be_undone(circuit):
-    twice = circuit.lesion("STN", 0.5).lesion("STN", 0.5)
-    assert twice.population("STN").intact == 0.25
-    assert twice.unlesioned.populations == circuit.populations
+    one, other = (run_algebra(c, drive).output_nats for c in (each, whole))
+    np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
 
 
 def test_a_lesion_in_one_channel_takes_the_tone_of_that_channel_alone():
@@ -187,13 +170,13 @@ def test_a_circuit_is_a_mapping_of_its_rows():
 def test_numbers_far_outside_physiology_are_warned_of(edit):
     name = edit.split(" ")[1].split(".", 1)[1].replace(".", "_")
     with pytest.warns(EditWarning, match=name):
-        named("spiking_msprt").edited(edit)
+        load_circuit("spiking_msprt").edited(edit)
 
 
 def test_no_shipped_table_is_outside_physiology():
     with unwarned():
         for name in CIRCUITS:
-            named(name, 3)
+            load_circuit(name, 3)
 
 
 @pytest.mark.parametrize(

@@ -110,11 +110,3 @@ def test_rows_for_another_number_of_channels_are_warned_of(tmp_path):
     path.write_text(path.read_text().replace("channels = 2", "channels = 4"))
     with pytest.warns(EditWarning, match="--channels 4"):
         assert anatomy.load_circuit(path).channels == 4
-
-
-def test_rows_that_do_not_depend_on_the_number_of_channels_are_those_of_any(tmp_path):
-    path = table_writer.write(anatomy.gpr(2), tmp_path / "mine.toml")
-    path.write_text(path.read_text().replace("channels = 2", "channels = 4"))
-    assert anatomy.is_included(anatomy.load_circuit(path)) == (
-        anatomy.gpr(2).populations == anatomy.gpr(4).populations
-    )

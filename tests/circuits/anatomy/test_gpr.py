@@ -5,7 +5,6 @@ import pytest
 
 from circuits import anatomy
 from circuits.engines import run
-from circuits.errors import RangeWarning
 
 SALIENCES = [(0.0, 0.0), (0.5, 0.2), (0.8, 0.3), (0.9, 0.0), (0.3, 0.3), (1.0, 1.0)]
 
@@ -55,14 +54,3 @@ def test_the_level_of_dopamine_multiplies_the_two_gains():
         activity = run(anatomy.gpr().dopamine(level), drive, engine="algebra", step_ms=1.0)
         expected = two_channels(0.6, 0.2, 1.2 * level, 0.8 * (2 - level))
         np.testing.assert_allclose(activity.output_nats[0, 0], expected, rtol=0, atol=1e-9)
-
-
-def output(saliences, **options):
-    circuit = anatomy.gpr(len(saliences), **options)
-    return run(circuit, [[saliences]], engine="algebra", step_ms=1.0).output_nats[0, 0]
-
-
-def test_a_salience_above_one_counts_as_one():
-    with pytest.warns(RangeWarning, match=r"the input runs from 0.00 to 1.70 salience, gpr works"):
-        beyond = output([1.7, 0.0])
-    np.testing.assert_allclose(beyond, output([1.0, 0.0]))

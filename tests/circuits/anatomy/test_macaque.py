@@ -94,16 +94,6 @@ def test_it_does_not_oscillate_at_rest_nor_where_it_decides(channels):
         assert stability.growth(table, held).real < 0
 
 
-@given(st.integers(0, 2**31), st.integers(2, 5), st.floats(-9, 9))
-def test_what_channels_are_told_differs_by_the_evidence_between_them_alone(seed, channels, mean):
-    """So that OUT can be -ln P whatever the readings say on the mean, and whichever is true."""
-    rng = np.random.default_rng(seed)
-    values = rng.normal(mean, 2, (3, 6, channels)) + rng.normal(0, 3, channels)
-    evidence = Evidence(values, baseline=mean, prior=rng.dirichlet(np.full(channels, 3)))
-    inputs, totals = evidence.own_totals, evidence.totals
-    np.testing.assert_allclose(inputs - inputs[..., :1], totals - totals[..., :1], atol=1e-9)
-
-
 @pytest.mark.parametrize("make", [anatomy.macaque, anatomy.macaque_small])
 @pytest.mark.parametrize("channels", range(2, 9))
 def test_out_is_minus_ln_p_where_it_is_read(make, channels):

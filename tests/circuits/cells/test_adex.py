@@ -7,7 +7,7 @@ import numpy.testing as npt
 import pytest
 
 from circuits.cells import single
-from tests.circuits.spiking import ADEX, BASE, SPIKING, WITH_ADEX, spikes_of, with_cell
+from tests.circuits.spiking import ADEX, BASE, SPIKING, spikes_of, with_cell
 
 
 def test_an_adex_without_upstroke_and_adaptation_is_the_exact_linear_membrane():
@@ -73,7 +73,7 @@ def test_intervals_of_a_noiseless_adex_are_those_of_its_equations():
 @pytest.mark.parametrize(
     "circuit",
     [
-        pytest.param(WITH_ADEX, id="GPe"),
+        pytest.param(with_cell(BASE, "GPe", ADEX), id="GPe"),
         pytest.param(with_cell(BASE.with_heterogeneity(0.1), "GPe", ADEX), id="heterogeneity"),
         pytest.param(with_cell(BASE, "D1", ADEX), id="D1", marks=pytest.mark.validate),
     ],
@@ -82,13 +82,6 @@ def test_adex_cells_spike_alike_in_all_engines(circuit):
     spikes = [spikes_of(circuit, engine) for engine in SPIKING]
     assert spikes[0] == spikes[1] == spikes[2]
     assert len(spikes[0]) > 600
-
-
-def test_adex_cells_with_sparse_connections_spike_alike_up_to_single_precision():
-    circuit = with_cell(BASE.with_connections(0.25), "GPe", ADEX)
-    fast, brian, plain = (spikes_of(circuit, engine) for engine in SPIKING)
-    assert brian == plain
-    assert len(fast ^ plain) <= 0.03 * len(plain)
 
 
 def test_factors_of_an_adex_are_of_its_time_constant_its_slope_and_its_way_to_the_knee():

@@ -1,7 +1,5 @@
 """Cell types: missing methods are reported, and invalid types are rejected."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.testing as npt
 import pytest
@@ -13,56 +11,31 @@ from tests.circuits.spiking import (
     BASE,
     SPIKING,
     Diffusing,
+    kind_of,
     lacking,
-    one_sentence,
     spikes_of,
     with_cell,
 )
-from tests.helpers import refused
+from tests.helpers import refused, refusing
 
 
 def test_a_type_that_only_names_its_state_lacks_every_step():
-    @register
-    @dataclass(frozen=True)
-    class Bare(Cell):
-        state = ("v",)
-
-    circuit = with_cell(BASE, "GPe", Bare())
+    circuit = with_cell(BASE, "GPe", register(kind_of(state=("v",)))())
     for engine in SPIKING:
-        with refused(r"cell Bare\.\w+, and Bare cells do not have it"):
+        with refused(r"cell Own\.\w+, and Own cells do not have it"):
             lacking(engine)(circuit)
 
 
-def test_a_type_that_cannot_be_one_is_refused_at_registration():
-    class Plain(Cell):
-        pass
-
-    @dataclass(frozen=True)
-    class Deaf(Cell):
-        hears = "mv"
-        state = ("v",)
-
-    @dataclass(frozen=True)
-    class Stateless(Cell):
-        pass
-
-    one_sentence(lambda: register(int), "subclass of Cell")
-    one_sentence(lambda: register(Plain), "frozen=True")
-    one_sentence(lambda: register(Deaf), "hears must be one of nats, hz")
-
-    @dataclass(frozen=True)
-    class Hearing(Phase):
-        hears = "nats"
-
-    @dataclass(frozen=True)
-    class Both(Diffusing):
-        interval_quantiles = Phase.interval_quantiles
-
-    one_sentence(lambda: register(Stateless), "Stateless: state must be a tuple")
-    one_sentence(lambda: register(Hearing), "Hearing: hears must be hz for renewal cells")
-    one_sentence(lambda: register(Both), "Both must have either")
-    twin = dataclass(frozen=True)(type("Lif", (Phase,), {"__module__": "elsewhere"}))
-    one_sentence(lambda: register(twin), "there is a cell type Lif already")
+test_a_type_that_cannot_be_one_is_refused_at_registration = refusing(
+    (int, "cell subclass of Cell"),
+    (type("Plain", (Cell,), {}), "cell frozen=True"),
+    (kind_of(hears="mv", state=("v",)), "hears one of nats, hz"),
+    (kind_of(), "state"),
+    (kind_of(Phase, hears="nats"), "hears renewal"),
+    (kind_of(Diffusing, interval_quantiles=Phase.interval_quantiles), "tick"),
+    (kind_of(Phase, "Lif"), "cell already"),
+    of=register,
+)
 
 
 def test_every_registered_type_answers_or_raises_in_every_engine():
@@ -85,9 +58,7 @@ ONE = np.float32(1)
 
 def fitting(**answers):
     """Return a circuit whose STN has a custom cell type with a tick and other methods."""
-    given = {"__module__": __name__, **answers}
-    kind = dataclass(frozen=True)(type("Fitting", (Diffusing,), given))
-    return with_cell(BASE, "STN", register(kind)(0.3))
+    return with_cell(BASE, "STN", register(kind_of(Diffusing, **answers))(0.3))
 
 
 def short(heard, ones, phi, noise_step, factor):
@@ -102,11 +73,14 @@ def swapped(heard, ones, phi, factor, noise_step):
 @pytest.mark.parametrize(
     ("answers", "says"),
     [
-        ({"constants": lambda *_: {"factor": ONE}}, "constants must give what"),
-        ({"constants": lambda *_: {"factor": ONE, "noise_step": ONE, "x": ONE}}, "must give what"),
-        ({"constants": lambda *_: {"noise_step": 1.0, "factor": ONE}}, "single prec"),
-        ({"constants": lambda *_: {"noise_step": ONE * np.nan, "factor": ONE}}, "must be finite"),
-        ({"begin": staticmethod(lambda uniform, noise_step, factor: ())}, "begin must return phi"),
+        ({"constants": lambda *_: {"factor": ONE}}, "constants"),
+        ({"constants": lambda *_: {"factor": ONE, "noise_step": ONE, "x": ONE}}, "constants"),
+        ({"constants": lambda *_: {"noise_step": 1.0, "factor": ONE}}, "noise_step single prec"),
+        (
+            {"constants": lambda *_: {"noise_step": ONE * np.nan, "factor": ONE}},
+            "noise_step nan",
+        ),
+        ({"begin": staticmethod(lambda uniform, noise_step, factor: ())}, "begin"),
         ({"tick": staticmethod(short)}, "tick must return whether it fires, phi; it returns 1"),
         ({"tick": staticmethod(swapped)}, "tick must take"),
     ],
@@ -115,7 +89,8 @@ def swapped(heard, ones, phi, factor, noise_step):
 def test_a_type_whose_answers_do_not_fit_each_other_is_refused_by_every_engine(
     engine, answers, says
 ):
-    one_sentence(lambda: lacking(engine)(fitting(**answers)), says)
+    with refused(says):
+        lacking(engine)(fitting(**answers))
 
 
 @pytest.mark.parametrize("engine", SPIKING)
@@ -130,7 +105,8 @@ def test_names_of_the_engines_are_refused_as_those_of_a_cell(engine, name):
     code = f"lambda heard, ones, {name}, noise_step, factor: ({name} > {name}, {name})"
     type(circuit.population("STN").cell).tick = staticmethod(eval(code))
     if name in RESERVED:
-        one_sentence(lambda: lacking(engine)(circuit), "an engine's own names", name)
+        with refused(f"state an engine's own names .*{name}"):
+            lacking(engine)(circuit)
     elif engine != "brian2":
         lacking(engine)(circuit)
 
@@ -140,7 +116,8 @@ def test_a_bare_number_in_a_tick_is_refused(engine):
     def tick(heard, ones, phi, noise_step, factor):
         return phi >= 1, phi + 0.5
 
-    one_sentence(lambda: lacking(engine)(fitting(tick=staticmethod(tick))), "numbers 1, 0.5")
+    with refused("tick numbers 1, 0.5"):
+        lacking(engine)(fitting(tick=staticmethod(tick)))
 
 
 def test_a_type_whose_tick_was_replaced_is_compiled_anew():

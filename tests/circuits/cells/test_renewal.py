@@ -8,14 +8,14 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 from scipy.stats import gamma, invgauss, kstest
 
-from circuits import anatomy
 from circuits.cells import Cell, Phase, Rate, register
 from circuits.cells.renewal import BINS, first_spikes, intervals, wait
 from circuits.circuit import Circuit
 from circuits.declaration.rows import Population, Projection
 from circuits.dynamics import noise
 from circuits.engines import run
-from tests.circuits.spiking import BASE, SPIKING, Diffusing, one_sentence, spikes_of, with_cell
+from tests.circuits.spiking import BASE, SPIKING, kind_of, spikes_of, with_cell
+from tests.helpers import refused
 
 CVS = (0.01, 0.1, 0.3, 0.5, 1.0)
 ANY_WORDS = np.random.default_rng(5).integers(0, 2**32, 400_000, dtype=np.uint32)
@@ -85,23 +85,6 @@ def test_the_first_spike_comes_as_in_a_train_without_beginning(cell):
     share = cumulative_trapezoid(longer, x, initial=0)
     inner = first_spikes(cell)[1:-1]
     npt.assert_allclose(np.interp(inner, x, share), np.arange(1, BINS) / BINS, atol=2e-4)
-
-
-def test_a_diffusing_phase_has_these_intervals():
-    """The equation of ``Phase``, in ticks of a two-hundredth of an interval."""
-    register(dataclass(frozen=True)(type("Diffusing", (Diffusing,), {"__module__": __name__})))
-    cell, count = Diffusing(0.3), 4000
-    constants = cell.constants(np.ones(3), 0.1)
-    phi, first = np.zeros(count, np.float32), np.full(count, np.inf)
-    draws = np.random.default_rng(2)
-    for k in range(1, 1001):
-        ones = np.float32(draws.binomial(8, 0.5, count))
-        spike, phi = cell.tick(np.float64(1 / 200), ones, phi, *constants.values())
-        first[spike] = np.minimum(first[spike], k / 200)
-    # A sampled path is seen to pass late, by 0.58 standard deviations of a step.
-    assert first.mean() - 0.5826 * 0.3 / np.sqrt(200) == pytest.approx(1, abs=0.02)
-    assert kstest(first, invgauss(0.09, scale=1 / 0.09).cdf).statistic < 0.04
-    assert kstest(first, invgauss(0.25, scale=4).cdf).statistic > 0.1
 
 
 @pytest.mark.parametrize("cell", [Phase(0.3), Phase(1.0), Gamma(4.0)], ids=repr)
@@ -174,10 +157,6 @@ def test_neurons_and_spikes_have_words_of_their_own():
     words = noise.train_words(key, cells, counts)
     assert len(np.unique(words)) > len(words) - 10  # two of 120 000 fall together by chance
     assert kstest(words / 2**32, "uniform").pvalue > 1e-3
-    # Nor are they those of starting states, of connections or of factors on constants.
-    fixed = noise.START_TICK, noise.CONNECTIONS_TICK, *(noise.CELLS_TICK + i for i in range(3))
-    first = noise.train_words(key, np.arange(3000), 0)
-    assert not any((noise.words(key, tick, 3000) == first).any() for tick in fixed)
     pairs = words.reshape(3000, 40) / 2.0**32
     for one, other in ((pairs[:, :-1], pairs[:, 1:]), (pairs[:-1], pairs[1:])):
         assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 4 / np.sqrt(one.size)
@@ -195,20 +174,16 @@ def test_neurons_and_spikes_have_words_of_their_own():
     ids=["mean above 1", "mean below 1", "falling", "negative", "nan"],
 )
 def test_quantiles_that_are_none_are_refused(quantiles):
-    given = {"__module__": __name__, "interval_quantiles": lambda cell, p: quantiles(p)}
-    kind = register(dataclass(frozen=True)(type("Wrong", (Gamma,), given)))
+    kind = register(kind_of(Gamma, "Wrong", interval_quantiles=lambda cell, p: quantiles(p)))
     for engine in SPIKING:
         circuit = with_cell(BASE, "STN", kind(2.0))
-        one_sentence(lambda c=circuit, e=engine: spikes_of(c, e), "Wrong.interval_quantiles")
+        with refused("quantiles ^Wrong.interval_quantiles"):
+            spikes_of(circuit, engine)
 
 
 def test_a_type_without_spikes_transmits_its_line_whatever_it_derives_from():
-    @register
-    @dataclass(frozen=True)
-    class Quiet(Phase):
-        spikes = False
-
-    quiet, rate = (with_cell(BASE, "STN", cell) for cell in (Quiet(0.3), Rate()))
+    silent = register(kind_of(Phase, spikes=False))
+    quiet, rate = (with_cell(BASE, "STN", cell) for cell in (silent(0.3), Rate()))
     for engine in SPIKING:
         options = {"engine": engine, "step_ms": 10, "settle_ms": 5, "seed": 2}
         one, other = (run(circuit, np.ones((1, 2, 2)), **options) for circuit in (quiet, rate))
@@ -221,30 +196,6 @@ def test_a_train_depends_neither_on_the_number_of_cells_nor_on_other_trials():
     assert 0 < len(few) < len(many)
     for cell, times in few.items():
         npt.assert_array_equal(times, many[cell])
-
-
-def test_windows_of_many_ticks_and_single_ticks_give_the_same_trains():
-    """A delay of one tick makes the compiled engine go tick by tick."""
-    circuit = source(Phase(0.4), 50.0, 60)
-    slow = circuit.with_projection("input->ctx", delay_ms=5.0)
-    slow = slow.with_projection("ctx->SNr", delay_ms=5.0)
-    one, four = fired(circuit, np.zeros((2, 5, 2))), fired(slow, np.zeros((2, 5, 2)))
-    assert one.equals(four)
-
-
-def test_cells_with_inputs_of_their_own_have_clocks_of_their_own():
-    """Up to a rounding, which moves a spike by a tick; several trials, of one working memory."""
-    circuit = anatomy.macaque(2).with_neurons(24).with_heterogeneity(0.3).with_connections(0.5)
-    names = tuple(row.name for row in circuit.populations if row.spiking)
-    drive = np.random.default_rng(3).normal(0, 0.5, (4, 2, 2)).cumsum(axis=1)
-    options = {"step_ms": 50, "seed": 4, "settle_ms": 10, "spikes": names}
-    fast, brian2, plain = (run(circuit, drive, engine=name, **options) for name in SPIKING)
-    order = ["trial", "channel", "neuron", "time_ms"]
-    for name in names:
-        tables = (ran.spikes[name][order].round(6) for ran in (fast, brian2, plain))
-        one, two, three = (set(table.itertuples(index=False, name=None)) for table in tables)
-        assert two == three
-        assert len(one ^ three) <= 0.02 * len(three)
 
 
 @pytest.mark.parametrize("delay_ms", [0.25, 1.0], ids=["tick by tick", "four ticks"])

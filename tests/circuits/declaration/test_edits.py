@@ -64,16 +64,12 @@ def test_a_file_the_terminal_and_python_say_the_same():
     lines = ("lesion STN 10%", "set STN->GPe.delay_ms 4", *ADDED)
     file = toml_files.decoded({"edits": [*lines]}, File, "mine.toml").edits
     assert file == at_the_terminal(*lines) == Edits(lines) == lines
-    by_hand = TABLE.add("TRN", like="STN", bias_nats=-1).add("TRN->GPe", weight=0.1)
-    by_hand = by_hand.set("STN->GPe.delay_ms", 4).lesion("STN", 0.1)
-    assert TABLE.edited(*file) == by_hand
 
 
 @pytest.mark.parametrize(
     ("line", "edited"),
     [
         ("lesion STN 10%", TABLE.lesion("STN", 0.1)),
-        ("lesion STN 10 %", TABLE.lesion("STN", 0.1)),
         ("  lesion  STN  0.1 ", TABLE.lesion("STN", 0.1)),
         ("lesion D2", TABLE.lesion("D2")),
         ("lesion GPe [1] 25%", TABLE.lesion("GPe", 0.25, channel=1)),
@@ -84,10 +80,7 @@ def test_a_file_the_terminal_and_python_say_the_same():
         ("cut D1 -> SNr[1]", TABLE.cut("D1->SNr", channel=1)),
         ("scale STN->GPe 0.5", TABLE.scale("STN->GPe", 0.5)),
         ("scale ctx -> D1[0] 1.1", TABLE.scale("ctx->D1", 1.1, channel=0)),
-        ("set STN.cell.cv 0.2", TABLE.with_cell("STN", cv=0.2)),
-        ("set ctx->D1.factors 1,0.9", TABLE.set("ctx->D1.factors", (1, 0.9))),
         ("add dopamine amount=0.2", TABLE.with_rows(Course("dopamine", 0.2))),
-        ("add striatal_FSI", TABLE.add("striatal_FSI")),
         ("dopamine 0.9", TABLE.dopamine(0.9)),
         ("neurons 1e2", TABLE.with_neurons(100)),
         ("connections 0.25", TABLE.with_connections(0.25)),
@@ -126,12 +119,6 @@ def test_quotes_around_a_value_are_no_part_of_it(value):
     assert cited.population("D1").cite == "mine, 2026"
 
 
-def test_no_edits_leave_the_circuit_and_say_nothing():
-    assert TABLE.edited() is TABLE
-    assert Edits() == ()
-    assert Edits().text() == ""
-
-
 @pytest.mark.parametrize(
     "line",
     [
@@ -165,31 +152,20 @@ def test_a_fraction_above_one_is_refused_with_both_spellings(verb):
     ("line", "says"),
     [
         ("lesion GPe->STN 30%", "a pathway is cut, as in 'cut GPe->STN 30%'"),
-        ("lesion STN 150%", "fraction must be within 0..1, got 1.5"),
-        ("lesion GPe[2] 50%", "GPe: channel must be within 0..1, got 2"),
-        ("lesion GPi", "spiking_msprt has no nucleus 'GPi': ctx"),
         ("cut STN->GPi", "SNr represents both output nuclei"),
-        ("clamp SNr", "SNr is the read-out"),
         ("neurons 1.5", "neurons must be a whole number"),
-        ("set STN.bias 1", "STN has no 'bias': "),
         ("set STN.bias_nats=", "bias_nats must be a number"),
         ("set STN->GPe.delay_ms=fast", "STN->GPe: delay_ms must be a number, got 'fast'"),
-        ("set STN.neurons=2.5", "neurons"),
         ("set STN.pooled=maybe", "pooled"),
         ("set ctx->D1.factors=1,x", "factors"),
         ("set STN.cell=adex", "cell"),
         ("set STN.cell=Phase", "STN: the cell needs cv"),
-        ("set STN.cell.tau_ms=12", "cell.tau_ms"),
-        ("set GPe.tau_ms=12", "tau_ms is that of the Lif cell"),
         ("set STN.receptor=D3", "receptor"),
-        ("set D1->SNr.weight=1", "D1 releases GABA, so the weight"),
         ("add D1->GPe", "D1->GPe needs weight, or like=ROW"),
         ("add D1->GPe weight", "a new row is its name and FIELD=VALUE"),
         ("add D1->GPe weight=-1 weight=-2", "each field once"),
-        ("add D1->Thal weight=-1", "spiking_msprt has no nucleus 'Thal': ctx"),
         ("add STN->GPe weight=1", "STN->GPe already exists: use set"),
         ("add D1->GPe like=STN", "D1->GPe can't be like STN: one of them is a pathway"),
-        ("add D1->GPe weight=-1 cell=Rate", "D1->GPe has no 'cell': weight"),
         ("add TRN neurons=3", "TRN needs cell, or like=ROW"),
         ("add TRN cell.cv=0.2", "TRN has no 'cell.cv': cell, "),
         ("add a.b like=STN", "a population's name is text without blanks, brackets, '.'"),
@@ -197,7 +173,6 @@ def test_a_fraction_above_one_is_refused_with_both_spellings(verb):
         ("add dopamine weight=1", "weight"),
         ("add TRN amount=1", "course of TRN from 0 to inf ms: spiking_msprt has no nucleus 'TRN'"),
         ("add ctx->D1 amount=1", "has no nucleus 'ctx->D1': a course is of dopamine, ctx, common"),
-        ("add STN[2] amount=1", "of STN[2] from 0 to inf ms: channel must be within 0..1, got 2"),
         ("add STN from_ms=3", "a course of STN needs amount"),
         ("add STN amount=1 until_ms=3", "a course of STN has no 'until_ms': amount, from_ms"),
         ("add dopamine amount=1.1", "of dopamine must be within 0..2, with this row it is 2.1"),
@@ -289,9 +264,6 @@ def test_an_edit_replaces_the_same_edit_in_any_spelling_and_no_other():
 def test_a_rebound_compensates_the_others_too():
     edited = TABLE.edited("lesion STN", "rebound SNr 0.5")
     assert edited == TABLE.edited("compensate", "rebound SNr 0.5", "lesion STN")
-    assert TABLE.edited("compensate") == TABLE
-    with refused("nucleus"):
-        TABLE.edited("rebound GPi 0.5")
 
 
 @pytest.mark.parametrize(("path", "tone"), [("STN->SNr", False), ("GPe->STN", True)])

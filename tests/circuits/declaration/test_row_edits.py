@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
-from circuits.declaration.rows import GABA, Population, Projection, rows
+from circuits.declaration.rows import Population, Projection
 from tests.helpers import refused
 
 TABLE = anatomy.spiking_msprt()
@@ -73,17 +73,6 @@ def test_a_change_and_its_inverse_give_the_tables_back(drawn):
     assert back.exact == edited.exact
 
 
-@given(st.data())
-def test_constants_of_a_cell_are_changed_in_text_as_in_python_and_back(data):
-    row = data.draw(st.sampled_from([row for row in TABLE.populations if row.spiking]))
-    name = data.draw(st.sampled_from([f.name for f in fields(row.cell)]))
-    old = getattr(row.cell, name)
-    new = old * data.draw(st.sampled_from([0.9, 1.0, 1.1]))
-    edited = TABLE.edited(f"set {row.name}.cell.{name}={new!r}")
-    assert edited == TABLE.with_cell(row.name, **{name: new})
-    assert edited.edited(f"set {row.name}.cell.{name}={old!r}") == TABLE
-
-
 @given(NAMES, NAMES, NAMES)
 def test_unknown_names_raise_and_give_no_circuit(row, other, field):
     names = {name for kind in (Population, Projection) for name in kind.__dataclass_fields__}
@@ -114,7 +103,6 @@ def test_unknown_names_raise_and_give_no_circuit(row, other, field):
         ("set ctx->D1.factors=1,0.9", TABLE.with_projection("ctx->D1", factors=(1, 0.9))),
         ("set ctx->D1.factors=", TABLE),
         ("set STN.cell=Rate", TABLE.with_population("STN", cell=Rate())),
-        ("set GPe.cell.tau_ms=12", TABLE.with_cell("GPe", tau_ms=12)),
     ],
 )
 def test_a_change_is_read_by_the_type_of_its_field(text, expected):
@@ -149,13 +137,6 @@ ADDED = {
 @pytest.mark.parametrize(("text", "row"), ADDED.items(), ids=[*ADDED])
 def test_a_row_in_text_is_the_row_in_python(text, row):
     assert TABLE.edited(f"add {text}") == TABLE.with_rows(row)
-
-
-def test_a_row_like_another_does_not_cite_its_source_for_numbers_that_are_new():
-    rows = ("TRN like=STN", "X like=GPe baseline_hz=10 cell.tau_ms=9", "Y like=GPe cite='my data'")
-    edited = with_texts(*rows)
-    cited = [edited.population(name).cite for name in ("TRN", "X", "Y")]
-    assert cited == ["as STN", "as GPe; assumed: baseline_hz, cell.tau_ms", "my data"]
 
 
 def test_a_row_may_be_like_one_that_is_added_with_it_in_any_order():
@@ -204,24 +185,3 @@ def test_a_new_row_in_keywords_is_that_in_text_and_its_signature_lists_the_field
         TABLE.add("STN->D1", wieght=0.1)
     with refused("weight"):
         TABLE.add("STN->D1", weight="heavy")
-
-
-def test_values_go_to_the_fields_named_above_them():
-    populations = rows(
-        Population,
-        ("name  cell  tau_ms", ("STN", Rate(), 5), ("GPe", Rate(signed=True), 10)),
-        ("name  transmitter", ("STN", "glutamate"), ("GPe", GABA)),
-    )
-    assert populations == (
-        Population("STN", Rate(), tau_ms=5),
-        Population("GPe", Rate(signed=True), tau_ms=10, transmitter=GABA),
-    )
-
-
-def test_a_row_that_a_later_part_leaves_out_has_the_default():
-    projections = rows(
-        Projection,
-        ("source target weight", ("STN", "GPe", 1), ("STN", "SNr", 2)),
-        ("source target delay_ms", ("STN", "SNr", 3)),
-    )
-    assert projections == (Projection("STN", "GPe", 1), Projection("STN", "SNr", 2, delay_ms=3))

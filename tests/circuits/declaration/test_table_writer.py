@@ -13,26 +13,18 @@ from circuits.cells import Phase, Rate
 from circuits.declaration import table_writer
 from circuits.declaration.rows import Population, Projection
 from tests.helpers import refused
+from tests.strategies.edits import edited_circuits
 
-ALL = sorted(anatomy.CIRCUITS)
 NUMBERS = st.floats(-1e6, 1e6)
-SIZES = st.floats(0, 1e3)
 WORDS = st.text(st.characters(exclude_categories=["Cs"]), max_size=30)
 NAMES = st.from_regex(r"[^\s\[\]=/>]{1,8}", fullmatch=True).filter(
     lambda name: not any("\ud800" <= letter <= "\udfff" for letter in name)
 )
 EDITS = [
-    st.builds(lambda x: lambda c: c.lesion("STN", x), st.floats(0, 0.99)),
-    st.builds(lambda x: lambda c: c.clamp("GPe", x), st.floats(0, 0.99)),
     st.builds(lambda x: lambda c: c.scale("D1->SNr", x, 1), st.floats(0.01, 9)),
     st.builds(lambda x: lambda c: c.cut("GPe->STN", x), st.floats(0, 0.99)),
     st.builds(lambda x: lambda c: c.cut("D1->SNr", x, 1), st.floats(0, 0.99)),
-    st.builds(lambda x: lambda c: c.scale("ctx->D1", x), st.floats(0.01, 9)),
     st.builds(lambda x: lambda c: c.with_population("STN", bias_nats=x), NUMBERS),
-    st.builds(lambda x: lambda c: c.with_projection("STN->GPe", delay_ms=x, cite="mine"), SIZES),
-    st.builds(
-        lambda x: lambda c: c.with_population("GPe", cell=Phase(x), tau_ms=1), st.floats(0, 1)
-    ),
     st.builds(lambda x: lambda c: c.with_population("D1", cite=x), WORDS),
     st.builds(lambda x: lambda c: replace(c, about=x, name=x), WORDS),
     st.builds(lambda x: lambda c: replace(c, wiring_seed=x), st.integers()),
@@ -42,14 +34,14 @@ EDITS = [
         lambda name, w: (
             lambda c: c.with_rows(Population(name, Rate(signed=True)), Projection(name, "STN", w))
         ),
-        NAMES.filter(lambda name: name not in ("ctx", "common", "D1", "D2", "STN", "GPe", "SNr")),
-        SIZES,
+        NAMES,
+        st.floats(0, 1e3),
     ),
 ]
 
 
 @pytest.mark.parametrize("channels", [2, 3, 12])
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", sorted(anatomy.CIRCUITS))
 def test_every_table_comes_back_from_its_file(name, channels, tmp_path):
     circuit = anatomy.load_circuit(name, channels)
     path = table_writer.write(circuit, tmp_path / "mine.toml")
@@ -59,9 +51,8 @@ def test_every_table_comes_back_from_its_file(name, channels, tmp_path):
 
 
 @settings(max_examples=60)
-@given(st.sampled_from(ALL), st.integers(2, 5), st.lists(st.one_of(EDITS), max_size=4, unique=True))
-def test_every_edited_table_comes_back_from_its_file(name, channels, edits):
-    circuit = anatomy.load_circuit(name, channels)
+@given(edited_circuits(), st.lists(st.one_of(EDITS), max_size=4, unique=True))
+def test_every_edited_table_comes_back_from_its_file(circuit, edits):
     for edit in edits:
         try:
             circuit = edit(circuit)
@@ -95,13 +86,11 @@ EDITED = [
 
 
 @pytest.mark.parametrize("edit", EDITED)
-def test_an_edited_table_does_not_repeat_the_claim_of_the_original(edit, tmp_path):
+def test_an_edited_table_does_not_repeat_the_claim_of_the_original(edit):
     circuit = anatomy.macaque()
     edited = circuit.edited(edit)
     assert edited.about == "edited from: " + circuit.about
     assert edited.lesion("D1", 0.5).about == edited.about
-    restored = table_reader.read(table_writer.write(edited, tmp_path / "mine.toml"))
-    assert restored.about == edited.about
     unmarked = replace(edited, about=circuit.about)
     assert edited == unmarked
     assert table_writer.digest(edited) == table_writer.digest(unmarked)
@@ -146,7 +135,6 @@ def line_of(start, text=TEXT):
 
 STN = line_of('["STN",    "Phase')
 PATH = line_of('["STN",    "GPe"')
-CTX = line_of('["ctx",    "Phase')
 COLUMNS = line_of('columns = ["name"')
 LIF = line_of("Lif_GPe")
 REFERENCE = TEXT.splitlines(keepends=True)[line_of("reference_nats") - 1]
@@ -157,56 +145,37 @@ WRONG = [
     ('"Phase_STN",', '"Phase_STM",', STN, "there is no cell 'Phase_STM'; there are Phase_ctx"),
     ('"Phase_STN",', '"Phase",', STN, "a Phase cell needs cv: name it under [cells]"),
     ('"exp"', '"cubic"', STN, "transfer must be one of linear, rectified"),
-    ("21.8,", '"fast",', STN, "STN: gain_hz_per_nat must be a number, got 'fast'"),
     ("21.8,", "", STN, "14 columns, but 13 values"),
     ('["STN",    "Phase', '["GPe",    "Phase', STN + 1, "there is already a row 'GPe'"),
     ('["STN",    "GPe"', '["STN",    "SNr"', PATH + 1, "already a row 'STN->SNr'"),
     ('["STN",    "GPe"', '["STN",    "GPi"', PATH, "STN->GPi: there is no nucleus 'GPi'; there"),
-    ('"GPe",    0.5', '"GPe",    -0.5', PATH, "STN->GPe: STN releases glutamate, so the weight"),
-    ('4545454, "diffuse"', '4545454, "all"', PATH, "pattern must be one of 'channel', 'diffuse'"),
-    ('"glutamate",', '"glutamat",', CTX, "transmitter must be one of 'glutamate', 'GABA', got"),
     ('"Lif", tau_ms = 10', '"Lief", tau_ms = 10', LIF, "no cell type 'Lief'; there are AdEx"),
     ("Lif_GPe   = {", "Lif_GPe   = { speed = 1,", LIF, "no constant of a Lif cell 'speed'; there"),
     ('"Lif", tau_ms = 10,', '"Lif", tau_ms = 0,', LIF, "the Lif cell: tau_ms must be > 0"),
     ("range_nats = [1,", "range_nats = [nan,", line_of("range_nats"), "numbers that rise, got"),
     ("channels = 2", "channels = 1", 5, "channels must be a whole number >= 2, got 1"),
-    ("channels = 2", 'channels = 2\nunit = "bits"', 6, "unit must be one of nats, salience, got"),
     ("channels = 2", "channels = 2\ngane = 1", 6, "no key 'gane'; there are format, name"),
     ("format = 1", "format = 2", 3, "the format must be 1, got 2"),
+    ("format = 1\n", "", None, "the key 'format' is missing"),
+    ("channels = 2\n", "", None, "the key 'channels' is missing"),
+    (REFERENCE, "", None, "the key 'reference_nats' is missing"),
+    ('columns = ["source", "target",', 'columns = ["source",', None, "needs the columns target"),
+    ("channels = 2", "channels = = 2", None, "is not valid TOML: Invalid value (at line 5, column"),
+    ("channels = 2", "channels = 2\ncells = 3", None, "mine.toml is not valid TOML"),
+    ("[populations]", "[populations]\nmore = 1", None, "must contain columns and rows, and"),
+    ("rows = [", "rows = 3\n[spare]\nrows = [", None, "no key 'spare'; there are format"),
 ]
 # fmt: on
 
 
 @pytest.mark.parametrize(("old", "new", "line", "says"), WRONG)
-def test_what_is_wrong_is_said_with_its_line(old, new, line, says):
+def test_what_is_wrong_is_said_with_its_line_if_it_is_in_one(old, new, line, says):
     assert old in TEXT
-    wrong = TEXT.replace(old, new, 1)
-    with pytest.raises(ValueError, match=rf"^mine\.toml, line {line}: ") as caught:
-        table_reader.parse(wrong, "mine.toml")
+    where = f", line {line}: " if line else ""
+    with pytest.raises(ValueError, match=rf"^mine\.toml{where}") as caught:
+        table_reader.parse(TEXT.replace(old, new, 1), "mine.toml")
     assert says in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "says"),
-    [
-        ("format = 1\n", "", "mine.toml: the key 'format' is missing"),
-        ("channels = 2\n", "", "mine.toml: the key 'channels' is missing"),
-        (REFERENCE, "", "mine.toml: the key 'reference_nats' is missing"),
-        ('"name",  ', '"cite",  ', "the column 'cite' of populations appears twice"),
-        ('columns = ["source", "target",', 'columns = ["source",', "needs the columns target"),
-        ("channels = 2", "channels = = 2", "is not valid TOML: Invalid value (at line 5, column"),
-        ("channels = 2", "channels = 2\ncells = 3", "mine.toml is not valid TOML"),
-        ("[populations]", "[populations]\nmore = 1", "must contain columns and rows, and nothing"),
-        ("rows = [", "rows = 3\n[spare]\nrows = [", "there is no key 'spare'; there are format"),
-    ],
-)
-def test_what_is_missing_or_no_toml_is_said(old, new, says):
-    wrong = TEXT.replace(old, new, 1)
-    assert wrong != TEXT
-    with pytest.raises(ValueError, match=r"^mine\.toml") as caught:
-        table_reader.parse(wrong, "mine.toml")
-    assert says in str(caught.value)
 
 
 @settings(max_examples=150)
@@ -237,7 +206,4 @@ def test_a_file_that_cannot_be_read_is_said(tmp_path):
         anatomy.load_circuit(tmp_path / "mine.toml")
     (tmp_path / "mine.toml").write_bytes(b"\xff\xfe\x00")
     with refused("path mine.toml' can't be read as text"):
-        anatomy.load_circuit(tmp_path / "mine.toml")
-    (tmp_path / "mine.toml").write_text("a = " + "[" * 100_000)
-    with refused(r"path ^mine\.toml is n"):
         anatomy.load_circuit(tmp_path / "mine.toml")

@@ -122,14 +122,6 @@ def test_a_neurons_noise_does_not_depend_on_who_else_is_asked(seed, trial, tick,
         assert alone == all_[count - 1]
 
 
-@given(st.lists(st.integers(0, 2**32 - 1), min_size=1, max_size=20))
-def test_byte_counts_are_the_bits_of_each_byte(values):
-    counts = noise.byte_counts(np.array(values, dtype=np.uint32))
-    for value, count in zip(values, counts, strict=True):
-        for shift in (0, 8, 16, 24):
-            assert (int(count) >> shift) & 255 == ((value >> shift) & 255).bit_count()
-
-
 def test_one_word_serves_four_ticks():
     stream = noise.stream_key(4, 0, "GPe/0")
     for tick in range(8):

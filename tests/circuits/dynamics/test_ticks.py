@@ -163,25 +163,6 @@ def test_a_pivot_stays_where_it_is_while_dopamine_turns_the_gain():
     np.testing.assert_allclose(ran.decoded_nats("SNr"), 1.2, atol=1e-5)
 
 
-def test_rest_holds_before_the_drive_and_the_tables_are_of_the_receptors():
-    table = TABLES["macaque"].add("dopamine", amount=0.25, from_ms=10, to_ms=30)
-    clock = Clock(2, 50, settle_ms=40)
-    course = timed(wire(table), clock)
-    times = (np.arange(clock.ticks) + 0.5) * clock.dt_ms - 40
-    on = (times > 10) & (times < 30)
-    factors = course.factors[course.of_unit]
-    level = {p.name: c for p, c, _ in table.dopamine_changes(1.25)}
-    wiring = wire(table)
-    for unit, path in enumerate(wiring.path):
-        change = level.get(table.projections[path].name, 0.0)
-        np.testing.assert_array_equal(factors[unit], np.where(on, 1 + change, 1.0))
-    nats = course.nats[course.of_block]
-    held, base = wire(table.dopamine(1.25)), wire(table)
-    np.testing.assert_allclose(nats[:, on].T, np.tile(held.bias - base.bias, (on.sum(), 1)),
-                               atol=1e-14)  # fmt: skip
-    assert not nats[:, ~on].any()
-
-
 @pytest.mark.parametrize("engine", sorted(set(ENGINES) - {"algebra"}))
 def test_a_course_of_nothing_changes_no_byte(engine):
     table = TABLES["macaque"].with_neurons(20)

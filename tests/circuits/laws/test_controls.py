@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.anatomy import load_circuit
 from circuits.cells.phase import phase_spectrum
 from circuits.laws.controls import correlated, linear_stn, perturbed
 from tests.circuits.helpers import run_algebra
 
-SEED = 51
 TABLE = load_circuit("spiking_msprt", 4)
 
 
@@ -22,18 +20,6 @@ def test_every_number_is_varied_once_each_way():
     assert made["ctx->STN delay_ms -20%"].projection("ctx->STN").delay_ms == 2.0
     assert made["GPe tau_ms +20%"].population("GPe").cell.tau_ms == pytest.approx(12)
     assert made["read-out tau_ms -20%"].readout_tau_ms == pytest.approx(22.4)
-
-
-def test_shared_noise_has_the_size_that_was_asked():
-    noisy = correlated(TABLE, 0.2)
-    assert noisy.population("shared").baseline_hz == 20.0
-    silence = np.zeros((40, 10, 4))
-    sd = []
-    for table in (TABLE, noisy):
-        y = BasalGanglia(table, "spikes", seed=SEED).run_drive(silence, 50.0).decoded_nats("ctx")
-        # Over 20 ms, the time of the shared noise.
-        sd.append(y.reshape(40, 25, 20, 4).mean(axis=2).std())
-    assert np.sqrt(sd[1] ** 2 - sd[0] ** 2) == pytest.approx(0.2 * np.sqrt(2 / np.e), rel=0.25)
 
 
 @pytest.mark.parametrize(("options", "cells", "tau_ms"), [({}, 20, 20.0), ({"cells": 5}, 5, 20.0),

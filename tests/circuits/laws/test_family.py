@@ -171,14 +171,6 @@ def test_a_move_keeps_resting_activity_and_dopamine_neutral_at_rest():
     assert resting_hz(member.dopamine(0.8)) == pytest.approx(resting_hz(member))
 
 
-def test_the_weights_onto_d1_and_stn_follow_from_the_loop():
-    member = moved(load_circuit("macaque", 2), {SIGMA0: 2.2, "GPe->STN.weight": -0.35})
-    assert member["GPe->SNr"].weight == pytest.approx(-0.65)
-    assert member["ctx->STN"].weight == pytest.approx(1 - 0.1 * 0.35)
-    assert member["ctx->D1"].weight == pytest.approx(1 + 0.1 * 0.65 + 0.15)
-    assert member["STN->SNr"].weight == pytest.approx(1)
-
-
 def test_exact_circuits_move_too_and_stay_exact():
     circuit = load_circuit("appendix_b", 5)
     member = moved(circuit, {"GPe->STN.weight": -0.4, "D2->GPe.weight": -0.2})

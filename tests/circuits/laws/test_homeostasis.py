@@ -211,9 +211,3 @@ def test_rows_that_are_added_with_rest_kept_leave_the_rates_of_all_that_was_ther
     assert kept.population("TRN").bias_nats == bias
     names = [row.name for row in table.populations]
     assert [row.name for row in kept.populations] == [*names, "TRN"]
-
-
-def test_rest_is_kept_where_nothing_changes_it():
-    table = anatomy.macaque_small(2)
-    motif = table.add("striatal_FSI", keep_rest=True)
-    assert own_biases(motif) == pytest.approx(own_biases(table.add("striatal_FSI")))

@@ -75,20 +75,6 @@ def straightened(table, drive):
     return table.with_population("GPe", bias_nats=bias)
 
 
-def without_bends(table):
-    """Return the circuit at rest with the tangents of what pathways and populations make."""
-    table = straightened(table, REST)
-    wiring, x, _ = at_point(table, REST)
-    here = float(x[0, wiring.blocks_of("STN")[0]])
-    slope, row = np.exp(here), table.population("STN")
-    for p in table.projections:
-        if p.target == "STN":
-            table = table.with_projection(p.pair, weight=p.weight * slope)
-    bias = np.exp(here) - slope * (here - row.bias_nats)
-    table = table.with_population("STN", transfer="linear", bias_nats=float(bias))
-    return table.with_population("ctx", transfer="linear")
-
-
 # ---- tangents
 
 
@@ -103,28 +89,6 @@ def test_a_pathway_that_bends_fluctuates_as_its_tangent(make, drive):
         linear(wiring, x, frequency), linear(fixed_point.wired(twin), x, frequency), strict=True
     ):
         np.testing.assert_allclose(bent, straight, rtol=1e-12, atol=1e-15)
-
-
-def test_many_cells_make_out_scatter_as_the_tangents_of_all_that_bends():
-    table = spiking(neurons=MANY)
-    twin = without_bends(table)
-    assert {row.transfer for row in (*twin.populations, *twin.projections)} == {"linear"}
-    bent, straight = out_variance(table), out_variance(twin)
-    for name in bent:
-        # What is left is the tolerance of the fixed point.
-        np.testing.assert_allclose(bent[name], straight[name], rtol=1e-7)
-    for name in ("STN", "GPe", "SNr"):
-        spectra = (rate_spectrum(of, name, [3.0, 20.0, 80.0]) for of in (table, twin))
-        np.testing.assert_allclose(*spectra, rtol=1e-7)
-
-
-def test_a_rectified_pathway_above_zero_is_a_line():
-    """STN -> GPe of the shipped table never falls silent."""
-    line = anatomy.spiking_msprt()
-    table = line.with_projection("STN->GPe", transfer="rectified")
-    rectified, known = (out_variance(of, FAVOURED) for of in (table, line))
-    for name in known:
-        np.testing.assert_allclose(rectified[name], known[name], rtol=1e-9)
 
 
 # ---- one loop, in closed form

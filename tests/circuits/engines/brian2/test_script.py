@@ -17,6 +17,7 @@ from circuits import anatomy
 from circuits.cells import Cell, cell
 from circuits.circuit import Circuit
 from circuits.declaration.rows import Population, Projection
+from circuits.dynamics.wiring import wire
 from circuits.engines import Brian2, run
 from tests.helpers import refused
 
@@ -70,8 +71,7 @@ def test_a_script_and_a_network_have_the_spikes_and_the_out_of_the_engine(name, 
     npt.assert_allclose(out, ran.output_nats[0, -1], atol=6e-5)
     network = circuit.to_brian2(drive, **options, trial=TRIAL)
     network.run((SETTLE_MS + 3 * STEP_MS + 0.1) * brian2.ms, namespace={})
-    readout = [i for i, row in enumerate(rows_of(circuit)) if row == circuit.readout]
-    hz = np.array(network["samples"].out_hz)[readout, -1]
+    hz = np.array(network["samples"].out_hz)[wire(circuit).blocks_of(circuit.readout), -1]
     row = circuit[circuit.readout]
     npt.assert_allclose((hz - row.baseline_hz) / row.gain_hz_per_nat, ran.output_nats[0, -1])
     if not ran.spikes:
@@ -90,11 +90,6 @@ def test_a_script_and_a_network_have_the_spikes_and_the_out_of_the_engine(name, 
         cells = circuit[nucleus].neurons * ours["channel"] + ours["neuron"]
         both = (spikes, ours.assign(cell=cells)[["cell", "time_ms"]])
         npt.assert_array_equal(*(each.sort_values(["cell", "time_ms"]) for each in both))
-
-
-def rows_of(circuit):
-    """Return the nucleus of every block."""
-    return [row.name for row in circuit.populations for _ in range(circuit.channels_of(row.name))]
 
 
 def imported(text):

@@ -6,7 +6,6 @@ from scipy import signal
 
 from circuits import anatomy
 from circuits.cells import Phase
-from circuits.cells.phase import phase_spectrum
 from circuits.declaration import transfer
 from circuits.dynamics.ticks import Clock, Scheme, tick_ms
 from circuits.dynamics.wiring import wire
@@ -14,7 +13,7 @@ from circuits.engines import Populations
 from circuits.engines.population import answers as module
 from circuits.engines.population import filters, kernel
 from circuits.engines.population.answers import Mixture, answers, looked_up
-from circuits.engines.population.filters import FREQUENCIES_HZ, PER_RAD_S
+from circuits.engines.population.filters import PER_RAD_S
 from circuits.engines.population.plan import plan, rest
 from circuits.store import Entry
 
@@ -96,19 +95,6 @@ def test_filters_follow_the_state_with_a_time_constant_of_fifty_milliseconds():
     assert (1 - clock["follow_slowly"]) ** (50 / 0.5) == pytest.approx(np.exp(-1), rel=1e-4)
 
 
-def test_noise_falls_with_the_number_of_cells_and_the_length_of_a_tick():
-    """Of 1 Hz: the count of n Poisson cells in a tick has the mean and the variance n dt."""
-    table = anatomy.spiking_msprt(2).with_neurons(70)
-    scheme = Scheme(wire(table), 0.5)
-    engines = (Populations(laws="lines", noise=noise) for noise in (False, True))
-    made = [plan(scheme, Clock(1, 50, 0.5), engine).blocks for engine in engines]
-    spiking = [wire(table).rows[b].spiking for b in range(len(made[True]))]
-    count = 70 * 0.5e-3
-    expected = np.where(spiking, count / count**2, 0)
-    np.testing.assert_allclose(made[True]["noise"] ** 2, expected, rtol=1e-6)
-    assert not made[False]["noise"].any()
-
-
 @pytest.mark.parametrize("name", ["macaque", "spiking_msprt"])
 def test_what_units_pass_on_at_rest_keeps_blocks_at_rest(name):
     wiring = wire(anatomy.load_circuit(name, 3))
@@ -143,31 +129,3 @@ def test_a_tick_follows_as_the_filter_does_in_continuous_time(dt_ms):
         answers.append(u + c1 * (low - u) + c2 * v)
     _, wanted, _ = signal.lsim(([n2, n1, 1], [d2, d1, 1]), wave, time)
     assert np.abs(np.array(answers) - wanted).max() < 0.02 * dt_ms**2 + 1e-6
-
-
-def power_of(sections, dt_ms):
-    """Return the power of the noise that the sections' ticks make, (F,)."""
-    power = np.ones(len(FREQUENCIES_HZ))
-    for c, q0, q1, a1, a2 in filters.sampled(sections.reshape(-1, 4), dt_ms).T:
-        # c + (1 - z)(q0 + q1 z)/(1 + a1 z + a2 z^2), z a tick's delay.
-        top = np.convolve([1, -1], [q0, q1]) + c * np.array([1, a1, a2])
-        power *= np.abs(signal.freqz(top, [1, a1, a2], FREQUENCIES_HZ, fs=1000 / dt_ms)[1]) ** 2
-    return power
-
-
-@pytest.mark.parametrize("dt_ms", [0.1, 0.5])
-@pytest.mark.parametrize("cv", [0.3, 0.5, 1.0])
-def test_noise_has_the_colour_of_a_renewal_process(cv, dt_ms):
-    rates = np.geomspace(0.5, 200, 16)
-    power = phase_spectrum(Phase(cv), rates, FREQUENCIES_HZ)
-    fitted = filters.colour(power / rates[:, None], rates)
-    seen = FREQUENCIES_HZ <= 100
-    for sections, hz, wanted in zip(fitted.coefficients, rates, power, strict=True):
-        off = hz * power_of(sections, dt_ms) / wanted - 1
-        assert np.abs(off[seen]).max() < 0.06, hz
-
-
-def test_a_pacemaker_that_is_too_regular_for_two_sections_says_so():
-    rates = np.array([20.0, 40.0])
-    power = phase_spectrum(Phase(0.1), rates, FREQUENCIES_HZ)
-    assert filters.colour(power / rates[:, None], rates).misfit.min() > 0.5

@@ -1,6 +1,6 @@
 """The compiled engine has the spikes of the plain engine, independent of other trials."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.testing as npt
@@ -17,10 +17,12 @@ from tests.circuits.helpers import run_plain, run_spikes
 from tests.circuits.spiking import (
     BASE,
     GIVEN,
+    kind_of,
     lacking,
-    one_sentence,
+    spike_set,
     spikes_of,
 )
+from tests.helpers import refused
 
 NAMES = ("ctx", "D1", "D2", "STN", "GPe", "SNr")
 
@@ -30,11 +32,6 @@ def ramp(trials, steps, channels=2, top=1.4):
     drive = np.zeros((trials, steps, channels))
     drive[np.arange(trials), :, np.arange(trials) % channels] = np.linspace(0, top, steps)
     return drive - drive.mean(axis=2, keepdims=True)
-
-
-def spike_set(table):
-    ticks = np.rint(table["time_ms"] / 0.1).astype(int)
-    return set(zip(table["trial"], table["channel"], table["neuron"], ticks, strict=True))
 
 
 def both(circuit, drive, **options):
@@ -61,7 +58,7 @@ def both(circuit, drive, **options):
 def test_sparse_inputs_make_cells_spike_as_in_the_plain_scheme_up_to_single_precision(circuit):
     fast, plain = both(circuit, ramp(2, 2))
     for name in NAMES:
-        a, b = spike_set(fast.spikes[name]), spike_set(plain.spikes[name])
+        a, b = spike_set(fast, name), spike_set(plain, name)
         # A potential within a rounding of the threshold fires a tick early or late, and takes
         # with it the later spikes of its cell.
         assert len(a ^ b) <= 0.03 * len(b)
@@ -105,24 +102,22 @@ def test_neither_windows_nor_recording_change_a_spike(circuit, monkeypatch):
 def test_what_lies_downstream_never_changes_what_lies_upstream():
     drive = ramp(2, 2)
     settings = {"step_ms": 40, "seed": 3, "spikes": ("ctx", "D1", "STN", "GPe")}
-    intact = run_spikes(BASE, drive, **settings).spikes
+    intact = spike_set(run_spikes(BASE, drive, **settings))
     fewer = BASE.with_population("SNr", neurons=10).with_cell("SNr", noise_mv=1.0)
     for edited in (fewer, BASE.lesion("D1", 0.5), BASE.scale("STN->SNr", 0.2)):
-        for name, table in run_spikes(edited, drive, **settings).spikes.items():
-            assert spike_set(table) == spike_set(intact[name])
+        assert spike_set(run_spikes(edited, drive, **settings)) == intact
 
 
 def test_more_spikes_than_room_are_all_there(monkeypatch):
-    plenty = run_spikes(BASE, ramp(1, 2), step_ms=40, seed=7, spikes=NAMES).spikes
+    settings = {"step_ms": 40, "seed": 7, "spikes": NAMES}
+    plenty = run_spikes(BASE, ramp(1, 2), **settings)
     monkeypatch.setattr(spikes, "FIRST_CAPACITY", 5)
-    little = run_spikes(BASE, ramp(1, 2), step_ms=40, seed=7, spikes=NAMES).spikes
-    for name in NAMES:
-        assert spike_set(little[name]) == spike_set(plenty[name])
+    assert spike_set(run_spikes(BASE, ramp(1, 2), **settings)) == spike_set(plenty)
 
 
 def test_strong_inhibition_is_not_taken_for_a_refractory_period():
     fast, plain = both(BASE.scale("D1->SNr", 60), ramp(2, 3, top=3.0))
-    assert spike_set(fast.spikes["SNr"]) == spike_set(plain.spikes["SNr"])
+    assert spike_set(fast, "SNr") == spike_set(plain, "SNr")
 
 
 def test_an_edit_without_a_state_of_rest_warns():
@@ -133,18 +128,8 @@ def test_an_edit_without_a_state_of_rest_warns():
 
 def registered(circuit):
     """Return a circuit whose cell types are registered anew, alike in all but their name."""
-
-    @register
-    @dataclass(frozen=True)
-    class OwnLif(Lif):
-        pass
-
-    @register
-    @dataclass(frozen=True)
-    class OwnPhase(Phase):
-        pass
-
-    twin = {Lif: OwnLif, Phase: OwnPhase, Rate: Rate}
+    twin = {kind: register(kind_of(kind, f"Own{kind.__name__}")) for kind in (Lif, Phase)}
+    twin[Rate] = Rate
     rows = (replace(p, cell=twin[type(p.cell)](**vars(p.cell))) for p in circuit.populations)
     return replace(circuit, populations=tuple(rows))
 
@@ -168,5 +153,6 @@ def test_types_of_ones_own_with_sparse_connections_spike_as_in_the_plain_engine(
 def test_a_transfer_that_an_engine_does_not_know_is_refused_by_it(monkeypatch):
     monkeypatch.setitem(TRANSFERS, "square", TRANSFERS["rectified"])
     circuit = BASE.with_population("ctx", transfer="square")
-    one_sentence(lambda: lacking("spikes")(circuit), "transfers", "square", "brian2")
+    with refused("transfer square"):
+        lacking("spikes")(circuit)
     assert lacking("plain")(circuit).output_nats.shape == (2, round(GIVEN["step_ms"]), 2)
