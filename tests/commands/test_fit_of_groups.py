@@ -48,15 +48,6 @@ def test_it_writes_tables_a_figure_and_draws_and_goes_on_from_them(mine, capsys)
     assert records[0]["median"] == pytest.approx(group["median"][0])
 
 
-def test_models_are_compared_by_the_draws(mine, capsys):
-    both = [*ASKED, "--models", "constant_gap", "falling_gap", "--compare"]
-    assert run("fit", *both) == 0
-    assert "PSIS-LOO" in capsys.readouterr().out
-    table = pd.read_csv(mine / "out" / "comparison.csv")
-    assert set(table["model"]) == {"constant_gap", "falling_gap"}
-    assert (mine / "out" / "comparison.png").is_file()
-
-
 def test_fits_of_both_kinds_have_one_folder(mine):
     """Neither writes over the other's tables."""
     assert run("fit", *SINGLE) == 0
@@ -100,13 +91,3 @@ def test_another_prior_or_correlations_have_chains_of_their_own(mine, capsys):
     capsys.readouterr()
     assert run("fit", *ASKED, "--prior", "bound=0.3", "--force") == 2
     assert "prior must give two numbers" in capsys.readouterr().err
-
-
-def test_another_prior_of_one_person_is_another_fit(mine, capsys):
-    single = [*SINGLE, "--participant", "anna"]
-    assert run("fit", *single, "--prior", "bound=0.5:0.51") == 0
-    assert "priors (central 95 %): bound 0.5 to 0.51" in capsys.readouterr().out
-    assert run("fit", *single, "--prior", "bound=0.7:0.71") == 2
-    assert run("fit", *single, "--prior", "bound=0.7:0.71", "--force") == 0
-    value = pd.read_csv(mine / "out" / "parameters.csv").set_index("parameter")["value"]
-    assert value["bound"] == pytest.approx(0.705, abs=0.01)
