@@ -11,49 +11,24 @@ from functools import cache
 from inspect import signature
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
 import pytest
 
 import bgmodel as bg
 from bgmodel.cli import main
 from bgmodel.commands.options import record_of, task_of
-from bgmodel.support.files import read_provenance, read_table
+from bgmodel.support.files import read_provenance
 from bgmodel.task import Task
 from bgmodel.trials.reader import OURS
 from bgmodel.trials.task_trials import EvidenceTable
-from tests.helpers import GOOD, ROOT, program_run, run
+from tests.helpers import GOOD, ROOT, long_table, program_run, run, some_evidence
 
 
-def own_table(path, flat=False, truth=True, trials=30):
-    """Write a table of unequal trials, ids of text and an extra column; return it."""
-    rng = np.random.default_rng(5)
-    rows = [
-        {"trial": f"t{n:03d}", "step": t, "ll_left": a, "ll_up": b, "ll_right": c, "truth": "up"}
-        | {"session": f"00{n % 3}"}
-        for n in range(trials)
-        for t, (a, b, c) in enumerate(rng.normal([0, 1, 0], 0.5, (1 + n % 12, 3)) * (not flat))
-    ]
-    table = pd.DataFrame(rows).drop(columns=[] if truth else "truth")
-    table.to_csv(path, index=False)
-    return table
-
-
-ALGEBRA = ("--engine", "algebra", "--circuit", "bogacz_gurney", "--gain", 1)
-
-
-@pytest.mark.parametrize("command", [("decide",), ("circuit", "run")])
-def test_a_users_own_table_comes_back_with_its_ids_and_columns(tmp_path, capsys, command):
+@pytest.mark.parametrize("command", ["decide", "circuit run --engine algebra"])
+def test_a_users_own_table_is_recorded_in_place_of_idle_settings(tmp_path, capsys, command):
     mine, out = tmp_path / "mine.csv", tmp_path / "out.csv"
-    table = own_table(mine)
-    more = ALGEBRA if command != ("decide",) else ()
-    assert run(*command, "--save", out, "--task", mine, "--posterior", 0.95, *more) == 0
-    printed = capsys.readouterr().out
-    assert "read 30 trials of 1 to 12 readings, hypotheses left, up, right" in printed
-    rows = pd.read_csv(out, dtype=str)
-    assert rows["trial"].tolist() == [f"t{n:03d}" for n in range(30)]
-    assert rows["session"].tolist() == [f"00{n % 3}" for n in range(30)]
-    assert (table["trial"].iloc[rows["row"].astype(int)] == rows["trial"].to_numpy()).all()
+    long_table(some_evidence(trials=30, hypotheses=2)).to_csv(mine, index=False)
+    assert run(*command.split(), "--save", out, "--task", mine, "--posterior", 0.9) == 0
+    assert "read 30 trials of 20 readings, hypotheses a, b" in capsys.readouterr().out
     about = read_provenance(out)
     kept = about["parameters"]["command"]
     options = kept["task"]
@@ -62,22 +37,6 @@ def test_a_users_own_table_comes_back_with_its_ids_and_columns(tmp_path, capsys,
     idle = {"trials", "t_max", "d_prime", "boundary_separation", "fold", "workers", "save", "force"}
     assert not idle & (set(kept) | set(options))
     assert about["seed"] is None
-
-
-@pytest.mark.parametrize("command", [("decide",), ("circuit", "run")])
-def test_a_table_that_says_nothing_is_shared_out_alike_by_test_and_circuit(tmp_path, command):
-    mine, out = tmp_path / "mine.csv", tmp_path / "out.csv"
-    own_table(mine, flat=True, trials=300)
-    more = ALGEBRA if command != ("decide",) else ()
-    with pytest.warns(UserWarning, match="300 of 300 trials never meet the threshold"):
-        assert run(*command, "--save", out, "--task", mine, "--posterior", 0.95, *more) == 0
-    decisions = read_table(out)
-    assert decisions["forced"].all()
-    share = decisions["response"].value_counts(normalize=True)
-    assert set(share.index) == {"left", "up", "right"}
-    assert share.max() < 0.45
-    expected = bg.first_crossing(bg.Msprt().run(bg.Evidence(np.zeros((300, 1, 3)))), 0.1).choice
-    assert (decisions["response"] == np.array(["left", "up", "right"])[expected]).all()
 
 
 RECORDED = "--recordings . --held-out . --mm-per-px 0.3"
@@ -121,6 +80,11 @@ BAD_USE = {
     "circuit run --edits 'neurons 1e9' --engine spikes --save d.csv": "trials",
     "circuit run --threshold 0.3 --posterior 0.8 --save d.csv": "posterior",
     "circuit run --spike-trials 0 --save d.csv": "spike_trials",
+    "circuit run --stop duration_ms=0 --save d.csv": "duration_ms",
+    "circuit run --task t_max=60 step_ms=10 --stop delays_ms=700 --save d.csv": "delays_ms",
+    "circuit run --task t_max=60 step_ms=10 --stop nucleus=ctx_inh --save d.csv": "nucleus",
+    "circuit run --stop share=0.5 --workers 0 --save d.csv": "workers",
+    "circuit run --stop share=0.5 --plot x.doc --save d.csv": "plot",
     "circuit show --channels 0": "channels",
     "circuit show spiking_msprt --edits 'lesion GPi'": "nucleus",
     "circuit show spiking_msprt --edits 'scale STN 2'": "edits",

@@ -79,6 +79,21 @@ def test_json_is_all_that_an_experiment_prints(experiment_file, tmp_path, capsys
     assert run("experiment", "--json") == 0
     listed = json.loads(capsys.readouterr().out)["records"]
     assert {row["file"] for row in listed} == set(SHIPPED)
+    assert run("experiment") == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in SHIPPED)
+
+
+def test_options_replace_what_the_file_says(experiment_file, tmp_path):
+    out, again = tmp_path / "a.csv", tmp_path / "b.csv"
+    options = ("--trials", 100, "--engine", "population", "--seed")
+    assert run("experiment", experiment_file, "--save", out, *options, 5) == 0
+    kept = read_provenance(out)
+    asked = kept["parameters"]["experiment"]
+    assert (kept["seed"], asked["task"]["trials"], asked["engine"]) == (5, 100, "population")
+    assert set(pd.read_csv(tmp_path / "a_trials.csv")["model"]) == {"spiking_msprt population"}
+    assert run("experiment", experiment_file, "--save", again, *options, 6) == 0
+    assert out.read_bytes() != again.read_bytes()
 
 
 @pytest.mark.parametrize("engine", ["spikes", "rate", "algebra"])
@@ -114,6 +129,7 @@ def test_the_trials_of_both_conditions_lie_beside_the_outcome(experiment_file, r
     # Nobody named the second file: it is written over only where it is a result.
     trials_file = out.with_name("out_trials.csv")
     trials_file.write_text("mine")
+    out.with_name("out_trials.csv.json").unlink()
     asked = ("experiment", experiment_file, "--save", out, "--force")
     assert "out_trials.csv' already exists" in refusal(*asked)
     assert trials_file.read_text() == "mine"
@@ -157,33 +173,6 @@ def test_an_experiment_on_a_users_table_keeps_its_columns(experiment_file, capsy
 
 
 SHIPPED = shipped()
-
-
-def test_the_command_lists_what_is_shipped_and_keeps_what_was_asked(
-    experiment_file, tmp_path, capsys
-):
-    assert run("experiment") == 0
-    shown = capsys.readouterr().out
-    assert all(name in shown for name in SHIPPED)
-    out, again = tmp_path / "a.csv", tmp_path / "b.csv"
-    assert run("experiment", experiment_file, "--save", out, "--trials", 100, "--seed", 5) == 0
-    assert re.search(r"mean_ms down, by 20 .*the model agrees", capsys.readouterr().out)
-    table = pd.read_csv(out)
-    verdicts = table.set_index(["condition", "measure"])["outcome"].dropna()
-    assert dict(verdicts) == {("change", "mean_ms"): AGREES}
-    kept = read_provenance(out)
-    assert kept["seed"] == 5
-    assert kept["parameters"]["experiment"]["task"]["trials"] == 100
-    assert run("experiment", experiment_file, "--save", again, "--trials", 100, "--seed", 6) == 0
-    assert out.read_bytes() != again.read_bytes()
-
-
-def test_another_engine_than_the_files_is_used_and_kept(experiment_file, tmp_path):
-    out = tmp_path / "a.csv"
-    options = ("--trials", 100, "--engine", "population")
-    assert run("experiment", experiment_file, "--save", out, *options) == 0
-    assert read_provenance(out)["parameters"]["experiment"]["engine"] == "population"
-    assert set(pd.read_csv(tmp_path / "a_trials.csv")["model"]) == {"spiking_msprt population"}
 
 
 def test_the_same_bytes_for_any_number_of_workers_and_any_batch(

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import bgmodel as bg
 from bgmodel.fit_trials import question
 from bgmodel.fitting import optimum, person_fit, posterior
 from bgmodel.fitting.algorithms import DRIFT_SD, SPREAD, START, GapModel
@@ -15,7 +16,8 @@ from bgmodel.fitting.fit_results import EACH, ESTIMATES, FitFolder
 from bgmodel.fitting.parameters import RESPONSE
 from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.simulated.circuit_model import CircuitModel
-from bgmodel.support.files import read_provenance, read_table
+from bgmodel.support.files import read_provenance
+from bgmodel.trials.files import shipped_table
 from bgmodel.trials.reader import Columns
 from tests.drawn import drawn
 from tests.helpers import refused, run, told, words
@@ -307,58 +309,38 @@ def test_a_model_is_compared_with_itself_without_an_effect(mine, capsys):
         assert both[alone.index].to_numpy() == pytest.approx(alone.to_numpy(), rel=1e-9), folder
 
 
-KNOWN = ["trials.csv", "--models", "msprt", "run", "--evidence", "evidence.csv"]
+KINDS = {
+    "known evidence": ("--models msprt run --evidence evidence.csv forced=true", {
+        "model": ["msprt", "run"], "evidence": "evidence.csv", "forced": True}),
+    "rewards": ("--models q --fix stickiness=0", {"model": ["q"], "fix": {"stickiness": 0.0}}),
+    "stop signals": ("--models constant_gap --free ssrt_ms --participant p0", {
+        "model": ["constant_gap"], "free": ["ssrt_ms"], "participant": "p0"}),
+}  # fmt: skip
 
 
-@pytest.fixture
-def known():
-    """Write trials and their readings."""
-    for name, table in zip(("trials", "evidence"), tables(simulated(60, 61)), strict=True):
-        table.to_csv(f"{name}.csv", index=False)
-
-
-def test_fits_on_known_evidence_write_the_same_tables_and_their_own_figure(known, thorough, capsys):
-    asked = [*KNOWN, "forced=true", "--compare"]
-    assert run("fit", *asked, "--json") == 0
-    printed = json.loads(capsys.readouterr().out)
-    assert {row["model"] for row in printed["records"]} == {"msprt", "run"}
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_command_and_python_fit_every_kind_of_trials_alike(kind, capsys):
+    made, evidence = tables(simulated(60, 61))
+    evidence.to_csv("evidence.csv", index=False)
+    if kind == "rewards":
+        made, _ = shipped_table("pedersen_frank_2020")
+        made = made[made["participant_id"] == "3"]
+    if kind == "stop signals":
+        made = stop_table(people=2)
+    made.to_csv("trials.csv", index=False)
+    asked, options = KINDS[kind]
+    command = ["fit", "trials.csv", *words(asked), "--json"]
+    assert run(*command) == 0
+    records = pd.DataFrame(json.loads(capsys.readouterr().out)["records"])
+    mine = bg.fit("trials.csv", **options, people="each").to_dataframe()
+    assert records["parameter"].tolist() == mine["parameter"].tolist()
+    assert records["value"].tolist() == pytest.approx(mine["value"].tolist())
     folder = Path("fits/trials")
-    names = {*TABLES, "comparison.csv", "all.png"}
-    assert {path.name for path in folder.iterdir()} >= names
-    behind = read_provenance(folder / TABLES[0])["parameters"]
-    assert behind["forced"] is True
-    assert run("fit", *asked) == 0
-    assert "already done" in capsys.readouterr().out
-    assert run("fit", *KNOWN) == 2  # the last reading forces nothing here
-
-
-def test_learners_are_fitted_to_rewarded_choices(thorough, capsys):
-    asked = ["pedersen_frank_2020", "--participant", "3", "--models", "q", "no learning"]
-    assert run("fit", *asked, "--compare", "--json") == 0
-    records = json.loads(capsys.readouterr().out)["records"]
-    learned = {row["parameter"] for row in records if row["model"] == "q"}
-    assert learned == {"rate", "scale", "bound", "t0_s", "stickiness"}
-    assert fails(capsys, *asked, "--fix", "speed=1").startswith("fix must name a parameter")
-    assert fails(capsys, asked[0], "--models", "q", "--strength", "x").endswith("leave it out")
-
-
-def test_stop_signal_trials_are_fitted_by_their_stop_process(mine, capsys):
-    stop_table(people=2).to_csv(mine, index=False)
-    brief = ["mine.csv", "out", "--free", "ssrt_ms"]
-    assert run("fit", *brief, "--participant", "p0") == 0
-    assert run("fit", *brief, "--models", "constant_gap") == 0
-    assert "p0, constant_gap: already done" in capsys.readouterr().out
-    parameters = read_table("out/parameters.csv").set_index(["participant", "model"])
-    whom = [("p0", "constant_gap"), ("p0", "macaque"), ("p1", "constant_gap")]
-    assert sorted(set(parameters.index)) == whom
-    ssrt = parameters.loc[parameters["parameter"] == "ssrt_ms", "value"]
-    assert ssrt.between(120, 280).all()
-    estimates = read_table(f"out/{ESTIMATES}").set_index("participant")
-    assert estimates["ssrt_ms"].between(150, 250).all()
-    assert list(read_provenance("out/parameters.csv")["parameters"]["circuits"]) == ["macaque"]
-    for options in (["--strength", "stimulus"], ["--columns", "rt_window=0,inf"]):
-        assert fails(capsys, "mine.csv", *options).endswith("leave it out")
-    assert "constant_gap" in fails(capsys, "mine.csv", "--models", "falling_gap")
-    Path("out", ESTIMATES).write_text("mine")
-    Path("out", f"{ESTIMATES}.json").unlink()
-    assert "already exists" in fails(capsys, "mine.csv", "out")
+    written = {path.name for path in folder.iterdir()}
+    assert written >= {*TABLES, *([ESTIMATES] if kind == "stop signals" else [])}
+    assert run(*command) == 0
+    assert "already done" in capsys.readouterr().err
+    if kind == "stop signals":
+        (folder / ESTIMATES).write_text("mine")
+        (folder / f"{ESTIMATES}.json").unlink()
+        assert "already exists" in fails(capsys, *command[1:])

@@ -183,12 +183,9 @@ BAD = {
     "truth got several in one trial, first 'b' in row 1": lambda good: at("truth", 1, "b")(
         good.assign(truth="a")
     ),
-    "columns 'LL_a' is not a hypothesis": renamed(ll_a="LL_a"),
-    "columns 'll_a ' is not a hypothesis": renamed(ll_a="ll_a "),
-    "columns 'll_ b' is not a hypothesis": renamed(ll_b="ll_ b"),
     **{
         f"columns {name!r} is not a hypothesis": changed(**{name: 0.0})
-        for name in ("ll_", " ll_c", "ll-c", "Ll c")
+        for name in ("ll_", " ll_c", "ll_c ", "ll_ c", "LL_c", "ll-c", "Ll c")
     },
     "truth 'Truth' is not 'truth'": changed(Truth="a"),
     "trial 'trial ' is not 'trial'": changed(**{"trial ": 1}),
@@ -223,9 +220,6 @@ def test_the_cells_of_a_csv_are_refused_as_those_of_a_table(tmp_path):
         path.write_text(f"trial,step,ll_a,ll_b\n{row}\n")
         with refused(says):
             read_evidence_table(path)
-    path.write_text("trial\n0\n")
-    with refused("columns needs the columns trial, step and at least two .*"):
-        read_evidence_table(path)
 
 
 def test_the_same_trial_number_of_two_participants_is_two_trials():

@@ -64,6 +64,8 @@ CODED = changed(response=lambda table: np.where(table["response"] == 1, 1, -1))
 test_names_units_and_codes_that_do_not_fit_are_refused = refusing(
     (other(rt="lag"), "rt must be one of the columns who, trial, latency, key"),
     (other(rt="latency", response="latency"), "columns must be named once each"),
+    (other(strength="key"), "columns must be named once each"),
+    (other(conditions="who"), "columns must be named once each"),
     (other(response=3), "response must be the name of a column"),
     (other(participant="name"), "participant must be one of the columns"),
     (plain(changed(latency=1.0), rt="latency"), "rt is 'latency', but there is also a column rt"),
