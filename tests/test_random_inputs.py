@@ -124,6 +124,7 @@ def test_a_table_is_decided_as_its_trials_are_one_by_one(count):
             met = (out <= -np.log(posterior) + 1e-10).any(axis=1)
             k = int(np.argmax(met)) if met.any() else len(out) - 1
             assert (trial["trial"], trial["steps"], trial["forced"]) == (key, k + 1, not met.any())
+            assert trial["rt"] == pytest.approx(0.05 * (k + 1))
             assert out[k, names.index(trial["response"])] <= out[k].min() + 1e-9
             if "truth" in table:
                 assert trial["correct"] == (trial["response"] == rows["truth"].iloc[0])

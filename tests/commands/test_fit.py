@@ -180,17 +180,14 @@ def test_a_circuit_that_was_edited_is_another_question(tmp_path):
     assert fit("b", "mine", "c", force=True) == [["b", "mine"]]
 
 
-def test_threshold_means_that_of_each_model_and_varies_with_a_column(capsys):
-    small = words("--simulation engine=rate --simulation trials=16 --json --people pooled")
-    models = ["--models", "constant_gap", "macaque"]
-    assert run("fit", "mine.csv", *COHERENCE, *models, *QUICK, *small,
-               "--vary", "threshold=drug", "--fix", "lapse=0.02") == 0  # fmt: skip
-    records = pd.DataFrame(json.loads(capsys.readouterr().out)["records"])
-    for name, threshold in (("constant_gap", "bound"), ("macaque", "threshold_nats")):
-        levels = [f"{threshold}[drug={level}]" for level in ("off", "on")]
-        mine = records[(records["model"] == name) & ~records["held"]]
-        assert mine["parameter"].tolist() == ["sensitivity", *levels, "t0_s"]
-        assert set(mine["participant"]) == {"all"}
+@pytest.mark.parametrize(
+    ("model", "threshold"), [("constant_gap", "bound"), ("macaque", "threshold_nats")]
+)
+def test_threshold_means_that_of_each_model_and_varies_with_a_column(model, threshold):
+    asked = {"strength": "coherence", "people": "pooled", "vary": {"threshold": "drug"}}
+    one = question(settings_of(free=QUICK[1:], **asked), GOOD, ["constant_gap", "macaque"])
+    levels = [f"{threshold}[drug={level}]" for level in ("off", "on")]
+    assert one.likelihoods(model)["all"].freedom.names == ["sensitivity", *levels, "t0_s"]
 
 
 def test_a_model_without_a_parameter_that_is_freed_is_named(capsys):
