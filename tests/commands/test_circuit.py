@@ -1,14 +1,17 @@
 """The commands `circuit show` and `circuit run`."""
 
 import importlib.util
+from unittest.mock import Mock
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from bgmodel.conditions import Condition
+from bgmodel.integrators import steady
 from bgmodel.support.files import read_provenance
 from bgmodel.task import Gaussian
+from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
 from tests.helpers import long_table, run, some_evidence, words
 
@@ -41,6 +44,16 @@ def test_show_says_whose_noise_it_is(capsys):
     assert noise_nats[1] == pytest.approx(noise_nats[0] / 2, abs=0.001)
     assert run("circuit", "show", "appendix_b", "--noise", "0.85") == 0
     assert "has no noise" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_noise_is_that_at_the_odds_of_a_leader_among_equal_competitors(channels, monkeypatch):
+    drive = Mock(side_effect=steady.leader_drive)
+    monkeypatch.setattr(steady, "leader_drive", drive)
+    steady.noise_of_out(load_circuit("spiking_msprt", channels), 0.8)
+    odds, count = drive.call_args.args
+    assert count == channels
+    assert np.exp(odds) / (np.exp(odds) + channels - 1) == pytest.approx(0.8)
 
 
 def test_rates_at_rest_are_shown_where_they_are_asked_for_and_cells_spike(capsys):

@@ -48,6 +48,15 @@ def test_it_writes_tables_a_figure_and_draws_and_goes_on_from_them(mine, capsys)
     assert records[0]["median"] == pytest.approx(group["median"][0])
 
 
+def test_models_are_compared_by_the_draws(mine, capsys):
+    both = [*ASKED, "--models", "constant_gap", "falling_gap", "--compare"]
+    assert run("fit", *both) == 0
+    assert "PSIS-LOO" in capsys.readouterr().out
+    table = pd.read_csv(mine / "out" / "comparison.csv")
+    assert set(table["model"]) == {"constant_gap", "falling_gap"}
+    assert (mine / "out" / "comparison.png").is_file()
+
+
 def test_fits_of_both_kinds_have_one_folder(mine):
     """Neither writes over the other's tables."""
     assert run("fit", *SINGLE) == 0

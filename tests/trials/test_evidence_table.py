@@ -17,7 +17,7 @@ from bgmodel.trials.evidence_table import read_evidence_table, trials_from_table
 from bgmodel.trials.named_evidence import trial_table
 from circuits.errors import CalibrationWarning, DataWarning
 from tests.helpers import doubting, long_table, refused, unwarned
-from tests.read import at, changed, renamed, without, written
+from tests.read import at, changed, without, written
 
 SMALL = separated_evidence(7, 4, 1.0, rng=stream(1, "tables"))
 THREE = separated_evidence(7, 4, 1.0, rng=stream(1, "tables"), hypotheses=3)
@@ -135,7 +135,6 @@ def test_a_million_nats_are_the_most_that_a_reading_says():
 BAD = {
     "columns needs the columns trial, step": without("step"),
     "columns at least two ll_": without("ll_a"),
-    "table at least one trial": lambda good: good.head(0),
     "step trial 0 has step 0 twice": lambda good: pd.concat([good, good.head(1)]),
     "step trial 0 starts with 1": lambda good: good.iloc[1:],
     "step trial 0 goes from 0 to 2": lambda good: good.drop(index=1),
@@ -156,9 +155,7 @@ BAD = {
     },
     "truth 'Truth' is not 'truth'": changed(Truth="a"),
     "trial 'trial ' is not 'trial'": changed(**{"trial ": 1}),
-    "columns 'll_a' twice": renamed(ll_b="ll_a"),
     "columns the column row is reserved for results": changed(row=1),
-    "ll_a must be a finite number within .* got '2000000.0'": changed(ll_a=2e6),
     "ll_a must hold numbers, got bool": changed(ll_a=True),
     "step must hold numbers, got datetime64": changed(step=pd.Timestamp("2026-01-01")),
     "columns the column rt is reserved for results": changed(rt=1, given_rt=2),
