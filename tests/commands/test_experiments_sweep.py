@@ -158,6 +158,11 @@ def test_a_dry_run_for_slurm_lists_its_jobs_and_does_nothing(small, tmp_path, ca
     assert not folder.exists()
 
 
+def test_a_profile_is_a_folder(small, tmp_path, refusal):
+    asked = ("sweep", small, tmp_path / "found", "--on", "slurm", "--profile", "nowhere")
+    assert "profile must be a folder with config.yaml" in refusal(*asked)
+
+
 def test_two_sweeps_in_one_folder_at_once_are_refused(small, tmp_path, capsys):
     with shards.at_work(tmp_path / "found", alone=True):
         assert run("sweep", small, tmp_path / "found") == 2
