@@ -65,6 +65,7 @@ def test_taps_are_simulated_trained_on_and_decoded(tmp_path, refusal, capsys):
     assert settings["decoder"] == checksum(decoder)
     # Another task needs other yaws: the command that makes them is named.
     asked = ("--task", f"taps={fresh}", *decide, "--task", "orientation", "channels=3")
+    asked += ("--posterior", 0.9)
     assert run("decide", "--save", tmp_path / "b.csv", *asked) == 2
     assert "--periods-mm 5 --yaw-deg -45 15 75" in capsys.readouterr().err
 
