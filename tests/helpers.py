@@ -136,6 +136,17 @@ def refusing(*rows, of=lambda call: call()):
     return test
 
 
+def doubting(*rows):
+    """Return a test that what comes last in each row warns: category and words; or of nothing."""
+
+    @pytest.mark.parametrize(("category", "says", "asked"), rows)
+    def test(category, says, asked):
+        with pytest.warns(category, match=says) if category else unwarned():
+            asked()
+
+    return test
+
+
 @contextmanager
 def unwarned():
     """Assert that there are no warnings."""

@@ -32,7 +32,6 @@ MASK = np.arange(12).reshape(2, 3, 2) == 5
 test_evidence_without_sense_is_refused = refusing(
     (lambda: some_evidence(prior=[0.5, 0.5, 0.1]), "prior must sum to 1"),
     (lambda: some_evidence(prior=[0.5, 0.5]), "prior hold 3"),
-    (lambda: some_evidence(onset_ms=-1.0), "onset_ms"),
     (lambda: some_evidence(step_ms=0.0), "step_ms"),
     (lambda: Evidence(np.full((1, 1, 2), np.nan), np.array([0])), "log_likelihood finite"),
     (lambda: Evidence(np.full((1, 1, 2), np.inf), np.array([0])), "log_likelihood finite"),
@@ -47,13 +46,12 @@ test_evidence_without_sense_is_refused = refusing(
     ),
     (lambda: some_evidence(lengths=[1.5]), "lengths hold one whole number per trial"),
     (lambda: some_evidence(numbers=[1]), "numbers"),
-    # Masked readings; nats that drown what tells hypotheses apart; milliseconds that are rounded.
+    # Masked readings; nats that drown what tells hypotheses apart.
     (lambda: Evidence(np.ma.array(np.zeros((2, 3, 2)), mask=MASK)), "log_likelihood masked"),
     *(
         (lambda x=x: Evidence(READ + x), "log_likelihood must be within")
         for x in (1e7, -1e7, 1e300)
     ),
-    *((lambda x=x: replace(small(), **{x: 1.1e9}), x) for x in ("step_ms", "onset_ms")),
 )
 
 

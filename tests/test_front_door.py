@@ -92,10 +92,6 @@ def decided(*thresholds, **options):
 
 test_what_newcomers_try_is_refused_with_the_next_step = refusing(
     (lambda: Edits("lesion STN"), r'edits a list of lines, such as \["lesion STN"\]'),
-    (lambda: bg.BasalGanglia("monkey", "algebra"), "circuit macaque"),
-    (lambda: bg.read_evidence("nothing.csv", step_ms=50.0), "path nothing.csv"),
-    (lambda: bg.read_trials("nothing.csv"), "path nothing.csv"),
-    (lambda: bg.fit("nothing.csv", strength="coherence"), "path nothing.csv"),
     (lambda: bg.BasalGanglia("macaque").activity("ev.csv"), "evidence"),
     (lambda: fitted(fix="lapse=0.02"), 'fix .*{"lapse": 0.02}'),
     (lambda: fitted(vary={"drift": "coherence"}), "vary .*'drift'"),

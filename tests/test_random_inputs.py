@@ -22,6 +22,7 @@ from tests.strategies.edits import driven, edited_circuits
 
 FOLDER, FILE = Path("here"), Path("mine.toml")
 SENTENCE = r"^[^\n]{10,}$"
+SAME = ("trial", "row", "response", "forced", "steps")
 
 
 def counted(few):
@@ -123,6 +124,7 @@ def test_a_table_is_decided_as_its_trials_are_one_by_one(count):
             met = (out <= -np.log(posterior) + 1e-10).any(axis=1)
             k = int(np.argmax(met)) if met.any() else len(out) - 1
             assert (trial["trial"], trial["steps"], trial["forced"]) == (key, k + 1, not met.any())
+            assert trial["rt"] == pytest.approx(0.05 * (k + 1))
             assert out[k, names.index(trial["response"])] <= out[k].min() + 1e-9
             if "truth" in table:
                 assert trial["correct"] == (trial["response"] == rows["truth"].iloc[0])
@@ -149,7 +151,7 @@ def test_a_command_decides_a_table_as_python_does_or_says_what_is_wrong(ending, 
         decisions = pd.read_csv(out, **as_text) if ending == ".csv" else read_table(out)
         scaled = {name: gain * table[name] for name in table if name.startswith("ll_")}
         expected = decided(table.assign(**scaled), posterior)
-        for name in expected.columns.intersection(["trial", "row", "forced", "steps", *tables.OWN]):
+        for name in expected.columns.intersection([*SAME, *tables.OWN]):
             assert decisions[name].astype(str).tolist() == expected[name].astype(str).tolist(), name
 
     choices = st.sampled_from(tables.WRONG), st.sampled_from([1, 0.7]), numbers(0.55, 0.99)

@@ -1,5 +1,6 @@
 """Calls that gave a misleading number in silence: each is refused or warned of."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,16 +14,16 @@ from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.sides import check_sides
-from bgmodel.support.files import write_table
 from bgmodel.tactile.decoder import Training, train
 from bgmodel.tactile.source import load_taps, source
 from bgmodel.tactile.task import EdgeDirection, EdgeTurn
-from bgmodel.trials.evidence_table import read_evidence_table, trials_from_table
+from bgmodel.trials.evidence_table import trials_from_table
 from bgmodel.trials.reader import Columns, read_trials
 from bgmodel.trials.task_trials import EvidenceTable, trials_of
 from circuits.engines import run
 from circuits.errors import DataWarning, EditWarning, NoiseWarning
-from tests.helpers import refused, refusing, told, unwarned
+from tests import read
+from tests.helpers import doubting, refused, refusing, told, unwarned
 from tests.tactile.striped import pushed_taps, striped_taps
 
 
@@ -30,59 +31,10 @@ def evidence(trials=120, **options):
     return bg.gaussian_evidence(trials, d_prime=0.8, t_max=40, seed=1, **options)
 
 
-def test_biases_are_compensated_once():
-    lost = bg.load_circuit("macaque").lesion("STN", 0.1)
-    twice = lost.compensate().lesion("GPe", 0.05)
-    with refused("reference circuit before all edits"):
-        twice.compensate()
-    at_once = lost.lesion("GPe", 0.05).compensate()
-    again = twice.compensate(bg.load_circuit("macaque"))
-    for name in ("STN", "SNr"):
-        assert again[name].bias_nats == pytest.approx(at_once[name].bias_nats, abs=1e-6)
-
-
-def test_units_of_times_are_those_of_all_participants():
-    rng = np.random.default_rng(3)
-    table = pd.DataFrame({
-        "participant_id": np.repeat(["a", "b", "c"], 100), "coh": rng.normal(size=300),
-        "rt": rng.uniform(0.3, 1.5, 300), "response": rng.integers(0, 2, 300),
-    })  # fmt: skip
-    few = table[(table["participant_id"] != "b") | (table.index % 10 == 0)].copy()
-    for some in (table, few):
-        some.loc[some["participant_id"] == "b", "rt"] *= 1000
-    with refused("rt must be in seconds in every trial"):
-        read_trials(table, strength="coh")
-    # Too few for that, but all of one participant.
-    with pytest.warns(DataWarning, match="are all of them in seconds"):
-        read_trials(few.iloc[:205], strength="coh")
-
-
-def test_a_step_in_seconds_is_doubted(tmp_path):
-    path = tmp_path / "mine.csv"
-    rows = [(t, k, 0.1 * t, 0.0) for t in range(12) for k in range(3)]
-    pd.DataFrame(rows, columns=["trial", "step", "ll_a", "ll_b"]).to_csv(path, index=False)
-    for made in (
-        lambda: read_evidence_table(path, step_ms=0.05),
-        lambda: evidence(20, step_ms=0.05),
-        lambda: replace(evidence(20), step_ms=0.05),
-    ):
-        assert [text for text in told(made) if "is it in seconds" in text]
-
-
-def edges(count=600):
+def edges(count=600, **changed):
     true = np.linspace(-180, 180, count, endpoint=False)
     read = true + np.random.default_rng(4).normal(0, 15, count)
-    return pd.DataFrame({"yaw_deg": true, "edge_deg": read})
-
-
-def test_copies_of_taps_are_doubted(tmp_path):
-    path = tmp_path / "decoded.csv"
-    write_table(pd.concat([edges(60)] * 5), path)
-    for taps in (path, pd.concat([edges(60)] * 5).assign(image=np.arange(300).astype(str))):
-        with pytest.warns(DataWarning, match="240 of 300 taps are copies"):
-            load_taps(taps)
-    with unwarned():  # a few coincide, because they are rounded
-        assert load_taps(load_taps()).duplicated().sum() > 500
+    return pd.DataFrame({"yaw_deg": true, "edge_deg": read}).assign(**changed)
 
 
 @pytest.mark.parametrize("made", [pushed_taps, lambda *asked: striped_taps(*asked)])
@@ -101,8 +53,7 @@ def test_taps_for_training_are_doubted_as_those_for_decisions_are(made):
 @pytest.mark.parametrize("column", ["yaw_deg", "edge_deg"])
 @pytest.mark.parametrize("value", [np.nan, np.inf, "left"])
 def test_a_tap_without_a_number_is_named(column, value):
-    wrong = edges().astype(object)
-    wrong.loc[7, column] = value
+    wrong = read.at(column, 7, value)(edges())
     for task in (EdgeDirection(4, 5.0), EdgeTurn(2, 5.0)):
         with refused(f"{column} .*1 are not: first row 7"):
             task.evidence(10, taps=wrong, seed=1)
@@ -127,28 +78,73 @@ def biased_session():
     return bg.BasalGanglia("macaque", "rate").session(posterior=0.6, prior=[0.9, 0.1], baseline=0.0)
 
 
-@pytest.mark.parametrize(
-    ("category", "says", "call"),
-    [
-        (NoiseWarning, "before its first reading", lambda: biased_session().add([0.0, -0.1])),
-        (DataWarning, "60 of 120 trials are copies", lambda: bg.compare(
-            bg.BasalGanglia("bogacz_gurney", "algebra"), copied(), accuracies=0.8)),
-        (DataWarning, "give -15 for -15 %", lambda: Expected(
-            "mean_ms", value=-0.15, low=-0.2, high=-0.1, unit="percent", source="none")),
-        (DataWarning, "radians", lambda: source(np.radians(edges()), EdgeDirection(4, 5.0))),
-        (DataWarning, "radians", lambda: source(np.radians(edges() % 360), EdgeTurn(2, 5.0))),
-        (DataWarning, "edge_deg .*radians", lambda: source(
-            edges().assign(edge_deg=np.radians(np.linspace(-180, 180, 600))),
-            EdgeDirection(4, 5.0))),
-        (EditWarning, "times are in ms", lambda: bg.load_circuit("macaque").add(
-            "dopamine", amount=0.2, from_ms=0.1, to_ms=0.3)),
-        (EditWarning, "no row of spiking_msprt has a receptor",
-         lambda: without_receptors().dopamine(0.8)),
-    ],
+def padded(trials=60, steps=20):
+    """Return readings of trials of several lengths, zeros after them, and the lengths."""
+    rng = np.random.default_rng(5)
+    values = rng.normal(size=(trials, steps, 2))
+    lengths = rng.integers(5, steps + 1, trials)
+    values[np.arange(steps) >= lengths[:, None]] = 0
+    return values, lengths
+
+
+def table_of(values):
+    """Return readings as a user's table."""
+    table = pd.DataFrame(values.reshape(-1, 2), columns=["ll_a", "ll_b"])
+    trial, step = np.divmod(np.arange(len(table)), values.shape[1])
+    return table.assign(trial=trial, step=step)
+
+
+MACAQUE = bg.load_circuit("macaque")
+LOW = MACAQUE.dopamine(0.9)
+SHORT = evidence(100)[:4]
+"""Trials of 40 readings, 50 ms each."""
+TWICE = "already edited to a dopamine level of 0.9"
+
+
+def delayed(from_ms):
+    """Return a circuit with a course from some time on."""
+    return bg.BasalGanglia(MACAQUE.add("dopamine", amount=0.2, from_ms=from_ms), "rate")
+
+
+def driven(model):
+    return run(model.circuit, model.drive(SHORT), engine="rate", step_ms=50)
+
+
+test_what_is_probably_meant_otherwise_is_doubted = doubting(
+    (DataWarning, "is it in seconds",
+     lambda: trials_from_table(table_of(padded()[0]), step_ms=0.05)),
+    (DataWarning, "is it in seconds", lambda: evidence(20, step_ms=0.05)),
+    (DataWarning, "is it in seconds", lambda: replace(evidence(20), step_ms=0.05)),
+    (DataWarning, "240 of 300 taps are copies", lambda: load_taps(pd.concat([edges(60)] * 5))),
+    (DataWarning, "240 of 300 taps are copies", lambda: load_taps(
+        pd.concat([edges(60)] * 5).assign(image=np.arange(300).astype(str)))),
+    (None, "", lambda: load_taps(load_taps())),  # a few coincide, because they are rounded
+    (DataWarning, "60 of 120 trials are copies", lambda: bg.compare(
+        bg.BasalGanglia("bogacz_gurney", "algebra"), copied(), accuracies=0.8)),
+    (DataWarning, "give -15 for -15 %", lambda: Expected(
+        "mean_ms", value=-0.15, low=-0.2, high=-0.1, unit="percent", source="none")),
+    (DataWarning, "radians", lambda: source(np.radians(edges()), EdgeDirection(4, 5.0))),
+    (DataWarning, "radians", lambda: source(np.radians(edges() % 360), EdgeTurn(2, 5.0))),
+    (DataWarning, "edge_deg .*radians", lambda: source(
+        edges(edge_deg=np.radians(np.linspace(-180, 180, 600))), EdgeDirection(4, 5.0))),
+    (DataWarning, "give the number of readings of each .lengths", lambda: bg.Evidence(padded()[0])),
+    (None, "", lambda: bg.Evidence(padded()[0], lengths=padded()[1])),
+    (DataWarning, "leave these rows out", lambda: trials_from_table(table_of(padded()[0]))),
+    (NoiseWarning, "before its first reading", lambda: biased_session().add([0.0, -0.1])),
+    (EditWarning, "times are in ms", lambda: MACAQUE.add(
+        "dopamine", amount=0.2, from_ms=0.1, to_ms=0.3)),
+    (EditWarning, "no row of spiking_msprt has a receptor",
+     lambda: without_receptors().dopamine(0.8)),
+    (EditWarning, TWICE, lambda: LOW.dopamine(0.8)),
+    (EditWarning, TWICE, lambda: LOW.lesion("STN", 0.1).dopamine(0.8)),
+    (EditWarning, TWICE, lambda: MACAQUE.edited("dopamine 0.9").dopamine(0.8)),
+    (None, "", lambda: (LOW.dopamine(1), MACAQUE.dopamine(0.8))),
+    (EditWarning, "since the longest trial ends 2050 ms", lambda: delayed(2100).run(SHORT)),
+    (EditWarning, "since the longest trial ends 2050 ms",
+     lambda: delayed(2100).decide(SHORT, posterior=0.8)),
+    (EditWarning, "from 2100 to inf ms: no effect", lambda: driven(delayed(2100))),
+    (None, "", lambda: (delayed(1900).run(SHORT), driven(delayed(1900)))),
 )  # fmt: skip
-def test_what_is_probably_meant_otherwise_is_doubted(category, says, call):
-    with pytest.warns(category, match=says):
-        call()
 
 
 test_what_would_give_a_misleading_number_is_refused = refusing(
@@ -160,26 +156,6 @@ test_what_would_give_a_misleading_number_is_refused = refusing(
      "baselines race needs evidence in which zero means no evidence"),
     (lambda: bg.compare("macaque", evidence(), accuracies=[0.9, 0.9]), "accuracies must differ"),
 )  # fmt: skip
-
-
-def padded(trials=60, steps=20, noise=1.0):
-    rng = np.random.default_rng(5)
-    values = rng.normal(0, noise, (trials, steps, 2))
-    lengths = rng.integers(5, steps + 1, trials)
-    values[np.arange(steps) >= lengths[:, None]] = 0
-    return values, lengths
-
-
-def test_padded_trials_without_lengths_are_doubted():
-    values, lengths = padded()
-    with pytest.warns(DataWarning, match="give the number of readings of each .lengths"):
-        bg.Evidence(values)
-    with unwarned():
-        bg.Evidence(values, lengths=lengths)
-    table = pd.DataFrame(values.reshape(-1, 2), columns=["ll_a", "ll_b"])
-    table = table.assign(trial=np.repeat(np.arange(60), 20), step=np.tile(np.arange(20), 60))
-    with pytest.warns(DataWarning, match="leave these rows out"):
-        trials_from_table(table)
 
 
 def fed(session, evidence, *, sums):
@@ -210,55 +186,50 @@ def choices(people=("a", "b"), trials=100):
     })  # fmt: skip
 
 
+ROW = {"trial": 1, "step": 1, "ll_a": 0.0, "ll_b": 1.0}
+
+
 @pytest.mark.parametrize("name", ["a ", " a", "a\u00a0"])
 def test_names_differ_in_more_than_blanks(name):
     table = choices(("a", name))
-    with refused("participant_id only in blanks"):
-        read_trials(table, strength="coh", participant="a")
-    cue = table.rename(columns={"participant_id": "cue"})
-    with refused("cue only in blanks"):
-        read_trials(cue, strength="coh", conditions="cue")
-    sides = choices(("a",)).replace({"response": {1: "a", 0: name}})
-    with refused("response only in blanks"):
-        read_trials(sides, strength="coh", columns=Columns(upper="a"))
-    row = {"trial": 1, "step": 1, "ll_a": 0.0, "ll_b": 1.0}
-    with refused("participant_id only in blanks"):
-        trials_from_table(pd.DataFrame({"participant_id": ["a", name], **row}))
+    for column, reading in (
+        ("participant_id", lambda: read_trials(table, strength="coh", participant="a")),
+        ("cue", lambda: read_trials(
+            table.rename(columns={"participant_id": "cue"}), strength="coh", conditions="cue")),
+        ("response", lambda: read_trials(
+            choices(("a",)).replace({"response": {1: "a", 0: name}}), columns=Columns(upper="a"))),
+        ("participant_id", lambda: trials_from_table(
+            pd.DataFrame({"participant_id": ["a", name], **ROW}))),
+    ):  # fmt: skip
+        with refused(f"{column} only in blanks"):
+            reading()
 
 
-@pytest.mark.parametrize("names", [("Left", "left"), ("007", "7"), ("1", "1.0")])
-def test_names_that_differ_in_capitals_or_digits_are_doubted(names):
-    table = choices(names)
-    with pytest.warns(DataWarning, match="participant_id holds names that differ only in"):
-        read_trials(table, strength="coh")
-    with unwarned():
-        read_trials(choices(("s1", "s10")), strength="coh")
+test_names_that_differ_in_capitals_or_digits_are_doubted = doubting(
+    *((DataWarning, "participant_id holds names that differ only in",
+       lambda names=names: read_trials(choices(names), strength="coh"))
+      for names in (("Left", "left"), ("007", "7"), ("1", "1.0"))),
+    (None, "", lambda: read_trials(choices(("s1", "s10")), strength="coh")),
+)  # fmt: skip
 
 
-def test_two_levels_of_dopamine_are_doubted():
-    intact = bg.load_circuit("macaque")
-    low = intact.dopamine(0.9)
-    for again in (low, low.lesion("STN", 0.1), intact.edited("dopamine 0.9")):
-        with pytest.warns(EditWarning, match="already edited to a dopamine level of 0.9"):
-            again.dopamine(0.8)
-    with unwarned():
-        low.dopamine(1)
-        intact.dopamine(0.8)
+def test_biases_are_compensated_once():
+    lost = bg.load_circuit("macaque").lesion("STN", 0.1)
+    twice = lost.compensate().lesion("GPe", 0.05)
+    with refused("reference circuit before all edits"):
+        twice.compensate()
+    at_once = lost.lesion("GPe", 0.05).compensate()
+    again = twice.compensate(bg.load_circuit("macaque"))
+    for name in ("STN", "SNr"):
+        assert again[name].bias_nats == pytest.approx(at_once[name].bias_nats, abs=1e-6)
 
 
-def test_a_course_after_the_trials_is_doubted():
-    late = bg.load_circuit("macaque").add("dopamine", amount=0.2, from_ms=2100)
-    soon = bg.load_circuit("macaque").add("dopamine", amount=0.2, from_ms=1900)
-    readings = evidence(100)[:4]  # 40 readings, 50 ms each
-    model = bg.BasalGanglia(late, "rate")
-    for call in (model.run, lambda heard: model.decide(heard, posterior=0.8)):
-        with pytest.warns(EditWarning, match="no effect, since the longest trial ends 2050 ms"):
-            call(readings)
-    drive = model.drive(readings)
-    with pytest.warns(EditWarning, match="from 2100 to inf ms: no effect"):
-        run(late, drive, engine="rate", step_ms=50)
-    assert not told(bg.BasalGanglia(soon, "rate").run, readings)
-    assert not told(run, soon, drive, engine="rate", step_ms=50)
+def test_few_times_of_one_participant_in_another_unit_are_doubted():
+    few = choices(("a", "b", "c"))
+    few = few[(few["participant_id"] != "b") | (few.index % 10 == 0)].iloc[:205].copy()
+    few.loc[few["participant_id"] == "b", "rt"] *= 1000
+    with pytest.warns(DataWarning, match="are all of them in seconds"):
+        read_trials(few, strength="coh")
 
 
 @pytest.mark.parametrize("share", [0.05, 0.3, 0.6])
@@ -282,12 +253,7 @@ def test_responses_that_do_not_follow_the_strength_are_doubted():
     shuffled = table.assign(coh=table["coh"].sample(frac=1, random_state=1).to_numpy())
     for wrong in (shuffled, table.assign(coh=table["coh"] + 0.5)):  # without a sign
         with pytest.warns(DataWarning, match="no more often than by chance"):
-            check_sides(read_trials(wrong.assign(coh=wrong["coh"]), strength="coh"))
-    for name in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005"):
-        right = read_trials(name, strength="coherence")
-        for who in right.people():
-            texts = told(check_sides, right.where(right.participant == who))
-            assert not any("by chance" in text for text in texts)
+            check_sides(read_trials(wrong, strength="coh"))
 
 
 def test_strengths_with_the_sign_of_the_responses_are_doubted():
@@ -317,41 +283,20 @@ def test_a_non_decision_time_above_a_second_is_doubted():
     assert any("check that rt begins" in text for text in told(fit_likelihood, likelihood))
 
 
-def rewarded(trials=120):
-    rng = np.random.default_rng(6)
-    return pd.DataFrame({
-        "participant_id": np.repeat(["a", "b"], trials), "trial": np.tile(np.arange(trials), 2),
-        "pair": rng.choice(["AB", "CD"], 2 * trials), "response": rng.integers(0, 2, 2 * trials),
-        "rt": rng.uniform(0.3, 1.5, 2 * trials).round(4),
-    }).assign(reward=lambda table: table["response"])  # fmt: skip
-
-
-def stopped(trials=120):
-    table = rewarded(trials).drop(columns=["pair", "reward", "response"])
-    return table.assign(ssd=np.where(table["trial"] % 4 == 0, 0.2, np.nan))
-
-
-@pytest.mark.parametrize("made", [rewarded, stopped])
-def test_rows_out_of_the_order_of_presentation_are_doubted(made):
-    table = made()
-    blocks = table.assign(trial=table["trial"] % 20)
+# Each pair has values of its own.
+@pytest.mark.parametrize(
+    ("kind", "by", "matters"), [("pairs", "pair", False), ("stop signals", "ssd", True)]
+)
+def test_rows_out_of_the_order_of_presentation_are_doubted(kind, by, matters):
+    table = read.table_of(kind, trial=np.tile(np.arange(24), 2))
+    blocks = table.assign(trial=table["trial"] % 8)
     for right in (table, blocks, table.drop(columns="trial")):
         assert not told(read_trials, right)
     for wrong in (table[::-1], table.sample(frac=1, random_state=1), blocks[::-1]):
         [text] = told(read_trials, wrong)
         assert "in the order of presentation" in text
-    by_pair = rewarded().sort_values(["pair", "participant_id", "trial"])
-    assert not told(read_trials, by_pair)  # each pair has values of its own
-    by_kind = stopped().sort_values(["ssd", "participant_id", "trial"])
-    assert any("order of presentation" in text for text in told(read_trials, by_kind))
-
-
-def test_a_number_of_trials_is_no_strength():
-    table = rewarded().drop(columns=["pair", "reward"])
-    table["response"] = (table["trial"] > 40).astype(int)
-    assert not any("may hold it" in text for text in told(read_trials, table))
-    named = table.rename(columns={"trial": "level"})
-    assert any("level" in text for text in told(read_trials, named))
+    texts = told(read_trials, table.sort_values([by, "participant_id", "trial"]))
+    assert any("order of presentation" in text for text in texts) == matters
 
 
 def test_a_table_of_evidence_is_read_again_if_it_changed_and_warned_of_once(tmp_path):
@@ -384,8 +329,10 @@ def test_slow_trials_that_were_left_out_before_a_fit_are_asked_for():
         [text] = told(design_of, trimmed)
         assert f"end abruptly at {trimmed.rt_s.max():.4g} s" in text
         assert not told(lambda: design_of(trimmed, rt_window=(0, end_s)))  # noqa: B023
-    for name in ("roitman_shadlen_2002", "palmer_huk_shadlen_2005"):
-        kept = read_trials(name, strength="coherence")
-        for who in kept.people():
-            texts = told(design_of, kept.where(kept.participant == who))
-            assert not any("abruptly" in each for each in texts)
+
+
+@pytest.mark.parametrize("name", ["roitman_shadlen_2002", "palmer_huk_shadlen_2005"])
+def test_published_choices_are_not_doubted(name):
+    for who, one in read_trials(name, strength="coherence").by_participant().items():
+        texts = told(design_of, one)
+        assert not any(re.search("by chance|agrees|abruptly", text) for text in texts), who

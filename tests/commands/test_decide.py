@@ -1,29 +1,25 @@
 """The command `decide`."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from bgmodel import stream
+from bgmodel.learning import dopamine_learner
 from bgmodel.support.files import read_provenance, read_table
-from tests.helpers import long_table, run, some_evidence, unwarned, words
+from tests.helpers import run, words
 
 
 def test_decide_is_accurate_on_gratings_and_the_same_for_a_seed(tmp_path, capsys):
-    out = tmp_path / "decisions.csv"
-    asked = words("--task period_mm=2 --boundary-separation 4 --seed 3 --force --task")
-    assert run("decide", "--save", out, *asked, "trials=400") == 0
-    table = read_table(out)
-    assert len(table) == 400
-    assert set(table["response"]) == {"S1", "S2"}
-    assert 0.9 < table["correct"].mean() < 1
+    out, again = tmp_path / "decisions.csv", tmp_path / "again.csv"
+    asked = words("decide --task period_mm=2 trials=400 --boundary-separation 4 --seed 3 --save")
+    assert run(*asked, out) == 0
+    assert set(read_table(out)["response"]) == {"S1", "S2"}
     assert read_provenance(out)["seed"] == 3
     assert "400 trials, accuracy 0.9" in capsys.readouterr().out
-    first = out.read_bytes()
-    assert run("decide", "--save", out, *asked, "trials=4e2") == 0
-    assert out.read_bytes() == first
+    assert run(*asked, again) == 0
+    assert out.read_bytes() == again.read_bytes()
 
 
 ALGEBRA = ("--engine", "algebra", "--circuit", "bogacz_gurney", "--gain", 1)
@@ -63,22 +59,6 @@ def test_where_no_criterion_is_given_it_is_a_gap_of_4_or_a_posterior_of_82_in_10
         assert (out.read_bytes(), read_provenance(out)) == left_out
 
 
-def test_likelihoods_that_are_too_sure_are_warned_of_where_the_truth_is_known(tmp_path):
-    drawn = some_evidence(trials=400, hypotheses=2)
-    # The information in readings of mean 0.4 and SD 0.7.
-    right = replace(drawn, log_likelihood=0.4 / 0.7**2 * drawn.log_likelihood)
-    sure = replace(drawn, log_likelihood=4 * drawn.log_likelihood)
-    mine, out = tmp_path / "mine.csv", tmp_path / "out.csv"
-    arguments = ("decide", "--save", out, "--task", mine, "--posterior", 0.95, "--force")
-    long_table(sure).to_csv(mine, index=False)
-    with pytest.warns(UserWarning, match="the evidence is too sure: its mean posterior"):
-        assert run(*arguments) == 0
-    for table in (long_table(right), long_table(sure, truth=False)):
-        table.to_csv(mine, index=False)
-        with unwarned():
-            assert run(*arguments) == 0
-
-
 def test_what_had_no_say_in_a_decision_is_not_recorded(tmp_path):
     out = tmp_path / "out.csv"
     few = ("decide", "--save", out, "--task", "trials=4", "t_max=3", "--force")
@@ -96,11 +76,10 @@ def test_what_had_no_say_in_a_decision_is_not_recorded(tmp_path):
 def test_decide_says_what_it_forced(tmp_path, capsys):
     out = tmp_path / "out.csv"
     options = words("--task trials=40 t_max=2 --boundary-separation 16 --task period_mm=1.5")
-    with pytest.warns(UserWarning, match="of 40 trials never meet the threshold") as warned:
+    with pytest.warns(UserWarning, match="trials never meet the threshold"):
         assert run("decide", "--save", out, *options) == 0
     forced = int(read_table(out)["forced"].sum())
     assert f"forced {forced}, undecided 0" in capsys.readouterr().out
-    assert str(warned[0].message).startswith(f"{forced} of 40 ")
     with pytest.warns(UserWarning, match="they stay undecided"):
         assert run("decide", "--save", out, *options, "--no-forced", "--force") == 0
     assert f"forced 0, undecided {forced}" in capsys.readouterr().out
@@ -110,9 +89,7 @@ def test_json_of_decide_holds_every_trial(tmp_path, capsys):
     out = tmp_path / "out.csv"
     asked = words("--task trials=40 t_max=2 --boundary-separation 16 --json")
     assert run("decide", "--save", out, *asked) == 0
-    printed = json.loads(capsys.readouterr().out)
-    table = read_table(out)
-    assert printed["trials"] == len(printed["records"]) == 40
+    printed, table = json.loads(capsys.readouterr().out), read_table(out)
     assert printed["forced"] == table["forced"].sum()
     assert printed["accuracy"] == pytest.approx(table["correct"].mean())
     assert [row["response"] for row in printed["records"]] == table["response"].tolist()
@@ -144,8 +121,7 @@ def test_every_trial_of_a_run_is_written_with_what_it_was_made_with(
 ):
     out, picture = tmp_path / "learned.csv", tmp_path / "learned.png"
     assert run("learn", "--save", out, *asked, *SHORT, "--plot", picture) == 0
-    printed = capsys.readouterr().out
-    assert "regret" in printed
+    assert "regret" in capsys.readouterr().out
     table = read_table(out)
     assert list(table) == COURSE
     assert len(table) == 1200
@@ -173,15 +149,13 @@ def test_weights_are_written_with_their_scores(tmp_path, capsys):
 
 def test_what_a_level_costs_is_measured_on_trials_that_were_not_learned_from(tmp_path, monkeypatch):
     """Tables: every second trial is kept; otherwise trials are redrawn. The noise is always new."""
-    from bgmodel.learning import dopamine_learner as level
-
-    seen, real = [], level.level_outcomes
+    seen, real = [], dopamine_learner.level_outcomes
 
     def watched(model, evidence, *arguments, **more):
         seen.append((model.seed, evidence))
         return real(model, evidence, *arguments, **more)
 
-    monkeypatch.setattr("bgmodel.learning.dopamine_learner.level_outcomes", watched)
+    monkeypatch.setattr(dopamine_learner, "level_outcomes", watched)
     rng = stream(1, "table")
     read = [(n, n % 3 % 2, rng.normal(0.5 - (n % 3 % 2), 1, 8)) for n in range(100)]
     rows = [f"{n},{t},{x:.4f},0,{'ab'[side]}" for n, side, xs in read for t, x in enumerate(xs)]

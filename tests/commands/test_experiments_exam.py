@@ -19,9 +19,7 @@ def test_it_lists_numbers_and_tasks(capsys):
     listed = json.loads(capsys.readouterr().out)
     assert len(listed["records"]) == len(Exam.shipped().numbers)
     assert run("exam", "--tasks") == 0
-    printed = capsys.readouterr().out
-    assert "rate_hz" in printed
-    assert "reference" in printed
+    assert "rate_hz" in capsys.readouterr().out
 
 
 def test_a_circuit_takes_the_exam_and_its_marks_are_written(tmp_path, capsys, monkeypatch):
@@ -55,12 +53,8 @@ def test_rates_from_elsewhere_are_marked(tmp_path, capsys):
 
 def test_contradictions_are_refused_in_one_sentence(tmp_path, refusal):
     pd.DataFrame({"task": ["rest"], "rate": [1]}).to_csv(tmp_path / "rates.csv", index=False)
-    for arguments in (
-        ("exam", "macaque", "--rates", tmp_path / "rates.csv"),
-        ("exam", "--rates", tmp_path / "rates.csv"),
-        ("exam", "--numbers", tmp_path / "none.toml"),
-    ):
-        assert len(refusal(*arguments).splitlines()) == 1
+    for circuit in (("macaque",), ()):
+        assert len(refusal("exam", *circuit, "--rates", tmp_path / "rates.csv").splitlines()) == 1
 
 
 @pytest.mark.parametrize("motifs", [True, False])

@@ -100,13 +100,3 @@ def test_another_prior_or_correlations_have_chains_of_their_own(mine, capsys):
     capsys.readouterr()
     assert run("fit", *ASKED, "--prior", "bound=0.3", "--force") == 2
     assert "prior must give two numbers" in capsys.readouterr().err
-
-
-def test_another_prior_of_one_person_is_another_fit(mine, capsys):
-    single = [*SINGLE, "--participant", "anna"]
-    assert run("fit", *single, "--prior", "bound=0.5:0.51") == 0
-    assert "priors (central 95 %): bound 0.5 to 0.51" in capsys.readouterr().out
-    assert run("fit", *single, "--prior", "bound=0.7:0.71") == 2
-    assert run("fit", *single, "--prior", "bound=0.7:0.71", "--force") == 0
-    value = pd.read_csv(mine / "out" / "parameters.csv").set_index("parameter")["value"]
-    assert value["bound"] == pytest.approx(0.705, abs=0.01)

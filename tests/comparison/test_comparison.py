@@ -69,9 +69,7 @@ def test_columns_of_a_page_are_apart_also_where_numbers_are_negative():
     assert "]-" not in shown
 
 
-def test_an_unknown_baseline_and_a_circuit_of_other_channels_are_refused():
-    with refused("baselines"):
-        compare("spiking_msprt", EVIDENCE, baselines=["ddm"], **GIVEN)
+def test_a_circuit_of_other_channels_is_refused():
     with refused("drive 2 hypotheses, spiking_msprt has 3 channels"):
         compare(load_circuit("spiking_msprt", 3), EVIDENCE, **GIVEN)
 

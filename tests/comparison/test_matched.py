@@ -320,6 +320,8 @@ def test_wrong_likelihoods_are_warned_of_with_both_numbers(factor, sure):
     variance = max((right - stated).var(), (stated * (1 - stated)).mean())
     assert high - low == pytest.approx(2 * norm.isf(0.0005) * np.sqrt(variance / 1000), abs=2e-3)
     assert low * high > 0
+    with pytest.warns(CalibrationWarning, match=f"too {sure}"):
+        Msprt().decide(scaled(drawn(1000, 60), factor), posterior=0.9)
 
 
 @given(st.floats(0, 1), st.floats(0, 1), st.integers(1, 10**6))

@@ -181,7 +181,11 @@ def test_columns_that_hold_no_strength_are_not_taken_for_one():
         "cue": np.where(np.arange(TRIALS) % 2, "speed", "accuracy"),
         "empty": np.nan,
     }
-    assert not any("may hold it" in text for text in texts(table(**more).drop(columns="coherence")))
+    without = table(**more).drop(columns="coherence")
+    later = without.assign(response=(without["trial"] > 100).astype(int))
+    for some in (without, later):
+        assert not any("may hold it" in text for text in texts(some))
+    assert any("level" in text for text in texts(later.rename(columns={"trial": "level"})))
 
 
 def test_strengths_that_differ_by_rounding_only_are_one():
@@ -219,6 +223,8 @@ def test_strengths_without_a_sign_are_refused_by_20_or_more_responses_to_the_lar
         check_signs(np.full(20, 0.4), answered(11, 9))
     for other in (-0.4, 0.1):
         check_signs(np.array([0.4] * 19 + [other]), answered(11, 9))
+    with refused("strength must be signed"):
+        read(table(coherence=GOOD["coherence"].abs()), **NAMED)
 
 
 @pytest.mark.parametrize("step_s", [0.01, 0.005, 0.002, 0.001])

@@ -90,13 +90,15 @@ BAD = {
 
 @pytest.mark.parametrize("says", BAD)
 def test_bad_events_are_refused(tmp_path, says):
-    with refused("path must hold files that end in _events.tsv"):
-        read_people(tmp_path)
     with refused(says):
         read_people(written(tmp_path, BAD[says]))
-    path = written(tmp_path, GENERIC)
+
+
+def test_files_of_events_are_known_by_their_names(tmp_path):
+    with refused("path must hold files that end in _events.tsv"):
+        read_people(tmp_path)
     with refused("path must have a name with .sub-"):
-        read_people(path.rename(path.with_name("task-stop_events.tsv")))
+        read_people(written(tmp_path, GENERIC, "task-stop_events.tsv"))
 
 
 @pytest.mark.parametrize(

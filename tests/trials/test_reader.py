@@ -57,7 +57,6 @@ def test_a_table_comes_back_row_by_row():
         f"a table: 60 trials of 2 participants, response 1 in {ones}, 0 in {60 - ones}, none in 0, "
         f"times {low:.3g} to {high:.3g} s"
     )
-    assert "array" not in repr(trials)
 
 
 def test_one_participant_is_read_with_the_trials_of_no_other():
@@ -83,8 +82,10 @@ def test_some_of_the_trials_keep_what_belongs_to_them():
     assert read_trials(people()).where(mask).conditions.shape == (20, 0)
 
 
-def test_trials_without_a_response_are_values():
-    trials = read_trials(silent(people(), [3, 40]), columns=Columns(deadline_s=9.0))
+@pytest.mark.parametrize("missing", [None, "n/a"])  # as in BIDS
+def test_trials_without_a_response_are_values(missing):
+    table = silent(people(), [3, 40]).astype(object).fillna({"rt": missing, "response": missing})
+    trials = read_trials(table, columns=Columns(deadline_s=9.0))
     assert np.flatnonzero(np.isnan(trials.rt_s)).tolist() == [3, 40]
     assert np.flatnonzero(trials.response == -1).tolist() == [3, 40]
     assert np.isnan(trials.correct[[3, 40]]).all()
@@ -96,12 +97,6 @@ def test_times_are_taken_for_seconds_up_to_a_median_of_50():
     assert read_trials(table).rt_s.tolist() == table["rt"].tolist()
     with refused("rt"):
         read_trials(table.assign(rt=table["rt"] + 0.5))
-
-
-def test_what_hssm_writes_as_missing_is_missing_whatever_the_response():
-    table, known = people(), read_trials(silent(people(), [3, 40]), columns=Columns(deadline_s=9.0))
-    table.loc[[3, 40], "rt"] = -999.0
-    assert read_trials(table, columns=Columns(deadline_s=9.0)).checksum == known.checksum
 
 
 @pytest.mark.parametrize(
@@ -139,16 +134,6 @@ def test_the_checksum_tells_other_data_by_any_column(change):
     assert first == again != other
 
 
-def test_choices_that_contradict_themselves_are_refused():
-    trials = read_trials(people())
-    with refused("response one value per trial"):
-        replace(trials, rt_s=trials.rt_s[1:])
-    with refused("rt_s"):
-        replace(trials, rt_s=np.append(np.nan, trials.rt_s[1:]))
-    with refused("response hold 1, 0 or -1"):
-        replace(trials, response=trials.response * 2)
-
-
 BAD = {
     "rt must be a finite number, got 'inf' in row 2$": at("rt", 2, np.inf),
     "rt must be a finite number, got '1_0' in row 2$": at("rt", 2, "1_0"),
@@ -171,9 +156,6 @@ BAD = {
     ),
     "coherence there is no column coherence; there are": without("coherence"),
     "cue there is no column cue; there are": renamed(cue="Cue"),
-    "participant 'subj_idx' seems to hold participants: rename": renamed(participant_id="subj_idx"),
-    "columns each column may occur once, got 'rt' twice": renamed(trial="rt"),
-    "table needs at least one trial, got 0 rows": lambda good: good.head(0),
     "coherence must be a finite number, got 'strong' in row 1$": at("coherence", 1, "strong"),
     "coherence must be given for every trial, got nothing in row 1$": at("coherence", 1, np.nan),
     "coherence must differ between trials, got 0 in all 60: leave": changed(coherence=0),
@@ -191,13 +173,6 @@ def test_bad_tables_get_one_sentence(says):
     assert str(raised.value).startswith("a table: ")
 
 
-def test_a_missing_time_may_be_written_as_in_bids(tmp_path):
-    text = people().astype(object)
-    text.loc[3, ["rt", "response"]] = "n/a"
-    trials = read_trials(text, **READ, columns=Columns(deadline_s=2.0))
-    assert np.flatnonzero(np.isnan(trials.rt_s)).tolist() == [3]
-
-
 test_options_that_do_not_fit_the_table_are_refused = refusing(
     ({"participant": "9"}, "participant"),
     ({"participant": 8.5}, "participant"),
@@ -213,15 +188,26 @@ test_options_that_do_not_fit_the_table_are_refused = refusing(
 )
 
 
-def test_a_third_name_of_a_response_is_found():
-    table = people()
-    names = np.array(["left", "right"], dtype=object)[table["response"]]
-    names[50] = "Left"
-    with refused("response must be one of two names, such as .* got 'Left' in row 50"):
-        read_trials(table.assign(response=names), columns=Columns(upper="left"))
-    with refused("upper"):
-        sides = table.assign(response=np.where(table["response"], "left", "right"))
-        read_trials(sides, columns=Columns(upper="L"))
+def named(third="right"):
+    """Return trials whose responses have names, of which one row may have a third."""
+    response = np.where(people()["response"], "left", "right").astype(object)
+    return people().assign(response=np.where(people().index == 50, third, response))
+
+
+def contradicting(**changed):
+    trials = read_trials(people())
+    return lambda: replace(
+        trials, **{k: change(getattr(trials, k)) for k, change in changed.items()}
+    )
+
+
+test_names_of_responses_and_parts_of_trials_that_do_not_fit_are_refused = refusing(
+    (lambda: read(named("Left"), upper="left"), "response must be one of two names, .* in row 50"),
+    (lambda: read(named(), upper="L"), "upper"),
+    (contradicting(rt_s=lambda rt: rt[1:]), "response one value per trial"),
+    (contradicting(rt_s=lambda rt: np.append(np.nan, rt[1:])), "rt_s"),
+    (contradicting(response=lambda response: response * 2), "response hold 1, 0 or -1"),
+)
 
 
 names = st.text("aäb 0.,;\"'", min_size=1, max_size=4).filter(
@@ -277,19 +263,13 @@ def test_problems_of_several_columns_are_in_one_message():
         {"rt": ["fast", *["0.5"] * 29], "response": ["left", *["1", "0"] * 14, "1"],
          "strength": ["", *["1"] * 29], "kind": ["a"] * 29 + [""]}
     )  # fmt: skip
-    with pytest.raises(InputError) as caught:
+    with refused("rt") as caught:
         read_trials(table, strength="strength", conditions=["kind"])
-    message = str(caught.value)
-    assert caught.value.field == "rt"
-    for column in ("rt must", "response must", "strength must", "kind must"):
-        assert column in message
-    assert len(message) < 450
-    for column, fixed in (("rt", "0.5"), ("response", "1"), ("strength", "2"), ("kind", "b")):
-        assert f"{column} must" in message
-        table.loc[29 if column == "kind" else 0, column] = fixed
-    with pytest.raises(InputError) as caught:
-        read_trials(table[["rt", "strength"]].rename(columns={"rt": "time"}))
-    assert all(name in str(caught.value) for name in ("rt", "response"))
+    for column in ("rt", "response", "strength", "kind"):
+        assert f"{column} must" in str(caught.value)
+    assert len(str(caught.value)) < 450
+    with refused("rt .*response"):
+        read_trials(table[["strength"]])
 
 
 @pytest.mark.parametrize("count", [1, 2, 9])
@@ -428,17 +408,6 @@ def test_names_and_values_that_contain_ours_are_told_as_they_are():
     wrong.loc[3, "rt (ms)"] = "5 s"
     with refused(r"rt rt \(ms\) must be a finite number, got '5 s' in row 3"):
         read_trials(wrong, strength="coherence", columns=columns)
-
-
-@pytest.mark.parametrize(
-    "twice",
-    [{"strength": "key"}, {"conditions": "vp"}, {"conditions": ["cue", "RT_ms"]}],
-)
-def test_a_column_that_is_named_twice_is_told_so(twice):
-    table = people().rename(columns=OWN_NAMES)
-    columns = Columns(rt="RT_ms", response="key", participant="vp", rt_unit="ms")
-    with refused(r"columns named once each, got \['(key|vp|RT_ms)'\]"):
-        read_trials(table, columns=columns, **twice)
 
 
 def test_warnings_have_the_names_and_the_unit_of_the_users_columns():
