@@ -228,14 +228,19 @@ def _laid(
 def _levels(column: pd.Series) -> npt.NDArray[np.str_]:
     """Return the level of each trial; that of a covariate is the mean of its group.
 
-    Ten groups of a Gaussian covariate keep 0.96 of its variance, and a slope has no bias.
+    Ten groups of a Gaussian covariate keep 0.96 of its variance, and a slope has no bias. Equal
+    values are in one group, and means have six digits of their differences.
     """
     if not is_covariate(column):
         return column.to_numpy(dtype=str)
     values = pd.to_numeric(column).to_numpy(float)
+    ordered = np.sort(values)
+    group = np.repeat(np.arange(GROUPS), [len(x) for x in np.array_split(ordered, GROUPS)])
+    of = group[np.searchsorted(ordered, values)]
     labels = np.empty(len(values), dtype="U24")
-    for group in np.array_split(np.argsort(values, kind="stable"), GROUPS):
-        labels[group] = f"{values[group].mean():.6g}"
+    digits = 6 + max(0, int(np.log10(np.abs(values).max() / values.std())))
+    for one in np.unique(of):
+        labels[of == one] = f"{values[of == one].mean():.{digits}g}"
     return labels
 
 

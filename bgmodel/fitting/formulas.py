@@ -11,9 +11,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.trials.record import MOST_LEVELS
+from bgmodel.trials.record import MOST_LEVELS, is_covariate
 from circuits.arrays import Array, Integers
 from circuits.errors import InputError
+
+FAR = 50.0
+"""Distance of a covariate's mean from 0, in its standard deviations, beyond which intercept and
+slope are too correlated for the search."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,18 @@ class Formula:
                     column = factor.eval_method.value == "lookup"
                     names |= {str(factor.expr)} if column else _names(str(factor.expr))
         return sorted(names)
+
+    def check_trials(self, conditions: pd.DataFrame) -> None:
+        """Refuse levels of a covariate, which a fit sorts into groups."""
+        for column in self.columns:
+            named = rf"\bC\(\s*`?{re.escape(column)}\b"
+            if column in conditions and re.search(named, self.terms):
+                values = conditions[column]
+                if is_covariate(values):
+                    self._refuse_levels(column, values.nunique())
+
+    def _refuse_levels(self, column: str, count: int) -> None:
+        raise self._refused(f"needs at most {MOST_LEVELS} levels of {column!r}, which has {count}")
 
     def matrix(
         self, conditions: Mapping[str, Sequence[str]], cell: Integers, cells: int
@@ -56,6 +72,7 @@ class Formula:
         design[places] = np.asarray(made, float)[first]
         labels = [_label(str(name)) for name in made.columns]
         self._check(design, labels)
+        self._check_far(design[places], labels)
         return dict(zip(labels, design.T, strict=True))
 
     def _parsed(self) -> Any:
@@ -83,9 +100,7 @@ class Formula:
             if count < 2:
                 raise self._refused(f"needs two values of {column!r}, which has one: leave it out")
             if levels and count > MOST_LEVELS:
-                raise self._refused(
-                    f"needs at most {MOST_LEVELS} levels of {column!r}, which has {count}"
-                )
+                self._refuse_levels(column, count)
             frame[column] = texts if levels else numbers
         return pd.DataFrame(frame, index=range(cells))
 
@@ -101,6 +116,15 @@ class Formula:
             raise self._refused(
                 f"is collinear in these trials: {', '.join(extra)} follows from the other terms"
             )
+
+    def _check_far(self, design: Array, labels: list[str]) -> None:
+        spread = np.maximum(design.std(axis=0), 1e-300)
+        for label, column, sd in zip(labels, design.T, spread, strict=True):
+            if np.ptp(column) and abs(column.mean()) > FAR * sd:
+                raise self._refused(
+                    f"has values of {label} that are far from 0 ({column.mean():.6g} +- {sd:.2g}), "
+                    f"so that no fit can tell intercept and slope apart: write center({label})"
+                )
 
     def _refused(self, why: str) -> InputError:
         return InputError(f"formula {self.parameter} ~ {self.terms} {why}", "formula", self.terms)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
@@ -281,15 +282,41 @@ class BinnedLikelihood(Likelihood):
 
     def _changes(self, vector: Array) -> Array:
         low, high = self.freedom.low, self.freedom.high
+        whole = {each.name: each.high - each.low for each in self.freedom.parameters}
         changes = []
-        for k in range(len(vector)):
-            step = STEP * max(abs(vector[k]), 0.1 * (high[k] - low[k]))
+        for k, each in enumerate(self.freedom.moved):
+            size, reach = abs(vector[k]), high[k] - low[k]
+            if k in self._far.values():
+                size, reach = min(size, whole[each.parameter.name]), whole[each.parameter.name]
+            step = STEP * max(size, 0.1 * reach)
             above, below = vector.copy(), vector.copy()
             above[k], below[k] = min(vector[k] + step, high[k]), max(vector[k] - step, low[k])
+            step = (above[k] - below[k]) / 2
+            if k in self._far:
+                # About its mean, since far from it a slope changes everything.
+                above[self._far[k]] -= step * each.weights.mean()
+                below[self._far[k]] += step * each.weights.mean()
             apart = self._masses(above) - self._masses(below)
             apart[np.abs(apart) < ROUNDING] = 0.0
-            changes.append(apart / (above[k] - below[k]))
+            changes.append(apart / (2 * step))
+        for k, intercept in self._far.items():
+            changes[k] += self.freedom.moved[k].weights.mean() * changes[intercept]
         return np.array(changes)
+
+    @cached_property
+    def _far(self) -> dict[int, int]:
+        """Places of slopes over covariates far from 0, with the places of their intercepts."""
+        moved = self.freedom.moved
+        return {
+            k: i
+            for k, each in enumerate(moved)
+            for i, other in enumerate(moved)
+            if other.parameter.name == each.parameter.name
+            and other.effect
+            and (other.weights == 1).all()
+            and abs(each.weights.mean()) > max(1.0, each.weights.std()) > 0
+            and np.ptp(each.weights)
+        }
 
     def _masses(self, vector: Array) -> Array:
         """Return the probability of each outcome, (cells, outcomes): bins of both, and none."""

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.fitting.cautions import resolved
+from bgmodel.fitting.design import Design
 from bgmodel.fitting.hierarchy.group_fit import GroupFit
 from bgmodel.fitting.hierarchy.labels import each_trial
 from bgmodel.fitting.likelihood import Likelihood
@@ -114,6 +115,8 @@ DRAWS = 500
 """Number of draws of each chain for the scores of hierarchical fits."""
 UNCERTAIN = 2.0
 """Difference, in standard errors, up to which two models cannot be told apart."""
+SEARCHED = 0.1
+"""Difference, nats, that the searches for the best parameters of the parts can make alone."""
 SMOOTH = 0.7
 """Largest Pareto k at which importance sampling is reliable (Vehtari, Gelman & Gabry 2017)."""
 Tell = Callable[[str], None]
@@ -182,7 +185,7 @@ class ModelComparison(Facts):
     def _verdict(self, row: pd.Series) -> str:
         if row.name == self.best:
             return "best score"
-        if -row["difference"] > UNCERTAIN * row["standard_error"]:
+        if -row["difference"] > max(UNCERTAIN * row["standard_error"], SEARCHED):
             return f"{self.best} predicts better"
         return f"cannot tell from {self.best}"
 
@@ -295,9 +298,21 @@ def _check_same(likelihoods: Mapping[str, Mapping[str, Likelihood]]) -> None:
         if list(each) != list(first):
             raise InputError(f"{name} and {first_name} are fits to different people", "fits")
         for who, likelihood in each.items():
-            mine, others = (some.design.observed for some in (likelihood, first[who]))
-            if not np.array_equal(mine.rt_s, others.rt_s, equal_nan=True):
+            mine, others = (some.design for some in (likelihood, first[who]))
+            if not _same_trials(mine, others):
                 raise InputError(f"{name} and {first_name} are fits to different trials", "fits")
+            if mine.observed.window_s != others.observed.window_s:
+                raise InputError(f"{name} and {first_name} have different rt_window", "fits")
+
+
+def _same_trials(one: Design, other: Design) -> bool:
+    names = ("rt_s", "response", "ssd_s", "reward", "deadline_s")
+    records = [design.choices or design.observed for design in (one, other)]
+    mine, others = ([getattr(each, name, None) for name in names] for each in records)
+    return all(
+        np.array_equal(np.asarray(a, float), np.asarray(b, float), equal_nan=True)
+        for a, b in zip(mine, others, strict=True)
+    )
 
 
 def _crossvalidated(people: list[Optimum]) -> ModelScore:

@@ -188,7 +188,7 @@ class FitSettings:
         levels = {str(name): [str(x) for x in trials.conditions[name].iloc[rows]]
                  for name in trials.conditions}  # fmt: skip
         names: list[str] = []
-        columns, of = [], []
+        columns, of, widths = [], [], []
         for each in between:
             parameter = own_name(each.parameter, first.model)
             made = each.matrix(levels, np.arange(len(rows)), len(rows))
@@ -200,9 +200,11 @@ class FitSettings:
             for label, column in made.items():
                 for k in places:
                     names.append(f"{first.freedom.names[k]} by {label}")
-                    columns.append(column - column.mean())
+                    # From 0 to 1: the prior of a slope does not depend on the predictor's unit.
+                    columns.append((column - column.mean()) / np.ptp(column))
+                    widths.append(np.ptp(column))
                     of.append(k)
-        return Predictors(tuple(names), np.array(columns), np.array(of))
+        return Predictors(tuple(names), np.array(columns), np.array(of), np.array(widths))
 
     @property
     def fixed(self) -> dict[str, float]:
@@ -298,6 +300,8 @@ class FitSettings:
         """Return one person's trials by cell (combination of strength and conditions)."""
         named = {*self.named, *self.varied, *self.fixed, *self.formulas}
         sides = not named.isdisjoint(SIDED)
+        for each in self.formulas.values():
+            each.check_trials(choices.conditions)
         return design_of(
             choices, self.by, rt_window=self.rt_window, pooled=self.pooled, sides=sides
         )

@@ -87,9 +87,11 @@ class Predictors:
     """Variables that differ between people and shift their parameters, such as a diagnosis."""
 
     names: tuple[str, ...]  # names of slopes, such as ``bound[group[T.patient]]``.
-    # (slopes, people), with mean 0 over people, so that slopes do not depend on means
+    # (slopes, people), with mean 0 over people, so that slopes do not depend on means, and a range
+    # of 1
     columns: Array
     of: Integers  # (slopes,), the parameter that each moves
+    widths: Array  # (slopes,), the range of each in its own unit
 
     def offsets(self, slopes: Array, size: int) -> Array:
         """Return by how much each person's mean differs from the group's, (people, parameters)."""
@@ -99,7 +101,7 @@ class Predictors:
         return offsets
 
 
-ALIKE = Predictors((), np.zeros((0, 0)), np.zeros(0, np.int64))
+ALIKE = Predictors((), np.zeros((0, 0)), np.zeros(0, np.int64), np.ones(0))
 """No predictors: everyone has the mean of the group."""
 
 

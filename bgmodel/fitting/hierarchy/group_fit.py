@@ -92,12 +92,13 @@ class GroupFit(Facts):
         """Change of the median person's parameter per unit of each predictor, in its units."""
         mean, slope, changes = self._all("mean"), self._all("slopes"), {}
         for n, (name, k) in enumerate(zip(self.predictors.names, self.predictors.of, strict=True)):
-            values = np.unique(self.predictors.columns[n])
-            ends = values if len(values) == 2 else np.array([-0.5, 0.5])
+            values, width = np.unique(self.predictors.columns[n]), self.predictors.widths[n]
+            two = len(values) == 2
+            ends = values if two else np.array([-0.5, 0.5]) / width
             every = np.repeat(mean[None], 2, axis=0)
             every[..., k] += slope[None, ..., n] * ends[:, None, None]
             low, high = self.scale.back(every)[..., k]
-            changes[name] = high - low
+            changes[name] = (high - low) / (width if two else 1.0)
         return changes
 
     @property

@@ -59,7 +59,7 @@ def test_a_slope_given_correlated_parameters_is_drawn_from_their_conditional_dis
     rng = np.random.default_rng(5)
     column, related = np.array([-0.5, -0.5, 0.5, 0.5]), np.array([[1.0, 0.8], [0.8, 1.0]])
     scaled, sd = rng.normal(1.0, 1.0, (4, 2)), np.array([0.3, 2.0])
-    predictors = Predictors(("x",), column[None], np.array([0]))
+    predictors = Predictors(("x",), column[None], np.array([0]), np.array([np.ptp(column)]))
     group = Group(np.ones(2), sd**2, slopes=np.zeros(1), predictors=predictors, correlation=related)
     seen = np.array([group._slope_drawn(0, scaled, rng).slopes[0] for _ in range(20_000)])
     own = 0.3**2 * (1 - 0.8**2)

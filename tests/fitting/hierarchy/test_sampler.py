@@ -176,7 +176,7 @@ def test_a_predictor_between_people_has_its_posterior(guided):
     some = [Gaussian(np.array([x]), np.array([e])) for x, e in zip(ESTIMATES, ERRORS, strict=True)]
     for each in some:
         each.scale = wide(1)
-    predictors = Predictors(("x",), column[None], np.array([0]))
+    predictors = Predictors(("x",), column[None], np.array([0]), np.array([np.ptp(column)]))
     group = Group(MIDDLE[:1], np.ones(1), slopes=np.zeros(1), predictors=predictors)
     kept = draws(expansion(some), some, 3000, guided, group, 400)
     numbers = [kept.mean[:, 0], kept.sd[:, 0], kept.slopes[:, 0]]
