@@ -14,6 +14,7 @@ from typing import Any
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.session import Session
 from bgmodel.integrators.sprt import Msprt
+from bgmodel.support.files import IMAGES
 from bgmodel.tactile.decoder import Decoder
 from bgmodel.tactile.recordings import Tracker
 from bgmodel.tactile.source import Tactile, check_decoder, load_taps, source
@@ -22,7 +23,6 @@ from circuits.errors import InputError, require
 
 POLL_S = 0.004
 COLUMNS = ["trial", "choice", "time_ms", "forced", "readings", "last_image", "latency_ms"]
-IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
 @dataclass(frozen=True, kw_only=True)

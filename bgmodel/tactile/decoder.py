@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from bgmodel.support.checks import path_of
-from bgmodel.support.files import check_writable, checksum, provenance, replacing
+from bgmodel.support.files import check_writable, checksum, provenance, recorded, replacing
 from bgmodel.tactile.networks import (
     NETWORKS,
     Network,
@@ -217,7 +217,8 @@ def taps_of(
 
     what = stimulus or "grating"
     taps = read_taps(path, mm_per_px=mm_per_px, rest=rest, stimulus=what, pins=pins)
-    return taps, {"recordings": path.name, "mm_per_px": mm_per_px, "stimulus": what}
+    about = {"recordings": path.name, "mm_per_px": mm_per_px, "stimulus": what}
+    return taps, {**about, "sha256": recorded(path)["sha256"]}
 
 
 def train_decoder(
