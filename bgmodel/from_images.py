@@ -60,6 +60,7 @@ class Watched:
                 self.decoder,
             )
         check_decoder(self.taps, self.decoder, self._loaded.about)
+        self._loaded.scale(self.mm_per_px)
         direction = self.task.name == "edge-direction"
         must = "is for edge-direction"
         require(direction or not self.first_deg, "first_deg", must, self.first_deg)

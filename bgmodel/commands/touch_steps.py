@@ -137,7 +137,8 @@ def decode(
     path = output.needed(".parquet", ".csv", decoder=decoder, taps=taps)
     loaded = load_decoder(decoder, record_of(OwnNetwork(), own) if own else None)
     rest = loaded.rest_mm if len(loaded.rest_mm) else None
-    loaded_taps, about = _taps(taps, edge, mm_per_px, pins, rest)
+    scale = loaded.scale(mm_per_px) if taps.is_dir() else mm_per_px
+    loaded_taps, about = _taps(taps, edge, scale, pins, rest)
     table = loaded.decode(loaded_taps)
     if "trained_on" in table:
         known = table["trained_on"].sum()

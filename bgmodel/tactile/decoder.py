@@ -24,7 +24,7 @@ from bgmodel.tactile.networks import (
 )
 from bgmodel.tactile.taps import Taps, warn_of_copied_taps, warn_of_radians
 from circuits.arrays import Integers, Reals, Truths
-from circuits.errors import InputError, require
+from circuits.errors import DataWarning, InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -114,12 +114,21 @@ class Decoder:
         ``trained_on``: tasks refuse a table with taps of the training.
         """
         if not isinstance(taps, Taps):
-            scale = self.about.get("taps", {}).get("mm_per_px") if mm_per_px is None else mm_per_px
-            rest = self.rest_mm if len(self.rest_mm) else None
+            scale, rest = self.scale(mm_per_px), self.rest_mm if len(self.rest_mm) else None
             taps = taps_of(taps, stimulus=self.training.network, mm_per_px=scale, rest=rest)[0]
         table = taps.labels.assign(**self._read(taps))
         known = self.knows(taps)
         return table.assign(trained_on=known) if known.any() else table
+
+    def scale(self, mm_per_px: float | None = None) -> float | None:
+        """Return a scale of images, that of the training by default; warn if it differs from it."""
+        trained: float | None = self.about.get("taps", {}).get("mm_per_px")
+        if trained and mm_per_px and not np.isclose(mm_per_px, trained, rtol=1e-3):
+            DataWarning.warn(
+                f"mm_per_px must be {trained:g}, as in the training of the decoder, got "
+                f"{mm_per_px:g}: angles are wrong unless the images have another resolution"
+            )
+        return trained if mm_per_px is None else mm_per_px
 
     def _read(self, taps: Taps) -> dict[str, Reals]:
         """Return what the network decodes, by name, (taps,) each."""

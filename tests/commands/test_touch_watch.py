@@ -11,9 +11,9 @@ import pytest
 
 from bgmodel.from_images import images
 from bgmodel.support.files import read_table
-from bgmodel.tactile.decoder import EDGE, train
+from bgmodel.tactile.decoder import EDGE, Decoder, train
 from bgmodel.tactile.recordings import Tracker, read_taps
-from tests.helpers import run
+from tests.helpers import run, told
 from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
 
 STEP_DEG = 90.0
@@ -105,6 +105,25 @@ def test_a_table_of_another_decoder_is_refused(sensor, tmp_path, capsys):
     watch += ["--decoder", decoder, "--mm-per-px", MM_PER_PX, "--idle-s", 0.1]
     assert run(*watch) == 2
     assert "was decoded by another decoder" in capsys.readouterr().err
+
+
+def test_another_scale_than_that_of_the_training_is_doubted(sensor, tmp_path):
+    _, decoder, decoded, _ = sensor
+    trained = replace(Decoder.load(decoder), about={"taps": {"mm_per_px": MM_PER_PX}})
+    path, few = tmp_path / "edge.safetensors", write(tmp_path / "few", [draw(hexagon())] * 3)
+    trained.save(path)
+    (tmp_path / "camera").mkdir()
+    decode = ["decode", path, few, "--edge", "--save", tmp_path / "few.csv", "--force"]
+    watch = ["watch", tmp_path / "camera", "--by", "test", "--idle-s", 0.1]
+    watch += ["--decoder", path, "--taps", decoded]
+    for asked in (decode, watch):
+        for scale, doubts in ((MM_PER_PX, 0), (1.05 * MM_PER_PX, 1)):
+            warned = told(run, "touch", *asked, "--mm-per-px", scale)
+            assert sum("mm_per_px must be 0.2" in each for each in warned) == doubts
+    assert run("touch", *decode) == 0  # at the scale of the training
+    assert not told(trained.decode, few)
+    assert told(trained.decode, few, mm_per_px=0.21)
+    assert not told(Decoder.load(decoder).decode, few, mm_per_px=0.21)  # its scale is unknown
 
 
 def test_images_come_in_the_order_of_their_time_and_once_they_are_whole(tmp_path):
