@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.from_images import images
+from bgmodel.from_images import Watched, images
 from bgmodel.support.files import read_table
 from bgmodel.tactile.decoder import EDGE, Decoder, train
 from bgmodel.tactile.recordings import Tracker, read_taps
+from bgmodel.tactile.task import EdgeTurn
 from tests.helpers import run, told
 from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
 
@@ -124,6 +125,27 @@ def test_another_scale_than_that_of_the_training_is_doubted(sensor, tmp_path):
     assert not told(trained.decode, few)
     assert told(trained.decode, few, mm_per_px=0.21)
     assert not told(Decoder.load(decoder).decode, few, mm_per_px=0.21)  # its scale is unknown
+
+
+@pytest.mark.parametrize("blank", [(), (2,), (3,)])
+def test_an_unreadable_image_takes_the_other_one_of_its_pair_with_it(blank, sensor, tmp_path):
+    """Five pairs of one direction each: paired with the next image, one would seem to turn."""
+    folder, decoder, _, taps = sensor
+    decoded, true = tmp_path / "decoded.csv", np.repeat(np.arange(-180, 180), 2)
+    read = true + 25 * np.random.default_rng(3).normal(size=720)
+    pd.DataFrame({"yaw_deg": true, "edge_deg": read}).to_csv(decoded, index=False)
+    images = [taps.labels["image"][k] for k in (0, 0, 90, 90, 180, 180, 270, 270, 45, 45)]
+    for place in blank:
+        images[place] = tmp_path / "blank.png"
+        images[place].write_bytes(b"nothing")
+    skipped: list[str] = []
+    watched = Watched(folder=folder, decoder=decoder, taps=decoded, mm_per_px=MM_PER_PX, model=None,
+                      task=EdgeTurn(2, STEP_DEG), skipped=skipped.append)  # fmt: skip
+    readings = [nats for nats in map(watched._reader(), images) if nats is not None]
+    assert len(readings) == 5 - len(blank)
+    assert all(same > turned for same, turned in readings)
+    assert all("skipped, and so is the other one of its pair" in each for each in skipped)
+    assert len(skipped) == len(blank)
 
 
 def test_images_come_in_the_order_of_their_time_and_once_they_are_whole(tmp_path):
