@@ -22,7 +22,7 @@ from bgmodel.tactile.networks import (
     onnx_bytes,
     set_scale,
 )
-from bgmodel.tactile.taps import Taps, warn_of_copied_taps, warn_of_radians
+from bgmodel.tactile.taps import Taps, warn_of_angles, warn_of_copied_taps
 from circuits.arrays import Integers, Reals, Truths
 from circuits.errors import DataWarning, InputError, require
 
@@ -116,7 +116,10 @@ class Decoder:
         if not isinstance(taps, Taps):
             scale, rest = self.scale(mm_per_px), self.rest_mm if len(self.rest_mm) else None
             taps = taps_of(taps, stimulus=self.training.network, mm_per_px=scale, rest=rest)[0]
-        table = taps.labels.assign(**self._read(taps))
+        read = self._read(taps)
+        table = taps.labels.assign(**read)
+        if "yaw_deg" in table:
+            warn_of_angles(table, *(name for name in read if name.endswith("_deg")))
         known = self.knows(taps)
         return table.assign(trained_on=known) if known.any() else table
 
@@ -335,7 +338,7 @@ def train(
         raise InputError(
             f"yaw_deg must be within {low:g}..{high:g}, got {yaw.min():g}..{yaw.max():g}", "yaw_deg"
         )
-    warn_of_radians("yaw_deg", yaw)
+    warn_of_angles(taps.labels)
     copies = len(taps) - len(np.unique(taps.numbers()))
     warn_of_copied_taps(copies, len(taps), "the decoder is validated on taps that it was fitted to")
     held = round(training.validation * len(taps))

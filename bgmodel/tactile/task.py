@@ -14,7 +14,7 @@ from bgmodel.support.seeds import stream
 from bgmodel.tactile.likelihood import Pool
 from bgmodel.tactile.networks import wrapped
 from bgmodel.tactile.source import Tactile
-from bgmodel.tactile.taps import warn_of_radians
+from bgmodel.tactile.taps import warn_of_angles
 from circuits.arrays import Array
 from circuits.errors import InputError, require
 
@@ -258,6 +258,5 @@ def columns(taps: pd.DataFrame, wanted: list[str], stimulus: str) -> pd.DataFram
     for row, column in np.argwhere(wrong)[:1]:
         must = f"must be finite in every tap, {wrong[:, column].sum()} are not: first row {row}"
         raise InputError.of(wanted[column], must, taps[wanted[column]].iloc[row])
-    for name in wanted[-2:]:
-        warn_of_radians(name, table[name].to_numpy())
+    warn_of_angles(table, wanted[-1])
     return table

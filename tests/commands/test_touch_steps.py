@@ -60,7 +60,11 @@ def test_taps_are_simulated_trained_on_and_decoded(tmp_path, refusal, capsys):
     held, fresh = tmp_path / "held.npz", tmp_path / "fresh.csv"
     assert run(*simulate, held, "--taps", 120, "--task", "same-different") == 0
     assert run("touch", "decode", decoder, held, "--save", fresh) == 0
-    assert "trained_on" not in read_table(fresh)
+    table = read_table(fresh)
+    assert "trained_on" not in table
+    error = np.abs(table["psi_deg"] - table["yaw_deg"]).mean()
+    told = capsys.readouterr().out
+    assert f"240 taps decoded, mean absolute error {error:.1f} degrees -> " in told
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         assert run("decide", "--save", tmp_path / "a.csv", "--task", f"taps={fresh}", *decide) == 0
