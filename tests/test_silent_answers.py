@@ -131,6 +131,21 @@ def test_small_angles_and_poor_decoders_are_not_doubted(yaws, noise_deg):
     assert "yaw_deg runs to" in text
 
 
+def test_taps_that_jitter_about_the_yaws_of_a_task_are_doubted():
+    task, taps = bg.SameDifferent(period_mm=3), load_taps()
+    taps = taps[(taps["period_mm"] == 3) & taps["yaw_deg"].isin([-45, 45])]
+    jitter = np.random.default_rng(9).normal(0, 0.02, len(taps))
+    jittered = taps.assign(yaw_deg=taps["yaw_deg"] + jitter)
+    used = [len(part) for part in task.pool(taps)]
+    for text, yaw, count in zip(told(task.pool, jittered), (-45, 45), used, strict=True):
+        assert f"within 0.01 degrees of {yaw}, as in" in text
+        assert f"of the {count} taps" in text
+    with unwarned():
+        rounded = task.pool(jittered.assign(yaw_deg=jittered["yaw_deg"].round()))
+        task.pool(taps.assign(yaw_deg=taps["yaw_deg"] + jitter / 10))
+    assert [len(part) for part in rounded] == used
+
+
 def test_angles_are_compared_where_they_are_decoded(monkeypatch):
     taps = pushed_taps(60, 1)
     decoder, yaw = Decoder(None, EDGE, taps.rest_mm, [], {}), taps.labels["yaw_deg"].to_numpy()

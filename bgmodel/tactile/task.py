@@ -16,10 +16,12 @@ from bgmodel.tactile.networks import wrapped
 from bgmodel.tactile.source import Tactile
 from bgmodel.tactile.taps import warn_of_angles
 from circuits.arrays import Array
-from circuits.errors import InputError, require
+from circuits.errors import DataWarning, InputError, require
 
 TOLERANCE_DEG = 0.5
 """Largest deviation of a pair's true rotation from that of its hypothesis, degrees."""
+NEAR_DEG = 0.3
+"""Deviation from a task's yaw up to which a tap of a grating was meant to have it, degrees."""
 
 
 @dataclass(frozen=True)
@@ -232,6 +234,12 @@ def of_grating(
     for yaw in yaws_deg:
         # The tolerance allows for rounding in the table.
         values = here.loc[np.isclose(here["yaw_deg"], yaw, atol=0.01), column]
+        near = int((abs(here["yaw_deg"] - yaw) < NEAR_DEG).sum())
+        if 0 < len(values) < 0.9 * near:
+            DataWarning.warn(
+                f"yaw_deg must be within 0.01 degrees of {yaw:g}, as in {len(values)} of the "
+                f"{near} taps within {NEAR_DEG:g} degrees: round it, or the others are not used"
+            )
         if values.empty:
             wanted = " ".join(f"{each:g}" for each in yaws_deg)
             raise InputError(
