@@ -11,9 +11,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.session import Session
 from bgmodel.integrators.sprt import Msprt
+from bgmodel.support.files import IMAGES
 from bgmodel.tactile.decoder import Decoder
 from bgmodel.tactile.recordings import Tracker
 from bgmodel.tactile.source import Tactile, check_decoder, load_taps, source
@@ -22,7 +25,6 @@ from circuits.errors import InputError, require
 
 POLL_S = 0.004
 COLUMNS = ["trial", "choice", "time_ms", "forced", "readings", "last_image", "latency_ms"]
-IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +62,7 @@ class Watched:
                 self.decoder,
             )
         check_decoder(self.taps, self.decoder, self._loaded.about)
+        self._loaded.scale(self.mm_per_px)
         direction = self.task.name == "edge-direction"
         must = "is for edge-direction"
         require(direction or not self.first_deg, "first_deg", must, self.first_deg)
@@ -95,11 +98,7 @@ class Watched:
         for path in images(self.folder, self.idle_s):
             now = time.monotonic()
             begun = now if begun is None else begun
-            try:
-                reading = read(path)
-            except ValueError as error:
-                self.skipped(f"{error}: this image is skipped")
-                continue
+            reading = read(path)
             if reading is None:
                 continue
             due_ms = (len(session.readings) + 1) * self.task.step_ms
@@ -120,19 +119,27 @@ class Watched:
             begun, readings = None, 0
 
     def _reader(self) -> Callable[[Path], Array | None]:
-        """Return a function that maps an image to log-likelihoods, or None within a reading."""
+        """Return a function that maps an image to log-likelihoods.
+
+        It returns None within a reading, and for one of which an image could not be read.
+        """
         decoder, task = self._loaded, self.task
         tracker = Tracker(decoder.rest_mm, self.mm_per_px, decoder.training.network)
         angles: list[float] = []
+        partner = ", and so is the other one of its pair" if task.taps_per_reading > 1 else ""
 
         def read(path: Path) -> Array | None:
-            seen = decoder.decode(tracker.read(path))[task.column]
-            angles.append(float(seen[0]) - self.first_deg)
+            try:
+                seen = decoder.decode(tracker.read(path))[task.column]
+                angles.append(float(seen[0]) - self.first_deg)
+            except ValueError as error:
+                self.skipped(f"{error}: this image is skipped{partner}")
+                angles.append(np.nan)
             if len(angles) < task.taps_per_reading:
                 return None
             reading = task.reading(angles)
             angles.clear()
-            nats: Array = self._known.likelihood(reading)
+            nats: Array | None = self._known.likelihood(reading) if np.isfinite(reading) else None
             return nats
 
         return read

@@ -14,8 +14,9 @@ from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.sides import check_sides
-from bgmodel.tactile.decoder import Training, train
+from bgmodel.tactile.decoder import EDGE, Decoder, Training, train
 from bgmodel.tactile.source import load_taps, source
+from bgmodel.tactile.taps import warn_of_angles
 from bgmodel.tactile.task import EdgeDirection, EdgeTurn
 from bgmodel.trials.evidence_table import trials_from_table
 from bgmodel.trials.reader import Columns, read_trials
@@ -48,6 +49,64 @@ def test_taps_for_training_are_doubted_as_those_for_decisions_are(made):
     with pytest.warns(DataWarning, match="radians"):
         train(radians, seed=1, training=training)
     assert not told(train, taps, seed=1, training=training)
+
+
+@pytest.mark.parametrize(("asked", "column", "centre"), [
+    (EdgeDirection(4, 5.0), "edge_deg", 90), (bg.SameDifferent(period_mm=3), "psi_deg", 0),
+    (bg.Orientation(4, period_mm=3), "orientation_deg", 45),
+])  # fmt: skip
+def test_decoded_angles_that_do_not_follow_the_true_ones_are_doubted(asked, column, centre):
+    taps = edges() if column == "edge_deg" else load_taps()
+    assert not told(asked.pool, taps)
+    here = taps if column == "edge_deg" else taps[taps["period_mm"] == 3]
+    read = here[column]
+    for wrong, says in (
+        (np.radians(read), "radians"), (0.6 * np.radians(read), "radians"),
+        (read / 360 + 0.5, "radians"), (centre - read, "mirrored"), (read / 2, "halved"),
+    ):  # fmt: skip
+        [text] = told(asked.pool, here.assign(**{column: wrong}))
+        assert text.startswith(f"{column} must follow yaw_deg")
+        assert says in text
+    if column != "edge_deg":  # with the gratings that the decoder does not resolve
+        [text] = told(asked.pool, taps.assign(**{column: centre - taps[column]}))
+        assert "mirrored" in text
+
+
+@pytest.mark.parametrize("yaws", [(-5, 5), (-2.5, 2.5), (0, 0), np.linspace(-30, 30, 7)])
+@pytest.mark.parametrize("noise_deg", [0.0, 1.0, 40.0])
+def test_small_angles_and_poor_decoders_are_not_doubted(yaws, noise_deg):
+    true = np.tile(yaws, 60).astype(float)
+    read = true + np.random.default_rng(8).normal(0, noise_deg, len(true))
+    with unwarned():
+        warn_of_angles(pd.DataFrame({"yaw_deg": true, "edge_deg": read}), "edge_deg")
+    [text] = told(warn_of_angles, pd.DataFrame({"yaw_deg": np.radians(true + 7)}))
+    assert "yaw_deg runs to" in text
+
+
+def test_taps_that_jitter_about_the_yaws_of_a_task_are_doubted():
+    task, taps = bg.SameDifferent(period_mm=3), load_taps()
+    taps = taps[(taps["period_mm"] == 3) & taps["yaw_deg"].isin([-45, 45])]
+    jitter = np.random.default_rng(9).normal(0, 0.02, len(taps))
+    jittered = taps.assign(yaw_deg=taps["yaw_deg"] + jitter)
+    used = [len(part) for part in task.pool(taps)]
+    for text, yaw, count in zip(told(task.pool, jittered), (-45, 45), used, strict=True):
+        assert f"within 0.01 degrees of {yaw}, as in" in text
+        assert f"of the {count} taps" in text
+    with unwarned():
+        rounded = task.pool(jittered.assign(yaw_deg=jittered["yaw_deg"].round()))
+        task.pool(taps.assign(yaw_deg=taps["yaw_deg"] + jitter / 10))
+    assert [len(part) for part in rounded] == used
+
+
+def test_angles_are_compared_where_they_are_decoded(monkeypatch):
+    taps = pushed_taps(60, 1)
+    decoder, yaw = Decoder(None, EDGE, taps.rest_mm, [], {}), taps.labels["yaw_deg"].to_numpy()
+    for wrong, says in ((yaw, []), (np.radians(yaw), ["radians"]), (90 - yaw, ["mirrored"])):
+        monkeypatch.setattr(Decoder, "_read", lambda *_: {"edge_deg": wrong, "strength": yaw})  # noqa: B023
+        texts = told(decoder.decode, taps)
+        assert [text.split()[-1] for text in texts] == says
+    unlabelled = replace(taps, labels=taps.labels.drop(columns="yaw_deg"))
+    assert not told(decoder.decode, unlabelled)
 
 
 @pytest.mark.parametrize("column", ["yaw_deg", "edge_deg"])

@@ -14,7 +14,7 @@ from bgmodel.support import files
 from bgmodel.tactile import sensor
 from bgmodel.tactile.decoder import EDGE, ENDINGS, Training, load_decoder, taps_of, train_decoder
 from bgmodel.tactile.decoder import train as fitted
-from bgmodel.tactile.networks import OwnNetwork
+from bgmodel.tactile.networks import NETWORKS, OwnNetwork
 from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin, Tip
 from bgmodel.tactile.taps import Taps
@@ -137,7 +137,8 @@ def decode(
     path = output.needed(".parquet", ".csv", decoder=decoder, taps=taps)
     loaded = load_decoder(decoder, record_of(OwnNetwork(), own) if own else None)
     rest = loaded.rest_mm if len(loaded.rest_mm) else None
-    loaded_taps, about = _taps(taps, edge, mm_per_px, pins, rest)
+    scale = loaded.scale(mm_per_px) if taps.is_dir() else mm_per_px
+    loaded_taps, about = _taps(taps, edge, scale, pins, rest)
     table = loaded.decode(loaded_taps)
     if "trained_on" in table:
         known = table["trained_on"].sum()
@@ -148,7 +149,12 @@ def decode(
                       own=own or None)  # fmt: skip
     network: Any = {"sha256": files.checksum(decoder), **loaded.about}
     files.write_table(table, path, taps=about, decoder=network, command=made)
-    print(f"{len(table)} taps decoded -> {path}")
+    error = ""
+    if "yaw_deg" in table:
+        read = {str(name): table[name].to_numpy() for name in table}
+        errors = NETWORKS[loaded.training.network].errors(read, read["yaw_deg"])
+        error = f", mean absolute error {errors['mae_deg']:.1f} degrees"
+    print(f"{len(table)} taps decoded{error} -> {path}")
 
 
 def check_settings(task: Task, used: set[str]) -> None:

@@ -35,6 +35,10 @@ PACKAGES = ("numpy", "scipy", "numba", "pandas", "pyarrow", "torch")
 KEY, CHECK = b"bgmodel", b"bgmodel checksum"
 MOST_NAME_BYTES = 200
 """Longest name of a result, bytes: temporary files have longer names."""
+IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+"""Endings of images of taps."""
+PLACES = ("*", "*/*", "../frames_bw/*")
+"""Where a folder of recordings has its tables and images."""
 FIELDS = {"parameters", "seed", "versions"}
 """Keys of the provenance."""
 
@@ -234,7 +238,11 @@ def from_json(text: str | bytes) -> Any:
 
 
 def recorded(value: Any) -> Any:
-    """Return an option as recorded: only what had an effect, and files by name and checksum."""
+    """Return an option as recorded: only what had an effect, and files by name and checksum.
+
+    The checksum of a folder is that of its targets and images, also of those in ``PLACES`` that
+    parts of a recording share.
+    """
     if hasattr(value, "used"):
         return {name: recorded(inner) for name, inner in value.used().items()}
     if is_dataclass(value):
@@ -243,7 +251,13 @@ def recorded(value: Any) -> Any:
     path = circuit_file(value) if isinstance(value, str) else value
     if isinstance(path, Path) and path.is_file():
         return {"file": path.name, "sha256": checksum(path)}
-    return {"folder": value.name} if isinstance(value, Path) else value
+    if not isinstance(value, Path):
+        return value
+    digest = hashlib.sha256()
+    for part in sorted(each for place in PLACES for each in value.glob(place) if each.is_file()):
+        if part.suffix.lower() in IMAGES or part.match("targets*.csv"):
+            digest.update(f"{part.relative_to(value).as_posix()} {checksum(part)}\n".encode())
+    return {"folder": value.name, "sha256": digest.hexdigest()}
 
 
 def circuit_file(name: str) -> Path | None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from bgmodel.support.checks import path_of
-from bgmodel.support.files import check_writable, checksum, provenance, replacing
+from bgmodel.support.files import check_writable, checksum, provenance, recorded, replacing
 from bgmodel.tactile.networks import (
     NETWORKS,
     Network,
@@ -22,9 +22,9 @@ from bgmodel.tactile.networks import (
     onnx_bytes,
     set_scale,
 )
-from bgmodel.tactile.taps import Taps, warn_of_copied_taps, warn_of_radians
+from bgmodel.tactile.taps import Taps, warn_of_angles, warn_of_copied_taps
 from circuits.arrays import Integers, Reals, Truths
-from circuits.errors import InputError, require
+from circuits.errors import DataWarning, InputError, require
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -114,12 +114,24 @@ class Decoder:
         ``trained_on``: tasks refuse a table with taps of the training.
         """
         if not isinstance(taps, Taps):
-            scale = self.about.get("taps", {}).get("mm_per_px") if mm_per_px is None else mm_per_px
-            rest = self.rest_mm if len(self.rest_mm) else None
+            scale, rest = self.scale(mm_per_px), self.rest_mm if len(self.rest_mm) else None
             taps = taps_of(taps, stimulus=self.training.network, mm_per_px=scale, rest=rest)[0]
-        table = taps.labels.assign(**self._read(taps))
+        read = self._read(taps)
+        table = taps.labels.assign(**read)
+        if "yaw_deg" in table:
+            warn_of_angles(table, *(name for name in read if name.endswith("_deg")))
         known = self.knows(taps)
         return table.assign(trained_on=known) if known.any() else table
+
+    def scale(self, mm_per_px: float | None = None) -> float | None:
+        """Return a scale of images, that of the training by default; warn if it differs from it."""
+        trained: float | None = self.about.get("taps", {}).get("mm_per_px")
+        if trained and mm_per_px and not np.isclose(mm_per_px, trained, rtol=1e-3):
+            DataWarning.warn(
+                f"mm_per_px must be {trained:g}, as in the training of the decoder, got "
+                f"{mm_per_px:g}: angles are wrong unless the images have another resolution"
+            )
+        return trained if mm_per_px is None else mm_per_px
 
     def _read(self, taps: Taps) -> dict[str, Reals]:
         """Return what the network decodes, by name, (taps,) each."""
@@ -217,7 +229,8 @@ def taps_of(
 
     what = stimulus or "grating"
     taps = read_taps(path, mm_per_px=mm_per_px, rest=rest, stimulus=what, pins=pins)
-    return taps, {"recordings": path.name, "mm_per_px": mm_per_px, "stimulus": what}
+    about = {"recordings": path.name, "mm_per_px": mm_per_px, "stimulus": what}
+    return taps, {**about, "sha256": recorded(path)["sha256"]}
 
 
 def train_decoder(
@@ -325,7 +338,7 @@ def train(
         raise InputError(
             f"yaw_deg must be within {low:g}..{high:g}, got {yaw.min():g}..{yaw.max():g}", "yaw_deg"
         )
-    warn_of_radians("yaw_deg", yaw)
+    warn_of_angles(taps.labels)
     copies = len(taps) - len(np.unique(taps.numbers()))
     warn_of_copied_taps(copies, len(taps), "the decoder is validated on taps that it was fitted to")
     held = round(training.validation * len(taps))

@@ -25,7 +25,9 @@ COPIED = 0.05
 """Share of copies from which a warning is given: in 50 000 taps that are rounded to 0.1 degrees,
 1.4 % coincide by chance."""
 MANY = 30
-"""Number of taps from which their angles are checked for radians."""
+"""Number of taps from which their angles are checked."""
+SLOPES = {0.0: "in another unit, such as radians", -1.0: "mirrored", 0.5: "halved"}
+"""Slopes of decoded on true angles that a mistake in units or axes makes."""
 
 
 def warn_of_copied_taps(copies: int, taps: int, so: str) -> None:
@@ -34,11 +36,33 @@ def warn_of_copied_taps(copies: int, taps: int, so: str) -> None:
         DataWarning.warn(f"{copies} of {taps} taps are copies of others: {so}")
 
 
-def warn_of_radians(name: str, angles: Reals) -> None:
-    """Warn if the angles of many taps end where those in radians do: at pi/2, pi or 2 pi."""
-    widest = np.abs(angles).max(initial=0.0)
-    if len(angles) >= MANY and any(0.955 < widest / (k * np.pi / 2) < 1.0001 for k in (1, 2, 4)):
-        DataWarning.warn(f"{name} runs to {widest:.3g}: it seems to be in radians, not degrees")
+def warn_of_angles(taps: pd.DataFrame, *decoded: str) -> None:
+    """Warn of true angles that may be in radians, and of decoded ones that do not follow them.
+
+    Angles are compared on their circle, of 180 degrees for orientations. A slope of 1 may leave
+    twice the spread of a mirrored one, and four times that of the others in ``SLOPES``, since poor
+    decoders lean to the middle.
+    """
+    true = taps["yaw_deg"].to_numpy(dtype=np.float64)
+    if len(true) < MANY:
+        return
+    if _within_a_turn(true) and (true.round(3) % 0.25).any():
+        widest = np.abs(true).max()
+        DataWarning.warn(f"yaw_deg runs to {widest:.3g}: it seems to be in radians, not degrees")
+    for name in decoded:
+        read = taps[name].to_numpy(dtype=np.float64)
+        turn = 1j * np.radians(2 if name == "orientation_deg" else 1)
+        tried = [slope for slope in SLOPES if slope or _within_a_turn(read)]
+        spread = {b: 1 - abs(np.exp(turn * (read - b * true)).mean()) for b in (1.0, *tried)}
+        best = min(tried, key=lambda slope: spread[slope])
+        if (2 if best < 0 else 4) * spread[best] < spread[1.0] - 1e-9:
+            must = "must follow yaw_deg, degree by degree"
+            DataWarning.warn(f"{name} {must}: it seems to be {SLOPES[best]}")
+
+
+def _within_a_turn(angles: Reals) -> bool:
+    """Whether angles could be radians."""
+    return bool(np.abs(angles).max() < 1.0001 * 2 * np.pi)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,12 +14,14 @@ from bgmodel.support.seeds import stream
 from bgmodel.tactile.likelihood import Pool
 from bgmodel.tactile.networks import wrapped
 from bgmodel.tactile.source import Tactile
-from bgmodel.tactile.taps import warn_of_radians
+from bgmodel.tactile.taps import warn_of_angles
 from circuits.arrays import Array
-from circuits.errors import InputError, require
+from circuits.errors import DataWarning, InputError, require
 
 TOLERANCE_DEG = 0.5
 """Largest deviation of a pair's true rotation from that of its hypothesis, degrees."""
+NEAR_DEG = 0.3
+"""Deviation from a task's yaw up to which a tap of a grating was meant to have it, degrees."""
 
 
 @dataclass(frozen=True)
@@ -232,6 +234,12 @@ def of_grating(
     for yaw in yaws_deg:
         # The tolerance allows for rounding in the table.
         values = here.loc[np.isclose(here["yaw_deg"], yaw, atol=0.01), column]
+        near = int((abs(here["yaw_deg"] - yaw) < NEAR_DEG).sum())
+        if 0 < len(values) < 0.9 * near:
+            DataWarning.warn(
+                f"yaw_deg must be within 0.01 degrees of {yaw:g}, as in {len(values)} of the "
+                f"{near} taps within {NEAR_DEG:g} degrees: round it, or the others are not used"
+            )
         if values.empty:
             wanted = " ".join(f"{each:g}" for each in yaws_deg)
             raise InputError(
@@ -258,6 +266,5 @@ def columns(taps: pd.DataFrame, wanted: list[str], stimulus: str) -> pd.DataFram
     for row, column in np.argwhere(wrong)[:1]:
         must = f"must be finite in every tap, {wrong[:, column].sum()} are not: first row {row}"
         raise InputError.of(wanted[column], must, taps[wanted[column]].iloc[row])
-    for name in wanted[-2:]:
-        warn_of_radians(name, table[name].to_numpy())
+    warn_of_angles(table, wanted[-1])
     return table

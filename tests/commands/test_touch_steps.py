@@ -56,7 +56,11 @@ def test_taps_are_simulated_trained_on_and_decoded(tmp_path, refusal, capsys):
     held, fresh = tmp_path / "held.npz", tmp_path / "fresh.csv"
     assert run(*simulate, held, "--taps", 120, "--task", "same-different") == 0
     assert run("touch", "decode", decoder, held, "--save", fresh) == 0
-    assert "trained_on" not in read_table(fresh)
+    table = read_table(fresh)
+    assert "trained_on" not in table
+    error = np.abs(table["psi_deg"] - table["yaw_deg"]).mean()
+    told = capsys.readouterr().out
+    assert f"240 taps decoded, mean absolute error {error:.1f} degrees -> " in told
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         assert run("decide", "--save", tmp_path / "a.csv", "--task", f"taps={fresh}", *decide) == 0
@@ -77,7 +81,8 @@ def test_a_decoder_of_recordings_is_stored_with_the_name_of_their_folder(tmp_pat
     folder = write(tmp_path / "my_taps", images, "dev-data")
     out = tmp_path / "edge.safetensors"
     assert run("touch", "train", folder, "--save", out, "--edge", "--mm-per-px", MM_PER_PX) == 0
-    assert Decoder.load(out).about["command"]["taps"] == {"folder": "my_taps"}
+    about = Decoder.load(out).about
+    assert about["command"]["taps"] == {"folder": "my_taps", "sha256": about["taps"]["sha256"]}
 
 
 def test_the_count_of_pins_in_a_recording_is_said(tmp_path, capsys):

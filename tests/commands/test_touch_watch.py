@@ -9,11 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bgmodel.from_images import images
+from bgmodel.from_images import Watched, images
 from bgmodel.support.files import read_table
-from bgmodel.tactile.decoder import EDGE, train
+from bgmodel.tactile.decoder import EDGE, Decoder, train
 from bgmodel.tactile.recordings import Tracker, read_taps
-from tests.helpers import run
+from bgmodel.tactile.task import EdgeTurn
+from tests.helpers import run, told
 from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
 
 STEP_DEG = 90.0
@@ -105,6 +106,46 @@ def test_a_table_of_another_decoder_is_refused(sensor, tmp_path, capsys):
     watch += ["--decoder", decoder, "--mm-per-px", MM_PER_PX, "--idle-s", 0.1]
     assert run(*watch) == 2
     assert "was decoded by another decoder" in capsys.readouterr().err
+
+
+def test_another_scale_than_that_of_the_training_is_doubted(sensor, tmp_path):
+    _, decoder, decoded, _ = sensor
+    trained = replace(Decoder.load(decoder), about={"taps": {"mm_per_px": MM_PER_PX}})
+    path, few = tmp_path / "edge.safetensors", write(tmp_path / "few", [draw(hexagon())] * 3)
+    trained.save(path)
+    (tmp_path / "camera").mkdir()
+    decode = ["decode", path, few, "--edge", "--save", tmp_path / "few.csv", "--force"]
+    watch = ["watch", tmp_path / "camera", "--by", "test", "--idle-s", 0.1]
+    watch += ["--decoder", path, "--taps", decoded]
+    for asked in (decode, watch):
+        for scale, doubts in ((MM_PER_PX, 0), (1.05 * MM_PER_PX, 1)):
+            warned = told(run, "touch", *asked, "--mm-per-px", scale)
+            assert sum("mm_per_px must be 0.2" in each for each in warned) == doubts
+    assert run("touch", *decode) == 0  # at the scale of the training
+    assert not told(trained.decode, few)
+    assert told(trained.decode, few, mm_per_px=0.21)
+    assert not told(Decoder.load(decoder).decode, few, mm_per_px=0.21)  # its scale is unknown
+
+
+@pytest.mark.parametrize("blank", [(), (2,), (3,)])
+def test_an_unreadable_image_takes_the_other_one_of_its_pair_with_it(blank, sensor, tmp_path):
+    """Five pairs of one direction each: paired with the next image, one would seem to turn."""
+    folder, decoder, _, taps = sensor
+    decoded, true = tmp_path / "decoded.csv", np.repeat(np.arange(-180, 180), 2)
+    read = true + 25 * np.random.default_rng(3).normal(size=720)
+    pd.DataFrame({"yaw_deg": true, "edge_deg": read}).to_csv(decoded, index=False)
+    images = [taps.labels["image"][k] for k in (0, 0, 90, 90, 180, 180, 270, 270, 45, 45)]
+    for place in blank:
+        images[place] = tmp_path / "blank.png"
+        images[place].write_bytes(b"nothing")
+    skipped: list[str] = []
+    watched = Watched(folder=folder, decoder=decoder, taps=decoded, mm_per_px=MM_PER_PX, model=None,
+                      task=EdgeTurn(2, STEP_DEG), skipped=skipped.append)  # fmt: skip
+    readings = [nats for nats in map(watched._reader(), images) if nats is not None]
+    assert len(readings) == 5 - len(blank)
+    assert all(same > turned for same, turned in readings)
+    assert all("skipped, and so is the other one of its pair" in each for each in skipped)
+    assert len(skipped) == len(blank)
 
 
 def test_images_come_in_the_order_of_their_time_and_once_they_are_whole(tmp_path):

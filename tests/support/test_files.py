@@ -9,7 +9,14 @@ import pandas as pd
 import pytest
 
 from bgmodel.simulated_evidence import separated_evidence
-from bgmodel.support.files import check_new, provenance, read_provenance, read_table, write_table
+from bgmodel.support.files import (
+    check_new,
+    provenance,
+    read_provenance,
+    read_table,
+    recorded,
+    write_table,
+)
 from bgmodel.support.seeds import stream
 from tests.helpers import long_table, refused
 
@@ -64,6 +71,26 @@ def test_a_place_is_taken_by_a_file_or_a_link_to_nothing_unless_by_force(tmp_pat
     check_new(tmp_path / ("y" * 196 + ".csv"))
     with refused("path has at most 200 bytes"):
         check_new(tmp_path / ("y" * 197 + ".csv"))
+
+
+def test_a_folder_is_recorded_by_its_targets_and_images_and_by_nothing_else(tmp_path):
+    folder = tmp_path / "part"
+    texts = {"targets.csv": "1", "images/1.png": "2", "../frames_bw/3.PNG": "3"}
+    for name, text in texts.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    about = recorded(folder)
+    assert about["folder"] == "part"
+    for other in ("notes.txt", "model.onnx", "images/log.csv"):
+        (folder / other).write_text("other")
+        assert recorded(folder) == about
+    for name, text in texts.items():
+        (folder / name).write_text("0")  # of the same size
+        assert recorded(folder) != about
+        (folder / name).write_text(text)
+    assert recorded(folder.rename(tmp_path / "again")) == about | {"folder": "again"}
+    (tmp_path / "again/images/1.png").rename(tmp_path / "again/images/2.png")
+    assert recorded(tmp_path / "again")["sha256"] != about["sha256"]
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path, decided_trials, monkeypatch):
