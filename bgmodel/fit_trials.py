@@ -637,8 +637,8 @@ def simulate(
     Parameters
     ----------
     model, trials : as ``model`` and ``data`` of ``fit``
-        The model, and the trials whose strengths, conditions, readings or rewards it meets. What
-        their participants did is replaced.
+        The model, and the trials whose strengths, conditions, readings or rates of reward it meets.
+        What their participants did is replaced, and so are the rewards.
     values : mapping from names to numbers
         Its parameters, by their names in ``Fit.summary()``; the others have their default values.
     seed : int
