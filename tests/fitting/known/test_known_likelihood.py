@@ -9,6 +9,7 @@ from scipy.stats import norm
 
 import bgmodel as bg
 from bgmodel.evidence import minus_log_softmax
+from bgmodel.fit_trials import question
 from bgmodel.fitting.known.known_likelihood import OnTrials, known_likelihood
 from bgmodel.fitting.known.models import EXACT, runs_of_cues
 from bgmodel.fitting.known.trials import known_design, known_trials
@@ -16,10 +17,11 @@ from bgmodel.fitting.misfit import misfit
 from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.settings import settings_of
+from bgmodel.trials.reader import read_trials
 from bgmodel.trials.record import joined
-from circuits.errors import InputError
+from circuits.errors import DataWarning, InputError, collected
 from tests.known_trials import TRUTH, few, simulated
-from tests.trials.test_timed_readings import tables
+from tests.trials.test_timed_readings import clicked, tables
 
 VALUES = {
     "gain": 0.8, "leak_hz": 0.0, "threshold": 0.5, "noise": 0.2, "urgency": 0.3, "run_effect": 0.1,
@@ -74,6 +76,28 @@ def test_two_alternatives_without_leak_and_noise_decide_alike_in_test_and_leaky_
     first, _ = test.decisions({**values, "threshold": level, "noise": 1e-7})
     second, _ = leaky.decisions({**values, "threshold": odds / 2, "noise": 1e-7})
     np.testing.assert_allclose(first, second, atol=1e-6)
+
+
+def test_a_size_of_cues_that_is_assumed_is_said_where_it_matters():
+    data, cues = clicked(swapped=False)
+
+    def doubts(model, cues=cues, **options):
+        with collected(DataWarning) as said:
+            question(settings_of(evidence=cues, **options), data, [model])
+        return [each for each in said if "+gain" in each]
+
+    assert len(doubts("msprt")) == 1
+    assert not doubts("leaky_sum") + doubts("run") + doubts("msprt", free="+gain")
+    assert not doubts("msprt", fix={"gain": 0.5}) + doubts("msprt", cues.assign(value=0.5))
+
+    def heights(value, **values):
+        read = read_trials(data, evidence=cues.assign(value=value))
+        likelihood = known_likelihood(EXACT["msprt"], known_trials(read), free=["+gain"])
+        every = dict(zip(likelihood.freedom.names, likelihood.freedom.start, strict=True))
+        return likelihood(np.array(list((every | values).values())))
+
+    assert heights(1.0, gain=1.0) == pytest.approx(heights(0.5, gain=2.0))
+    assert abs(heights(1.0, gain=1.0) - heights(0.5, gain=1.0)) > 1
 
 
 def at_start(trials, model="msprt"):
