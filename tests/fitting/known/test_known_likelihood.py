@@ -100,6 +100,17 @@ def test_a_size_of_cues_that_is_assumed_is_said_where_it_matters():
     assert abs(heights(1.0, gain=1.0) - heights(0.5, gain=1.0)) > 1
 
 
+def test_a_search_does_not_depend_on_the_zero_of_the_clock():
+    trials = simulated(120)
+    later = replace(trials, rt_s=trials.rt_s + 2, time_s=trials.time_s + 2)
+    slower = replace(trials, rt_s=trials.rt_s + 0.5)
+    made, shifted, other = (
+        known_likelihood(EXACT["msprt"], each).starts() for each in (trials, later, slower)
+    )
+    np.testing.assert_allclose(shifted, made)
+    assert not np.allclose(other, made)
+
+
 def at_start(trials, model="msprt"):
     """Return log densities of trials with the start of each parameter."""
     likelihood = known_likelihood(EXACT[model], trials)
