@@ -224,13 +224,21 @@ def _known_model(one: Question, name: Any, folder: Path | None) -> AnyModel:
     """Return a model of decisions on known evidence."""
     from bgmodel.fitting.known.known_circuit import FEWEST, KnownCircuit
     from bgmodel.fitting.known.known_likelihood import OnTrials
-    from bgmodel.fitting.known.models import EXACT
+    from bgmodel.fitting.known.models import EXACT, GAIN
     from bgmodel.fitting.known.trials import known_trials
     from circuits.anatomy import CIRCUITS, checked_circuit
     from circuits.declaration.table_writer import is_path
 
     known = known_trials(next(iter(one.people.values())))
     if isinstance(name, str) and name in EXACT:
+        assumed = one.trials.readings is not None and one.trials.readings.assumed
+        asked = {*one.asked.named, *one.asked.fixed, *one.asked.varied, *one.asked.formulas}
+        if name == "msprt" and known.alternatives == 2 and assumed and GAIN.name not in asked:
+            DataWarning.warn(
+                "value, the log likelihood ratio of each cue, must be given for msprt or its gain "
+                "be freed (+gain), got neither: each cue counts 1 nat, and that size moves the "
+                "estimates and the score"
+            )
         return OnTrials(EXACT[name], known)
     if isinstance(name, str) and name not in CIRCUITS and not is_path(name):
         allowed = ", ".join((*EXACT, *CIRCUITS))
@@ -637,8 +645,8 @@ def simulate(
     Parameters
     ----------
     model, trials : as ``model`` and ``data`` of ``fit``
-        The model, and the trials whose strengths, conditions, readings or rewards it meets. What
-        their participants did is replaced.
+        The model, and the trials whose strengths, conditions, readings or rates of reward it meets.
+        What their participants did is replaced, and so are the rewards.
     values : mapping from names to numbers
         Its parameters, by their names in ``Fit.summary()``; the others have their default values.
     seed : int

@@ -117,6 +117,8 @@ UNCERTAIN = 2.0
 """Difference, in standard errors, up to which two models cannot be told apart."""
 SEARCHED = 0.1
 """Difference, nats, that the searches for the best parameters of the parts can make alone."""
+ABOVE_NATS = 1.0
+"""A left-out score above the log likelihood of the fit by more shows that its search failed."""
 SMOOTH = 0.7
 """Largest Pareto k at which importance sampling is reliable (Vehtari, Gelman & Gabry 2017)."""
 Tell = Callable[[str], None]
@@ -277,7 +279,7 @@ def crossvalidated(
     scores = {}
     for name, people in optima.items():
         tell(f"cross-validation of {name}")
-        scores[name] = _crossvalidated(list(people.values()))
+        scores[name] = _crossvalidated(name, list(people.values()))
     return ModelComparison(scores, list(next(iter(optima.values()))), "cross-validation")
 
 
@@ -315,17 +317,26 @@ def _same_trials(one: Design, other: Design) -> bool:
     )
 
 
-def _crossvalidated(people: list[Optimum]) -> ModelScore:
+def _crossvalidated(name: str, people: list[Optimum]) -> ModelScore:
     """Return the score of fits to single people, in bins as narrow as each fit needs."""
     fits = [resolved(each) for each in people]
     parts = [predicted(each.likelihood, start=each.vector) for each in fits]
+    nats = [float(each.likelihood.unbiased(each.vector).sum()) for each in fits]
+    for fit, part, highest in zip(fits, parts, nats, strict=True):
+        score, error = part.each.sum(), UNCERTAIN * float(jackknifed(part.without.sum(axis=1)))
+        if score > highest + ABOVE_NATS + error:
+            FitWarning.warn(
+                f"{fit.likelihood.design.who}, {name}: the search failed, since trials left out of "
+                f"a fit must not be likelier than in the fit to all of them ({score:.1f} and "
+                f"{highest:.1f} nats): fix a parameter, or scale the data nearer to its defaults"
+            )
     return ModelScore(
         Predicted(
             np.concatenate([part.each for part in parts]),
             np.concatenate([part.without for part in parts], axis=1),
         ),
         _person([each.likelihood for each in fits]),
-        sum(float(each.likelihood.unbiased(each.vector).sum()) for each in fits),
+        sum(nats),
         sum(len(each.vector) for each in fits),
     )
 

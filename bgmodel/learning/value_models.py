@@ -12,6 +12,7 @@ Noise has unit variance per second, bounds are at +-A and the start at z; see
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -168,7 +169,7 @@ class ValueModel:
     def simulate(
         self, trials: Trials, values: Mapping[str, Array], rng: np.random.Generator
     ) -> Trials:
-        """Return new responses and times, given the person's own earlier trials."""
+        """Return new responses and times one trial ahead, given all earlier trials as they are."""
         drift, bound, start, t0_s = self.diffusion(trials, values)
         response, rt_s = draw(drift, bound, start, t0_s, rng.random((4, trials.trials)))
         rt_s = rt_s if trials.timed else np.full(trials.trials, np.nan)
@@ -206,6 +207,26 @@ class ValueLikelihood(TrialLikelihood):
             each = each[..., self.kept]
         cell = self.design.observed.cell
         return np.stack([each[..., cell == k].mean(axis=-1) for k in range(self.design.cells)])
+
+    def simulated(self, vector: Array, rng: np.random.Generator) -> Trials:
+        """Return all trials of the person with new responses, times and rewards.
+
+        The person learns from the new ones. An item is rewarded at a constant rate, estimated from
+        the given trials: (rewards + 1) / (choices + 2).
+        """
+        pair, made, values = pairs_of(self.trials).pair, self.trials, self.values(vector)
+        item = 2 * pair + made.response
+        rate = (np.bincount(item, made.reward, 2 * pair.max() + 2) + 1) / (
+            np.bincount(item, minlength=2 * pair.max() + 2) + 2
+        )
+        uniform = rng.random(made.trials)
+        while True:  # at most once per trial of a pair, since each depends on earlier ones only
+            new = self.model.simulate(made, values, deepcopy(rng))
+            rewarded = uniform < rate[2 * pair + new.response]
+            new = replace(new, reward=rewarded.astype(np.float64))
+            if new.checksum == made.checksum:
+                return made
+            made = new
 
     def starts(self) -> list[Array]:
         """Return starting points of a search; see ``STARTS``."""

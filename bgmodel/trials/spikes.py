@@ -24,6 +24,8 @@ LATEST_S = 20.0
 BEFORE_S, AFTER_S = 0.5, 0.5
 """Spikes of a continuous recording belong to a trial from this long before its start to this long
 after its stop."""
+ROUNDED_S = 0.001
+"""Time by which the observation of a unit may fall short of a trial, s."""
 APART = "."
 """Between a session and the name of a trial or cell that belongs to it."""
 
@@ -36,7 +38,8 @@ class RecordedSpikes:
     trial: Integers  # (spikes,), index
     cell: Integers  # (spikes,), index
     time_s: Array  # (spikes,), from the onset of the trial; negative before
-    recorded: Truths  # (trials, cells), true in all trials of a cell's session
+    # (trials, cells), true in all trials of a cell's session that its observation covers
+    recorded: Truths
 
     def where(self, mask: Truths | Integers) -> RecordedSpikes:
         """Return the spikes of some trials, and the cells that were recorded in these."""
@@ -111,7 +114,8 @@ def clicks_of(table: pd.DataFrame) -> pd.DataFrame:
 def spikes_of(spikes: Source, trials: Sequence[str], end_s: Array) -> RecordedSpikes:
     """Return the spikes of trials, by their names in sessions, which end at ``end_s``, (trials,).
 
-    One row per spike has cell, trial, time_s (from the onset) and perhaps session.
+    One row per spike has cell, trial, time_s (from the onset) and perhaps session; in a row of
+    which ``observed`` is false, a cell was not recorded in a trial.
     """
     try:
         table = spike_table(spikes)
@@ -145,8 +149,12 @@ def _matched(table: pd.DataFrame, trials: Sequence[str], end_s: Array) -> Record
     cell, names = pd.factorize(np.array(full, dtype=object)[known], sort=True)
     of_cell = np.array([name.rpartition(APART)[0] if by_session else "" for name in names])
     of_trial = np.array([name.rpartition(APART)[0] if by_session else "" for name in trials])
-    recorded = of_trial[:, None] == of_cell
-    return RecordedSpikes(tuple(names), trial[known], cell, time_s[known], recorded)
+    recorded, trial, time_s = of_trial[:, None] == of_cell, trial[known], time_s[known]
+    if "observed" in table:
+        lost = ~table["observed"].to_numpy(bool)[known]
+        recorded[trial[lost], cell[lost]] = False
+    some = recorded[trial, cell]
+    return RecordedSpikes(tuple(names), trial[some], cell[some], time_s[some], recorded)
 
 
 def _holds_lists(column: pd.Series) -> bool:
@@ -158,7 +166,8 @@ def read_nwb(path: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the trials and the spikes of an NWB file.
 
     ``stimulus_s`` is from start to stop; ragged columns become lists, of times from the start if
-    their name ends in ``_s``. Refuses overlapping trials and spikes after the end.
+    their name ends in ``_s``. A unit is recorded in trials that its ``obs_intervals`` cover.
+    Refuses overlapping trials and spikes after the end.
     """
     try:
         import h5py
@@ -176,7 +185,8 @@ def read_nwb(path: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
             f"trials must not overlap: trial {at + 1} starts at {start[at + 1]:g} s, before trial "
             f"{at} stops at {stop[at]:g} s", "start_time",
         )  # fmt: skip
-    rows = []
+    rows, begin, end = [], start - BEFORE_S, stop + AFTER_S
+    blind = np.ones(len(start), bool)
     observed = units.get("obs_intervals", [np.empty((0, 2))] * len(units["id"]))
     for name, times, seen in zip(units["id"], units["spike_times"], observed, strict=True):
         late = seen.size and (times > seen.max()).any()
@@ -185,15 +195,27 @@ def read_nwb(path: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
                 f"spikes of unit {name} come after the end of its recording, {seen.max():g} s",
                 "spike_times",
             )
-        first, last = (np.searchsorted(times, x) for x in (start - BEFORE_S, stop + AFTER_S))
+        first, last = (np.searchsorted(times, x) for x in (begin, end))
+        since, until = (np.maximum(seen[:, [0]], begin), np.minimum(seen[:, [1]], end))
+        covered_s = np.maximum(until - since, 0.0).sum(axis=0)
+        missed = (covered_s < end - begin - ROUNDED_S) & bool(seen.size)
         trial = np.repeat(np.arange(len(start)), last - first)
-        if not len(trial):
+        if missed[trial].all():
             DataWarning.warn(f"unit {name} has no spikes in any trial: it is left out")
+            continue
+        blind &= missed
         inside = np.concatenate([np.arange(*ends) for ends in zip(first, last, strict=True)])
         time_s = times[inside] - start[trial]
-        rows.append(pd.DataFrame({"cell": str(name), "trial": trial, "time_s": time_s}))
+        cell, lost = {"cell": str(name)}, {"trial": np.flatnonzero(missed), "time_s": 0.0}
+        rows.append(pd.DataFrame({**cell, "trial": trial, "time_s": time_s, "observed": True}))
+        rows.append(pd.DataFrame({**cell, **lost, "observed": False}))
+    must = "must have spikes of a unit in a trial that obs_intervals cover, from "
+    require(rows, "source", f"{must}{BEFORE_S} s before to {AFTER_S} s after it", path.name)
     table = pd.DataFrame(trials).assign(trial=np.arange(len(start)), stimulus_s=stop - start)
-    return table, pd.concat(rows, ignore_index=True)
+    if blind.any():
+        DataWarning.warn(f"no unit was recorded in {blind.sum()} trials: they are left out")
+    spikes = pd.concat(rows, ignore_index=True)
+    return table[~blind].reset_index(drop=True), spikes[~blind[spikes["trial"]]]
 
 
 def _columns(group: Any) -> dict[str, Any]:

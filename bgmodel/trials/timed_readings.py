@@ -48,6 +48,7 @@ class Readings:
     names: tuple[str, ...]  # the alternatives
     choice: Integers | None = None  # (trials,), index of the alternative; -1 without a response
     forced: bool = False  # whether the last reading of a trial forces a response
+    assumed: bool = False  # whether cues came without a value and count 1 nat each
 
     def where(self, mask: Truths | Integers) -> Readings:
         """Return the readings of some trials."""
@@ -206,7 +207,8 @@ def readings_of(table: pd.DataFrame, step_ms: float | None = None) -> Readings:
     if not any(name.startswith("ll_") for name in names):
         table = _of_cues(table.assign(time=time_s))
         with quiet():  # cues of one value make equal trials and equal numbers: no mistake
-            return _numbered(table, table["time"].to_numpy())
+            read = _numbered(table, table["time"].to_numpy())
+        return replace(read, assumed="value" not in names)
     return _numbered(table, time_s)
 
 

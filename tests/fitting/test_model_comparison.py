@@ -1,5 +1,7 @@
 """Models compared on trials that they were not fitted to."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -16,10 +18,12 @@ from bgmodel.fitting.model_comparison import (
     _divided,
     better_by,
     compare_fits,
+    crossvalidated,
     draws_error,
     importance_sampled,
 )
 from bgmodel.fitting.person_fit import fit_likelihood
+from circuits.errors import FitWarning, collected
 from tests.drawn import TRUTH, drawn
 from tests.helpers import refused
 
@@ -76,6 +80,17 @@ def test_held_out_trials_are_less_likely_than_fitted_ones_by_about_a_nat_per_par
     lost = score.log_likelihood - score.predicted.each.sum()
     # In expectation k parameters lose k (F / (F - 1) + 1) / 2 nats or so (Stone 1977).
     assert 0 < lost < 12
+
+
+def test_a_score_above_the_fit_to_all_trials_tells_of_a_failed_search(right):
+    name, best = right.optimum.likelihood.freedom.names.index("bound"), right.optimum
+    lower = best.vector.copy()
+    lower[name] *= 1.5
+    failed = replace(best, vector=lower, log_likelihood=best.likelihood(lower))
+    with collected(FitWarning) as said:
+        crossvalidated({"right": {"a": best}, "failed": {"a": failed}})
+    (only,) = said
+    assert "failed: the search failed" in only
 
 
 def test_error_is_over_people_if_there_are_several():

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import bgmodel as bg
 from bgmodel.fitting import passage
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.likelihood import TrialLikelihood, TrialModel
@@ -15,6 +16,7 @@ from bgmodel.learning.value_models import (
     LAPSES,
     LONGEST_S,
     MODELS,
+    PAIRS,
     choice_probability,
     draw,
     likelihood,
@@ -136,6 +138,24 @@ def test_parameters_of_many_trials_are_found_within_their_errors():
     error = fit.directions.standard_errors
     assert (np.abs(best.vector - vector(asked)) < 3.5 * error).all()
     assert min(fit.misfit.p.values()) > 0.003
+
+
+def test_people_of_bg_simulate_learn_from_their_own_choices():
+    true = {"rate": 0.3, "scale": 2.5, "bound": 1.0, "t0_s": 0.4, "stickiness": 0.0}
+    many = made(MODELS["q"], true, trials=100, seed=3)["0"]
+    new = bg.simulate("q", true, many, seed=1)
+    assert 0.15 < optimum(likelihood("q", new)).values["rate"] < 0.6
+    for pair, *rates in PAIRS:
+        some = new.conditions["pair"].to_numpy() == pair
+        for response, rate in zip((1, 0), rates, strict=True):
+            rewards = new.reward[some & (new.response == response)]
+            assert rewards.mean() == pytest.approx(rate, abs=4 * 0.5 / len(rewards) ** 0.5 + 0.1)
+    # Choices one trial ahead, with the rewards of others, are no data of a person who learns.
+    asked = likelihood("q", many)
+    values = asked.values(np.array([true[name] for name in asked.freedom.names]))
+    ahead = asked.model.simulate(many, values, np.random.default_rng(1))
+    assert np.array_equal(ahead.reward, many.reward)
+    assert optimum(likelihood("q", ahead)).values["rate"] < 0.1
 
 
 def test_the_optimum_is_that_of_a_grid_with_the_prior(person):

@@ -4,6 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bgmodel.fitting.cells.model import cells_model
+from bgmodel.fitting.cells.sessions import sessions_of
 from bgmodel.trials.reader import Columns, read_trials
 from bgmodel.trials.record import joined
 from bgmodel.trials.spikes import joined_spikes, read_nwb, spikes_of, without_silent
@@ -126,6 +128,39 @@ def test_a_file_of_nwb_holds_trials_and_spikes(tmp_path):
     assert read.spikes.trial.tolist() == [0, 0, 1]
     assert np.allclose(read.rt_s, [0.6, 0.9])
     assert read.readings.lengths.tolist() == [3, 3]
+
+
+def test_a_unit_is_not_recorded_in_trials_outside_its_observation(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    path, table = tmp_path / "half.nwb", tables(trials=30)[0]
+    start, spikes = 3.0 * np.arange(1, 31), np.arange(1, 950) / 10
+    with h5py.File(path, "w") as file:
+        rows, units = file.create_group("intervals/trials"), file.create_group("units")
+        rows["id"], rows["start_time"] = np.arange(30), start
+        rows["stop_time"], rows["chose_right"] = start + table["stimulus_s"], table["chose_right"]
+        for side in ("left_s", "right_s"):
+            rows[side] = np.concatenate(table[side])
+            rows[f"{side}_index"] = table[side].map(len).cumsum()
+        units["id"] = [1, 2, 3]
+        units["spike_times"] = np.concatenate([spikes[spikes < 46.2], spikes[spikes < 70], spikes])
+        units["spike_times_index"] = np.cumsum([(spikes < 46.2).sum(), (spikes < 70).sum(), 949])
+        units["obs_intervals"] = [[2.0, 20.0], [20.0, 46.2], [2.5, 70.0], [2.5, 60.2], [76.0, 95.0]]
+        units["obs_intervals_index"] = [2, 3, 5]
+    with pytest.warns(DataWarning, match="in 3 trials"):
+        read = read_trials(path, columns=NAMED)
+    last = start + table["stimulus_s"] + 0.5
+    expected = np.stack([last < 46.2, last < 70, (last < 60.2) | (start > 76.4)], axis=1)
+    assert np.array_equal(read.spikes.recorded, expected[expected.any(axis=1)])
+    assert read.spikes.recorded[read.spikes.trial, read.spikes.cell].all()
+    sessions = sessions_of(read)
+    assert sum(len(each.trials) for each in sessions) == 27
+    for each in sessions:  # about 0.5 spikes per bin wherever a cell is said to be recorded
+        assert (each.counts.sum(axis=2) / each.bins).mean() == pytest.approx(0.5, abs=0.1)
+    names = [each.name for each in cells_model("exponential", read).parameters]
+    assert len(set(names)) == len(names)
+    with h5py.File(path, "a") as file:
+        del file["units/obs_intervals"], file["units/obs_intervals_index"]
+    assert read_trials(path, columns=NAMED).spikes.recorded.all()
 
 
 def test_a_wrong_file_of_nwb_is_refused(tmp_path):

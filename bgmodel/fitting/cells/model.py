@@ -335,15 +335,10 @@ class RecordedCells:
     def parameters(self) -> tuple[Parameter, ...]:
         """All parameters: shared ones and those of each cell."""
         cells = []
-        for session in sessions_of(self.trials):
-            for cell in session.names:
-                *course, past, gain = numbers_of(cell)
-                cells += [
-                    Parameter(x, -15.0, 15.0, 1.0, "log of Hz", prior=(1.0, 3.0)) for x in course
-                ]
-                cells += [
-                    Parameter(x, -15.0, 15.0, 0.0, "", prior=(0.0, 1.0)) for x in (past, gain)
-                ]
+        for cell in dict.fromkeys(x for each in sessions_of(self.trials) for x in each.names):
+            *course, past, gain = numbers_of(cell)
+            cells += [Parameter(x, -15.0, 15.0, 1.0, "log of Hz", prior=(1.0, 3.0)) for x in course]
+            cells += [Parameter(x, -15.0, 15.0, 0.0, "", prior=(0.0, 1.0)) for x in (past, gain)]
         return (*self.shared, *cells)
 
     def identity(self) -> dict[str, Any]:

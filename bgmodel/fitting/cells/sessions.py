@@ -130,6 +130,8 @@ def sessions_of(trials: Trials, fewest: int = FEWEST_SPIKES) -> tuple[RecordedSe
 
     Cells with fewer spikes than ``fewest`` are left out.
     """
+    from scipy.sparse.csgraph import connected_components
+
     readings = trials.readings
     if trials.spikes is None or readings is None or readings.choice is None:
         raise InputError("these trials have no spikes: give read_trials spikes", "spikes")
@@ -138,6 +140,8 @@ def sessions_of(trials: Trials, fewest: int = FEWEST_SPIKES) -> tuple[RecordedSe
     require(end_s.max() <= LONGEST_S, "rt", f"must be at most {LONGEST_S:g} s", float(end_s.max()))
     spikes = without_silent(trials.spikes, fewest)
     click = readings.log_likelihood[:, :, 1] - readings.log_likelihood[:, :, 0]
+    # Trials with different cells share the course of a cell that was recorded in both.
+    group = connected_components(spikes.recorded.T.astype(int) @ spikes.recorded)[1]
     patterns, which = np.unique(spikes.recorded, axis=0, return_inverse=True)
     sessions = []
     for number, pattern in enumerate(patterns):
@@ -147,7 +151,8 @@ def sessions_of(trials: Trials, fewest: int = FEWEST_SPIKES) -> tuple[RecordedSe
         some = np.isin(spikes.trial, rows)
         trial = np.searchsorted(rows, spikes.trial[some])
         cell = np.searchsorted(cells, spikes.cell[some])
-        bins = max(int(end_s[rows].max() / BIN_S + 1e-9), 1)
+        shared = spikes.recorded[:, group == group[cells[0]]].any(axis=1)
+        longest, bins = (max(int(end_s[x].max() / BIN_S + 1e-9), 1) for x in (shared, rows))
         shape = (len(cells), len(rows), bins)
         time_s = spikes.time_s[some]
         counts, past = np.zeros(shape), np.zeros(shape)
@@ -162,7 +167,7 @@ def sessions_of(trials: Trials, fewest: int = FEWEST_SPIKES) -> tuple[RecordedSe
         made = RecordedSession(
             rows, tuple(spikes.names[k] for k in cells), end_s[rows], readings.choice[rows],
             readings.time_s[rows], click[rows], counts, recent(past / seen_share(edges_s)),
-            courses(bins),
+            courses(longest)[:bins],
         )  # fmt: skip
         sessions.append(replace(made, counts=counts * made.on))
     return tuple(sessions)

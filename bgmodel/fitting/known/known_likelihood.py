@@ -40,8 +40,8 @@ CACHED = 16
 """Number of points at which decisions are kept: derivatives by t0_s, t0_sd_s and lapse need no
 others than those of the point itself."""
 T0_SHARES, NOISES = (0.3, 0.7), (0.1, 0.4)
-"""Starts have these shares of the fastest response time as non-decision time, and these shares of
-the spread of OUT at decisions as noise."""
+"""Starts have these shares of the fastest response after a first reading as non-decision time, and
+these shares of the spread of OUT at decisions as noise."""
 
 
 @dataclass(frozen=True)
@@ -211,7 +211,9 @@ class KnownLikelihood(Likelihood):
 
     def starts(self) -> list[Array]:
         """Return starts for two non-decision times and two noises, at the data's level."""
-        fastest = float(np.nanquantile(self.trials.rt_s, 0.05)) if self.trials.timed else 0.0
+        # Readings may begin long after the clock's zero.
+        since_s = (self.trials.rt_s - self.trials.time_s[:, 0])[self.trials.seen > 0]
+        fastest = float(np.nanquantile(since_s, 0.05)) if self.trials.timed else 0.0
         starts = []
         for share in T0_SHARES:
             t0_s = share * fastest

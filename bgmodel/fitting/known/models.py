@@ -125,7 +125,7 @@ class Exact:
 class Test(ExactModel):
     """The optimal test, MSPRT: OUT is minus the log posterior of each alternative.
 
-    With two alternatives only the ratio of threshold and gain matters: the gain is 1 by default.
+    With two alternatives and no noise the gain only moves the threshold: it is 1 by default.
     """
 
     name: ClassVar[str] = "msprt"

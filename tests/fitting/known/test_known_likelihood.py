@@ -9,6 +9,7 @@ from scipy.stats import norm
 
 import bgmodel as bg
 from bgmodel.evidence import minus_log_softmax
+from bgmodel.fit_trials import question
 from bgmodel.fitting.known.known_likelihood import OnTrials, known_likelihood
 from bgmodel.fitting.known.models import EXACT, runs_of_cues
 from bgmodel.fitting.known.trials import known_design, known_trials
@@ -16,9 +17,11 @@ from bgmodel.fitting.misfit import misfit
 from bgmodel.fitting.optimum import Optimum, optimum
 from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.settings import settings_of
+from bgmodel.trials.reader import read_trials
 from bgmodel.trials.record import joined
+from circuits.errors import DataWarning, collected
 from tests.known_trials import TRUTH, few, simulated
-from tests.trials.test_timed_readings import tables
+from tests.trials.test_timed_readings import clicked, tables
 
 VALUES = {
     "gain": 0.8, "leak_hz": 0.0, "threshold": 0.5, "noise": 0.2, "urgency": 0.3, "run_effect": 0.1,
@@ -72,6 +75,39 @@ def common(trials):
 def late(trials):
     unseen = np.arange(40) >= trials.seen[:, None]
     return np.where(unseen[:, :, None], 9.0, trials.log_likelihood)
+
+
+def test_a_size_of_cues_that_is_assumed_is_said_where_it_matters():
+    data, cues = clicked(swapped=False)
+
+    def doubts(model, cues=cues, **options):
+        with collected(DataWarning) as said:
+            question(settings_of(evidence=cues, **options), data, [model])
+        return [each for each in said if "+gain" in each]
+
+    assert len(doubts("msprt")) == 1
+    assert not doubts("leaky_sum") + doubts("run") + doubts("msprt", free="+gain")
+    assert not doubts("msprt", fix={"gain": 0.5}) + doubts("msprt", cues.assign(value=0.5))
+
+    def heights(value, **values):
+        read = read_trials(data, evidence=cues.assign(value=value))
+        likelihood = known_likelihood(EXACT["msprt"], known_trials(read), free=["+gain"])
+        every = dict(zip(likelihood.freedom.names, likelihood.freedom.start, strict=True))
+        return likelihood(np.array(list((every | values).values())))
+
+    assert heights(1.0, gain=1.0) == pytest.approx(heights(0.5, gain=2.0))
+    assert abs(heights(1.0, gain=1.0) - heights(0.5, gain=1.0)) > 1
+
+
+def test_a_search_does_not_depend_on_the_zero_of_the_clock():
+    trials = simulated(120)
+    later = replace(trials, rt_s=trials.rt_s + 2, time_s=trials.time_s + 2)
+    slower = replace(trials, rt_s=trials.rt_s + 0.5)
+    made, shifted, other = (
+        known_likelihood(EXACT["msprt"], each).starts() for each in (trials, later, slower)
+    )
+    np.testing.assert_allclose(shifted, made)
+    assert not np.allclose(other, made)
 
 
 @pytest.mark.parametrize("model", list(EXACT))
