@@ -88,8 +88,29 @@ class Question:
 
     @cached_property
     def designs(self) -> dict[str, Design]:
-        """Each person's trials by strength and conditions."""
+        """Each person's trials by strength and conditions.
+
+        Warns if a formula compares the levels of some people with another level than of others.
+        """
+        for formula in () if self.asked.hierarchical else self.asked.formulas.values():
+            for column in formula.columns:
+                self._warn_of_levels(formula.parameter, column)
         return {who: self.asked.design(some) for who, some in self.people.items()}
+
+    def _warn_of_levels(self, parameter: str, column: str) -> None:
+        import pandas as pd
+
+        values = self.trials.conditions[column]
+        if pd.to_numeric(values, errors="coerce").notna().all():
+            return
+        first = {who: min(some.conditions[column]) for who, some in self.people.items()}
+        lowest = min(first.values())
+        if other := [who for who, level in first.items() if level != lowest]:
+            DataWarning.warn(
+                f"formula of {parameter}: {', '.join(other)} have no trials with {column} "
+                f"{lowest}, so their coefficients are relative to another level than those of "
+                "others: compare people only over levels that all of them have"
+            )
 
     def likelihoods(self, name: str) -> dict[str, Likelihood]:
         """Return the likelihood of each person's trials under a model.

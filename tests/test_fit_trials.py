@@ -110,6 +110,13 @@ def test_a_group_with_known_evidence_is_fitted_with_what_differs_between_people(
     likelihoods = one.likelihoods("msprt")
     assert list(likelihoods) == ["p0", "p1", "p2", "p3"]
     assert one.predictors(likelihoods).names == ("threshold by group[T.b]",)
+    scaled = []
+    for unit in (1, 100):
+        aged = data.assign(age=unit * data["participant_id"].map(lambda who: 20 + int(who[1]) ** 2))
+        between = question(settings_of(formula="threshold ~ age", **asked), aged, ["msprt"])
+        scaled.append(between.predictors(likelihoods))
+    np.testing.assert_allclose(scaled[0].columns, scaled[1].columns)
+    assert [float(each.widths[0]) for each in scaled] == [9, 900]
     for who, (rows, readings) in enumerate(parts):
         alone = bg.read_trials(rows, evidence=readings, forced=True)
         made = known_likelihood(EXACT["msprt"], known_trials(alone))

@@ -9,13 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 import bgmodel as bg
+from bgmodel.fit_trials import question
 from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.parameters import Parameter, freedom
+from bgmodel.fitting.posterior import directions
 from bgmodel.fitting.settings import settings_of
-from circuits.errors import InputError
+from circuits.errors import DataWarning, InputError
 from tests.drawn import drawn, rows_of
-from tests.helpers import refused, refusing
+from tests.helpers import refused, refusing, unwarned
 
 pytest.importorskip("formulaic", reason="formulas need formulaic: pip install '.[fit]'")
 
@@ -165,6 +167,51 @@ def test_a_covariate_of_any_number_of_values_has_the_slope_that_made_the_data():
         assert made.optimum.likelihood.design.cells == 10
     with refused("vary"):
         bg.fit(table, "constant_gap", vary={"bound": "theta"}, **asked)
+
+
+def test_the_error_of_a_slope_does_not_depend_on_where_its_covariate_is_0():
+    data = table(60)
+    x = np.random.default_rng(3).normal(size=len(data)).round(3)
+    errors = {}
+    for away in (0.0, 20.0, 45.0):
+        made = likelihood(data.assign(x=x + away), formula="bound ~ x")
+        vector = made.freedom.start.copy()
+        places = [made.freedom.names.index(f"bound[{name}]") for name in ("Intercept", "x")]
+        vector[places] = 0.7 - 0.03 * away, 0.03
+        errors[away] = directions(made, vector).standard_errors[places[1]]
+    assert errors[20.0] == pytest.approx(errors[0.0], rel=1e-3)
+    assert errors[45.0] == pytest.approx(errors[0.0], rel=1e-3)
+    for away in (60.0, 1e5):
+        with refused("formula"):
+            likelihood(data.assign(x=x + away), formula="bound ~ x")
+    first, second = (
+        likelihood(data.assign(x=x + away), formula="bound ~ center(x)").freedom.moved[2].weights
+        for away in (0, 1e5)
+    )
+    np.testing.assert_allclose(np.sort(first), np.sort(second), atol=1e-4)
+
+
+def test_trials_with_equal_values_of_a_covariate_are_in_one_group():
+    data = table(60)
+    data = data.assign(x=np.random.default_rng(3).integers(0, 35, len(data)) / 8)
+    values = (set(likelihood(rows, formula="bound ~ x").design.conditions["x"])
+              for rows in (data, data.sample(frac=1, random_state=1)))  # fmt: skip
+    first, second = values
+    assert first == second
+    with refused("formula"):
+        likelihood(data, formula="bound ~ C(x)")
+
+
+def test_people_with_other_levels_have_other_contrasts_and_that_is_said():
+    data = table(60)
+    fast = data["instruction"] == "fast"
+    people = pd.concat([data, data[~fast].assign(participant_id="b")])
+    asked = settings_of(strength="strength", formula="bound ~ instruction", people="each")
+    with pytest.warns(DataWarning, match="b have no trials with instruction fast"):
+        assert set(question(asked, people, ["constant_gap"]).designs) == {"a", "b"}
+    both = pd.concat([data[::2], data[1::2].assign(participant_id="b")])
+    with unwarned():
+        question(asked, both, ["constant_gap"]).designs  # noqa: B018
 
 
 def test_a_number_of_each_person_may_have_any_number_of_values():

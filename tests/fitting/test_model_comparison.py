@@ -156,7 +156,12 @@ def test_trials_that_are_as_likely_in_many_draws_have_a_score(share, k):
 
 def test_what_is_no_fit_to_the_same_trials_is_refused(some, right):
     other = fitted(some.where(np.arange(some.trials) < 180))
-    for wrong in ({}, {"one": 1, "two": 2}, {"one": right, "two": other}):
+    fourth = np.arange(some.trials) % 4 == 0
+    turned = fitted(replace(some, response=np.where(fourth, 1 - some.response, some.response)))
+    late = design_of(some, rt_window=(0.0, 60.0), pooled=True)
+    windowed = fit_likelihood(likelihood_of(MODEL, late, fixed=HELD))
+    wrong_fits = ({"one": right, "two": each} for each in (other, turned, windowed))
+    for wrong in ({}, {"one": 1, "two": 2}, *wrong_fits):
         with refused("fits"):
             compare_fits(wrong)
 
