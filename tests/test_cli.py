@@ -121,7 +121,6 @@ BAD_USE = {
     "exam --save a.csv": "save",
     "experiment --plot a.png": "plot",
     "sweep file found --part 1/2 --on slurm": "part",
-    "sweep file found --part 3/2": "part",
     "sweep file found --workers 0": "workers",
     "fit no.csv": "path",
     f"{FIT} --people hierarchical --draws": "draws",

@@ -158,9 +158,9 @@ def test_a_dry_run_for_slurm_lists_its_jobs_and_does_nothing(small, tmp_path, ca
     assert not folder.exists()
 
 
-def test_a_profile_is_a_folder(small, tmp_path, refusal):
-    asked = ("sweep", small, tmp_path / "found", "--on", "slurm", "--profile", "nowhere")
-    assert "profile must be a folder with config.yaml" in refusal(*asked)
+@pytest.mark.parametrize("options", [("--part", "3/2"), ("--on", "slurm", "--profile", "nowhere")])
+def test_options_that_make_no_sense_are_one_sentence(small, tmp_path, refusal, options):
+    assert f"{options[-2][2:]} must be" in refusal("sweep", small, tmp_path / "found", *options)
 
 
 def test_two_sweeps_in_one_folder_at_once_are_refused(small, tmp_path, capsys):

@@ -190,7 +190,9 @@ def test_without_evidence_only_an_output_below_the_threshold_is_a_response():
 
 
 def test_an_undecided_trial_is_neither_right_nor_wrong_in_the_table():
-    trace = Trace(np.array([[[0.1, 2.0]], [[2.0, 0.1]], [[2.0, 2.0]]]), [1.0], step_ms=1.0)
+    trace = Trace(
+        np.array([[[0.1, 2.0]], [[2.0, 0.1]], [[2.0, 2.0]]]), np.array([1.0]), step_ms=1.0
+    )
     decision = replace(first_crossing(trace, 1.0, forced=False), truth=np.zeros(3, int))
     correct = decision.to_dataframe()["correct"]
     assert correct.tolist()[:2] == [True, False]
