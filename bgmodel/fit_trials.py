@@ -93,7 +93,7 @@ class Question:
         Warns if a formula compares the levels of some people with another level than of others.
         """
         for formula in () if self.asked.hierarchical else self.asked.formulas.values():
-            for column in formula.columns:
+            for column in self.trials.conditions.columns.intersection(formula.columns):
                 self._warn_of_levels(formula.parameter, column)
         return {who: self.asked.design(some) for who, some in self.people.items()}
 
