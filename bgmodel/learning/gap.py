@@ -153,9 +153,9 @@ def learn_sources(
 def regret_of(
     boundary_separation: Array, readings: Source, optimum: OptimalThreshold, xi: float, t_max: int
 ) -> Array:
-    """Return the excess cost of gaps over that of the best, relative; exact, so never below 0."""
+    """Return the excess cost of gaps over that of the best, relative: exact, to 3e-4 by its grid."""
     cost = -reward_curve(*increments(readings), boundary_separation, xi, t_max=t_max)
-    return (cost - optimum.cost) / optimum.cost
+    return np.maximum((cost - optimum.cost) / optimum.cost, 0.0)
 
 
 def learn_folds(

@@ -78,7 +78,7 @@ def _gaps(ax: Axes, here: pd.DataFrame, colour: str) -> None:
 def _regret(ax: Axes, here: pd.DataFrame, colour: str) -> None:
     """Draw the distribution over runs of the final cost beyond the optimum of their fold."""
     final = here.groupby(["start_separation", "fold", "repeat"])["regret"].first() * 100
-    bins: Any = np.linspace(-1, max(6, np.ceil(final.max())), 22)
+    bins: Any = np.linspace(0, max(6, np.ceil(final.max())), 19)
     kind: Any
     for start, kind in zip(STARTS, ("stepfilled", "step"), strict=True):
         ax.hist(final[start], bins, histtype=kind, color=colour, lw=0.8)

@@ -40,8 +40,8 @@ def test_regret_is_the_share_that_a_gap_costs_more_and_never_below_zero():
     readings, gaps = fold_sources(TAPS, 2.0)[0], np.linspace(0.0, 8.0, 33)
     best = optimal_separation(*increments(readings), 50.0, t_max=30)
     regret = regret_of(gaps, readings, best, 50.0, 30)
-    assert regret.min() >= -1e-9
-    assert regret_of(np.array([best.boundary_separation]), readings, best, 50.0, 30) < 1e-9
+    assert regret.min() >= 0
+    assert regret_of(np.array([best.boundary_separation]), readings, best, 50.0, 30) < 3e-4
     counts = exhaustive_search(readings.draw(100_000, 30, rng=stream(1, "regret")), gaps)
     cost = -reward_of(1 - counts.accuracy, counts.mean_steps, 50.0)
     assert (1 + regret) * best.cost == pytest.approx(cost, rel=0.03)
