@@ -153,7 +153,7 @@ def learn_sources(
 def regret_of(
     boundary_separation: Array, readings: Source, optimum: OptimalThreshold, xi: float, t_max: int
 ) -> Array:
-    """Return the excess cost of gaps over that of the best, relative: exact, to 3e-4 by its grid."""
+    """Return the excess cost of gaps over that of the best, relative, exact to 3e-4."""
     cost = -reward_curve(*increments(readings), boundary_separation, xi, t_max=t_max)
     return np.maximum((cost - optimum.cost) / optimum.cost, 0.0)
 
