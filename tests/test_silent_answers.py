@@ -342,7 +342,7 @@ def test_a_non_decision_time_above_a_second_is_doubted():
     assert any("check that rt begins" in text for text in told(fit_likelihood, likelihood))
 
 
-# Each pair has values of its own.
+# Each pair has its own values.
 @pytest.mark.parametrize(
     ("kind", "by", "matters"), [("pairs", "pair", False), ("stop signals", "ssd", True)]
 )

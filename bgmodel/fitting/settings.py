@@ -200,7 +200,7 @@ class FitSettings:
             for label, column in made.items():
                 for k in places:
                     names.append(f"{first.freedom.names[k]} by {label}")
-                    # From 0 to 1: the prior of a slope does not depend on the predictor's unit.
+                    # With a range of 1, so that the prior of a slope does not depend on the unit.
                     columns.append((column - column.mean()) / np.ptp(column))
                     widths.append(np.ptp(column))
                     of.append(k)

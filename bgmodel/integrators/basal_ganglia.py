@@ -298,7 +298,7 @@ class BasalGanglia(Facts):
         warn_of_decisions(evidence, decision)
         # An edit may well shift the criterion, and an expectation is not among the readings.
         intact = self.circuit.unedited is None and self.circuit.unit == NATS
-        if intact and evidence.expectancy_nats is None:
+        if intact and level > 0 and evidence.expectancy_nats is None:
             warn_of_early_decisions(evidence, decision, model.gain, float(np.exp(-level)))
         return decision
 

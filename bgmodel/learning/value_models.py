@@ -169,7 +169,7 @@ class ValueModel:
     def simulate(
         self, trials: Trials, values: Mapping[str, Array], rng: np.random.Generator
     ) -> Trials:
-        """Return new responses and times one trial ahead, given all earlier trials as they are."""
+        """Return new responses and times, each given the trials before it in the table."""
         drift, bound, start, t0_s = self.diffusion(trials, values)
         response, rt_s = draw(drift, bound, start, t0_s, rng.random((4, trials.trials)))
         rt_s = rt_s if trials.timed else np.full(trials.trials, np.nan)

@@ -154,7 +154,7 @@ def test_a_unit_is_not_recorded_in_trials_outside_its_observation(tmp_path):
     assert read.spikes.recorded[read.spikes.trial, read.spikes.cell].all()
     sessions = sessions_of(read)
     assert sum(len(each.trials) for each in sessions) == 27
-    for each in sessions:  # about 0.5 spikes per bin wherever a cell is said to be recorded
+    for each in sessions:  # about 0.5 spikes per bin in every trial in which a cell is recorded
         assert (each.counts.sum(axis=2) / each.bins).mean() == pytest.approx(0.5, abs=0.1)
     names = [each.name for each in cells_model("exponential", read).parameters]
     assert len(set(names)) == len(names)

@@ -177,10 +177,7 @@ class Counts:
 
     @cached_property
     def box(self) -> tuple[int, int, int]:
-        """Bins up to the last decision, and columns from one before the first to one past the last.
-
-        The first column, and one past the last.
-        """
+        """Bins up to the last decision; first column and one past the last, with one to spare."""
         bins, columns = (np.flatnonzero(self.decided.any(axis=axis)) for axis in ((0, 2), (0, 1)))
         if not len(bins):
             return 0, 0, 0
