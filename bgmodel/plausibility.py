@@ -32,7 +32,8 @@ def warn_of_readings(log_likelihood: Reals, lengths: Integers | None = None) -> 
     """Warn if values look like probabilities or running sums, or if axes seem to be exchanged.
 
     That is, if all values, (trials, steps, hypotheses) nats, lie between 0 and 1, successive
-    readings correlate, trials seem to be padded, or hypotheses are many, and more than readings.
+    readings correlate, trials seem to be padded, two hypotheses have the same readings, or
+    hypotheses are many, and more than readings.
     """
     _, steps, hypotheses = log_likelihood.shape
     if hypotheses >= MANY and hypotheses > steps:
@@ -53,6 +54,15 @@ def warn_of_readings(log_likelihood: Reals, lengths: Integers | None = None) -> 
         DataWarning.warn(
             "all log-likelihoods lie between 0 and 1, as probabilities do: give their natural "
             "logarithms"
+        )
+    columns = [column.tobytes() for column in np.moveaxis(told, -1, 0)]
+    copied = [k for k, column in enumerate(columns) if column in columns[:k]]
+    # Few different values, as of designed trials, may be equal on purpose.
+    if copied and len(np.unique(told[..., copied[0]])) > told[..., 0].size / 2:
+        DataWarning.warn(
+            f"hypotheses {columns.index(columns[copied[0]])} and {copied[0]} have the same "
+            "log-likelihoods in all readings, so that neither can win over the other: is one "
+            "column a copy of the other?"
         )
     r = serial_correlation(values, read)
     if r > CORRELATED:

@@ -11,6 +11,7 @@ from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.plausibility import are_sums, products
 from bgmodel.simulated_evidence import expecting, separated_evidence
+from circuits.errors import DataWarning
 from tests.helpers import refused, refusing, some_evidence, told
 
 
@@ -144,6 +145,19 @@ def test_probabilities_in_place_of_logarithms_are_doubted(seed):
 def test_more_hypotheses_than_readings_are_doubted(shape, doubted):
     texts = told(Evidence, np.random.default_rng(1).normal(size=shape))
     assert any("axes exchanged" in text for text in texts) == doubted
+
+
+@pytest.mark.parametrize("lengths", [None, np.repeat([6, 9], 20)])
+def test_a_column_that_is_a_copy_of_another_is_doubted(lengths):
+    read = np.arange(9) < (np.full(40, 9) if lengths is None else lengths)[:, None]
+    values = np.random.default_rng(3).normal(size=(40, 9, 3)) * read[..., None]
+    assert not told(Evidence, values, lengths=lengths)
+    values[..., 2] = values[..., 0]
+    with pytest.warns(DataWarning, match="hypotheses 0 and 2 have the same"):
+        Evidence(values, lengths=lengths)
+    # Designed trials: those that lose are equal on purpose.
+    values = read[..., None] * (np.arange(3) == 1.0)
+    assert not told(Evidence, values, lengths=lengths)
 
 
 def test_a_trial_is_drawn_as_its_posteriors_up_to_its_last_reading():
