@@ -33,7 +33,7 @@ from bgmodel.learning.dopamine_learner import (
     learn_in_circuit,
 )
 from bgmodel.learning.gap import learn_gap
-from bgmodel.learning.reinforce import Learner
+from bgmodel.learning.reinforce import Learned, Learner
 from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
@@ -341,22 +341,21 @@ def chain(
     settings: dict[str, Any] = {"xi": XI, "runs": RUNS, "seed": seed, "learner": learner}
     gap, courses = {}, []
     if len(pooled.names) == 2:
-        table, summary = learn_gap(
+        of_test = learn_gap(
             pooled, name=(0.0, 0), start_separation=START_SEPARATION, t_max=T_MAX, **settings
         )
-        courses.append(table[["run", "episode", "mean_separation"]].assign(who=TEST))
+        courses.append(_course(of_test.learned, TEST))
         gap = {
-            "learned_gap_nats": float(np.mean(summary["learned_separation"])),
-            "optimal_gap_nats": float(summary["optimal_separation"]),
-            "learned_gap_regret_percent": 100 * float(np.mean(summary["regret"])),
+            "learned_gap_nats": float(np.mean(of_test.learned.learned)),
+            "optimal_gap_nats": float(of_test.optimum.boundary_separation),
+            "learned_gap_regret_percent": 100 * float(np.mean(of_test.regret)),
         }
     rng, step_ms = stream(seed, "touch, learned"), evidence.step_ms
     before = readings.draw(TO_LEARN, T_MAX, rng=rng, step_ms=step_ms)
     circuit = learn_in_circuit(model, before, evidence, what=CRITERION, **settings)
-    course_of_circuit = circuit.to_dataframe().rename(columns={"tonic": "mean_separation"})
+    courses.append(_course(circuit.learned, POPULATIONS))
     if gap:
-        course_of_circuit["mean_separation"] *= 2 / model.gain
-    courses.append(course_of_circuit[["run", "episode", "mean_separation"]].assign(who=POPULATIONS))
+        courses[-1]["mean_separation"] *= 2 / model.gain
     few = evidence[:spiking]
     gaps = (gap["learned_gap_nats"], gap["optimal_gap_nats"]) if gap else None
     learned = decide_as_learned(
@@ -364,6 +363,12 @@ def chain(
         engine=engine_of("spikes", workers=workers), seed=seed,
     )  # fmt: skip
     return LearnedFromTaps(pd.concat(courses), learned, gap, circuit)
+
+
+def _course(learned: Learned, who: str) -> pd.DataFrame:
+    """Return the mean value of each trial and run of a learner."""
+    table = learned.to_dataframe().rename(columns={"mean": "mean_separation"})
+    return table[["run", "episode", "mean_separation"]].assign(who=who)
 
 
 def _one_decision(

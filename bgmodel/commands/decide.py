@@ -32,7 +32,7 @@ from bgmodel.learning import from_reward
 from bgmodel.learning.deciders import Feedback, WeightLearner
 from bgmodel.learning.dopamine_learner import LEVELS, CircuitLearned
 from bgmodel.learning.from_reward import DOPAMINE, WEIGHTS, planned
-from bgmodel.learning.reinforce import Learner, LearningStopped, course
+from bgmodel.learning.reinforce import Learner, LearningStopped
 from bgmodel.names import MACAQUE, CircuitName, EngineName
 from bgmodel.support.checks import whole
 from bgmodel.support.files import recorded
@@ -278,8 +278,7 @@ def learn(
     except LearningStopped as stop:
         if output.save is None:
             raise
-        table = course(stop.learned, mean="mean", played="played", error="dopamine")
-        output.write(table, options["seed"], **_behind(model, task, settings))
+        output.write(stop.learned.to_dataframe(), options["seed"], **_behind(model, task, settings))
         raise ValueError(f"{stop}; learning up to then -> {output.save}") from None
     used = learned.details.model if isinstance(learned.details, CircuitLearned) else model
     at = f", gain {used.gain:g}" if used is not None else ""

@@ -23,7 +23,6 @@ from bgmodel.learning.reinforce import (
     Learned,
     Learner,
     LevelOutcomes,
-    course,
     learn,
 )
 from bgmodel.support.seeds import stream
@@ -87,18 +86,15 @@ def learn_level(
     runs: int,
     seed: int,
     name: object,
-    policy: GaussianPolicy | None = None,
     learner: Learner | None = None,
 ) -> Learned:
     """Learn the level of dopamine from reward, in several independent runs.
 
     In the result ``played`` is the level of each trial, ``mean_played`` the tonic level, and
-    ``prediction_error`` phasic dopamine, readings. Exploration ends at ``LAST_SHARE`` by default.
+    ``prediction_error`` phasic dopamine, readings. Exploration ends at ``LAST_SHARE``.
     """
     low, high = float(outcomes.levels[0]), float(outcomes.levels[-1])
-    policy = policy or GaussianPolicy(bounds=(low, high), last_share=LAST_SHARE)
-    must, (least, most) = f"must be within {low:.3f}..{high:.3f}", policy.bounds
-    require(low <= least < most <= high, "bounds", must, policy.bounds)
+    must = f"must be within {low:.3f}..{high:.3f}"
     require(low <= start_level <= high, "start_level", must, start_level)
     require(runs >= 1, "runs", "must be >= 1", runs)
     # Runs of one name are paired: all starts have the same trials and perturbations.
@@ -108,14 +104,9 @@ def learn_level(
         outcomes.environment(xi, trials),
         start_level,
         rngs=explored,
-        policy=policy,
+        policy=GaussianPolicy(bounds=(low, high), last_share=LAST_SHARE),
         learner=learner,
     )
-
-
-def learned_table(learned: Learned) -> pd.DataFrame:
-    """Return a row per trial and run, with tonic (mean) and phasic (prediction error) dopamine."""
-    return course(learned, mean="tonic", played="level", error="phasic")
 
 
 def regret(level: npt.ArrayLike, fresh: LevelOutcomes, xi: float) -> Array:
@@ -239,10 +230,6 @@ class CircuitLearned:
             f"use, {low:.3f} to {high:.3f}: at this cost of an error it would pay to decide "
             f"{'later' if late else 'sooner'} still{cure if of_level else ''}"
         )
-
-    def to_dataframe(self) -> pd.DataFrame:
-        """Return the course of learning, as from ``learned_table``."""
-        return learned_table(self.learned)
 
 
 def learn_in_circuit(

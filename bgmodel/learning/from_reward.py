@@ -15,7 +15,6 @@ from bgmodel.bootstrap import FEWEST_TRIALS, check_trials, shown
 from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import threshold_from_posterior
-from bgmodel.integrators.sprt_theory import OptimalThreshold
 from bgmodel.learning.critics import critic_of
 from bgmodel.learning.deciders import Feedback, FixedPoint, InCircuit, WeightLearner
 from bgmodel.learning.dopamine import playable_levels
@@ -27,7 +26,7 @@ from bgmodel.learning.dopamine_learner import (
     learn_in_circuit,
 )
 from bgmodel.learning.feature_sources import GaussianFeatures, tap_features
-from bgmodel.learning.gap import check_start, learn_gap, regret_of
+from bgmodel.learning.gap import LearnedGap, check_start, learn_gap, regret_of
 from bgmodel.learning.learned_weights import LearnedWeights
 from bgmodel.learning.reinforce import GaussianPolicy, Learner
 from bgmodel.learning.weight_rules import rule_of
@@ -84,7 +83,7 @@ class FromReward(Facts):
     # weights run, hypothesis, unit, weight.
     table: pd.DataFrame
     cautions: tuple[str, ...]  # what limits the result, usually empty
-    details: CircuitLearned | LearnedWeights | dict[str, Any]
+    details: CircuitLearned | LearnedWeights | LearnedGap
     scored: Features | None = None
 
     @property
@@ -330,21 +329,18 @@ def _of_test(
     readings = _readings(task, source, same["seed"])
     main = getattr(task, "main", "")  # a table has none
     name = (getattr(task, main, 0.0), getattr(task, "fold", 0))
-    table, summary = learn_gap(
+    gap = learn_gap(
         readings, name=name, start_separation=start, t_max=task.t_max, policy=policy, **same
     )
-    optimum = OptimalThreshold(summary["optimal_separation"], summary["optimal_cost"])
-    at_start = regret_of(np.array([start]), readings, optimum, same["xi"], task.t_max)
+    at_start = regret_of(np.array([start]), readings, gap.optimum, same["xi"], task.t_max)
     rows = {
-        "learned": _over_runs(100 * np.array(summary["regret"])),
+        "learned": _over_runs(100 * gap.regret),
         "start": [100 * float(at_start[0])] * 3,  # exact
     }
-    course = table.rename(columns={"mean_separation": "mean", "boundary_separation": "played"})
     return FromReward(
-        THRESHOLD, UNITS[THRESHOLD], np.array(summary["learned_separation"]),
-        summary["optimal_separation"],
-        pd.DataFrame.from_dict(rows, orient="index", columns=["value", "low", "high"]), course, (),
-        summary,
+        THRESHOLD, UNITS[THRESHOLD], gap.learned.learned, gap.optimum.boundary_separation,
+        pd.DataFrame.from_dict(rows, orient="index", columns=["value", "low", "high"]),
+        gap.learned.to_dataframe(), (), gap,
     )  # fmt: skip
 
 
@@ -397,11 +393,10 @@ def _of_circuit(
         )
         require(inside, "start", must, start)
     learned = learn_in_circuit(model, evidence, fresh, start=start, **options, **same)
-    names = {"tonic": "mean", "level": "played", "phasic": "dopamine"}
     return FromReward(
         what, UNITS[DOPAMINE] if what == DOPAMINE else CRITERION, learned.learned.learned,
         learned.fresh.best(same["xi"])[0], learned.regrets.loc[["learned", "start"]],
-        learned.to_dataframe().rename(columns=names), tuple(learned.cautions), learned,
+        learned.learned.to_dataframe(), tuple(learned.cautions), learned,
     )  # fmt: skip
 
 

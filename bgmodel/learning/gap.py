@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from typing import Any
@@ -23,20 +24,19 @@ from bgmodel.learning.reinforce import (
     GaussianPolicy,
     Learned,
     Learner,
-    course,
     exhaustive_search,
     learn,
     smoothed,
     trials_of,
 )
 from bgmodel.support.seeds import stream
-from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.source import FOLDS, Source, source
 from bgmodel.tactile.task import SameDifferent
 from circuits.arrays import Array
 from circuits.errors import InputError, RangeWarning
 
-FRESH_TRIALS = 100_000
+BLOCK = 50_000
+"""Trials that are drawn at a time for an exhaustive search."""
 WIDER = 1.25
 """Greatest gap that is explored by default, over the best one, if that is not below 8 nats."""
 RUN_COLUMNS = ["period_mm", "start_separation", "fold", "repeat", "learned_separation", "regret"]
@@ -49,12 +49,10 @@ def increments(readings: Source) -> tuple[Empirical, Empirical]:
     return Empirical.of_sample(s1), Empirical.of_sample(s2)
 
 
-def fold_sources(
-    taps: pd.DataFrame, period_mm: float, *, density: Density | None = None
-) -> list[Source]:
+def fold_sources(taps: pd.DataFrame, period_mm: float) -> list[Source]:
     """Return same/different readings of one grating for each of the six folds."""
     task = SameDifferent(period_mm)
-    return [source(taps, task, fold=fold, density=density) for fold in range(FOLDS)]
+    return [source(taps, task, fold=fold) for fold in range(FOLDS)]
 
 
 def search_folds(
@@ -65,14 +63,13 @@ def search_folds(
     t_max: int,
     seed: int,
     name: object,
-    block: int = 50_000,
 ) -> pd.DataFrame:
     """Score every gap on every fold by simulation and exactly, one row each; forced is a share."""
     rows = []
     gaps = np.atleast_1d(np.asarray(separations, dtype=float))
     for fold, readings in enumerate(sources):
         rng = stream(seed, "search", name, fold)
-        sizes = [min(block, trials - k) for k in range(0, trials, block)]
+        sizes = [min(BLOCK, trials - k) for k in range(0, trials, BLOCK)]
         counts = exhaustive_search((readings.draw(n, t_max, rng=rng) for n in sizes), gaps)
         exact = sprt(*increments(readings), gaps, t_max=t_max)
         rows.append(
@@ -168,7 +165,6 @@ def learn_folds(
     t_max: int,
     seed: int,
     learner: Learner,
-    policy: GaussianPolicy | None = None,
     keep: int = 250,
     window: int = 100,
 ) -> pd.DataFrame:
@@ -185,7 +181,7 @@ def learn_folds(
         sources,
         starts=starts,
         repeats=repeats,
-        policy=policy_for(policy, optima),
+        policy=policy_for(None, optima),
         learner=learner,
         **options,
     )
@@ -228,6 +224,15 @@ def _scored(
     )
 
 
+@dataclass(frozen=True)
+class LearnedGap:
+    """Gaps that several runs learned on the same readings, and the exact optimum."""
+
+    learned: Learned
+    regret: Array  # (runs,), excess cost over that of the optimum, relative
+    optimum: OptimalThreshold
+
+
 def learn_gap(
     readings: Source,
     *,
@@ -239,12 +244,10 @@ def learn_gap(
     seed: int,
     policy: GaussianPolicy | None = None,
     learner: Learner | None = None,
-) -> tuple[pd.DataFrame, dict[str, Any]]:
+) -> LearnedGap:
     """Learn the gap on the readings of one task and fold; compare with the exact optimum.
 
     ``name`` is the number of the stimulus and of the fold, which name random-number streams.
-    Returns one row per trial and run (dopamine is the reward prediction error), and
-    learned_separation, regret, optimal_separation and optimal_cost.
     """
     check_start(start_separation, policy=policy)
     optimum = optimal_separation(*increments(readings), xi, t_max=t_max)
@@ -260,12 +263,4 @@ def learn_gap(
         learner=learner,
     )
     regret = regret_of(learned.learned, readings, optimum, xi, t_max)
-    summary = {
-        "learned_separation": learned.learned.tolist(),
-        "regret": regret.tolist(),
-        "optimal_separation": optimum.boundary_separation,
-        "optimal_cost": optimum.cost,
-    }
-    return course(
-        learned, mean="mean_separation", played="boundary_separation", error="dopamine"
-    ), summary
+    return LearnedGap(learned, regret, optimum)

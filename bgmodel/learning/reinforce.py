@@ -41,7 +41,6 @@ class GaussianPolicy:
     """Final exploration, sd as a share of the range; assumed."""
     half_episodes: float = 2_000.0
     """Trials after which the sd is half-way between its first and last value; assumed."""
-    noise = 1
 
     def __post_init__(self) -> None:
         if not -np.inf < self.bounds[0] < self.bounds[1] < np.inf:
@@ -60,22 +59,10 @@ class GaussianPolicy:
         share = self.last_share + wide / (1 + episode / self.half_episodes)
         return share * (self.bounds[1] - self.bounds[0])
 
-    def start(self, mean: Array) -> Array:
-        """Return mu (runs, 1)."""
-        return mean[:, None].copy()
-
-    def sample(self, parameters: Array, noise: Array, episode: int) -> tuple[Array, Array]:
-        """Return actions (runs,) and d log p / d mu (runs, 1)."""
+    def sample(self, mean: Array, noise: Array, episode: int) -> tuple[Array, Array]:
+        """Return actions, (runs,), and d log p / d mu."""
         sd = self.sd(episode)
-        return np.clip(parameters[:, 0] + sd * noise[:, 0], *self.bounds), noise / sd
-
-    def mean(self, parameters: Array) -> Array:
-        """Return mu (runs,)."""
-        return parameters[:, 0]
-
-    def bounded(self, parameters: Array) -> Array:
-        """Clip mu to the bounds."""
-        return np.clip(parameters, *self.bounds)
+        return np.clip(mean + sd * noise, *self.bounds), noise / sd
 
 
 def exhaustive_search(evidence: Evidence | Iterable[Evidence], separations: npt.ArrayLike) -> Tally:
@@ -137,22 +124,20 @@ class Learned:
     prediction_error: Array  # (runs, episodes), reward minus its baseline: phasic dopamine
     learned: Array  # (runs,), mean_played over the last trials
 
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return one row per trial and run; ``dopamine`` is the prediction error."""
+        import pandas as pd
 
-def course(learned: Learned, *, mean: str, played: str, error: str) -> pd.DataFrame:
-    """Return one row per trial and run, with names for mean_played, played and prediction_error."""
-    import pandas as pd
-
-    runs, episodes = learned.played.shape
-    return pd.DataFrame(
-        {
+        runs, episodes = self.played.shape
+        columns = {
             "run": np.repeat(np.arange(runs), episodes),
             "episode": np.tile(np.arange(episodes), runs),
-            mean: learned.mean_played.ravel(),
-            played: learned.played.ravel(),
-            "reward": learned.reward.ravel(),
-            error: learned.prediction_error.ravel(),
+            "mean": self.mean_played.ravel(),
+            "played": self.played.ravel(),
+            "reward": self.reward.ravel(),
+            "dopamine": self.prediction_error.ravel(),
         }
-    )
+        return pd.DataFrame(columns)
 
 
 class LearningStopped(ValueError):
@@ -182,18 +167,17 @@ def learn(
     """
     policy, learner = policy or GaussianPolicy(), learner or Learner()
     runs, episodes = len(rngs), learner.episodes
-    noise = np.stack([rng.standard_normal((episodes, policy.noise)) for rng in rngs], axis=1)
-    parameters = policy.start(np.broadcast_to(np.asarray(start, float), runs))
+    noise = np.stack([rng.standard_normal(episodes) for rng in rngs], axis=1)
+    mu = np.broadcast_to(np.asarray(start, float), runs)
     played, mean, rewards, errors = (np.empty((runs, episodes)) for _ in range(4))
     baseline, share = np.zeros(runs), np.zeros(runs)
     for k in range(episodes):
-        mean[:, k] = policy.mean(parameters)
+        mean[:, k] = mu
         # The carry-over is not exploration and gets no credit.
-        carried = learner.carried * share[:, None]
-        played[:, k], _ = policy.sample(parameters, noise[k] + carried, k)
-        _, gradient = policy.sample(parameters, noise[k], k)
+        played[:, k], _ = policy.sample(mu, noise[k] + learner.carried * share, k)
+        _, gradient = policy.sample(mu, noise[k], k)
         r = environment(k, played[:, k])
-        if not (np.isfinite(r).all() and np.isfinite(parameters).all()):
+        if not (np.isfinite(r).all() and np.isfinite(mu).all()):
             what = "a reward" if not np.isfinite(r).all() else "a learned value"
             last = mean[:, max(k - 1, 0)]
             done = Learned(played[:, :k], mean[:, :k], rewards[:, :k], errors[:, :k], last)
@@ -204,7 +188,7 @@ def learn(
         share = error / np.maximum(np.abs(scale), 1.0)  # a trial costs at least one reading
         if k * learner.baseline_rate >= 1:
             rate = policy.pace * learner.rate / (1 + k / learner.half_episodes)
-            parameters = policy.bounded(parameters + rate * share[:, None] * gradient)
+            mu = np.clip(mu + rate * share * gradient, *policy.bounds)
         rewards[:, k], errors[:, k] = r, error
     return Learned(played, mean, rewards, errors, mean[:, -learner.last :].mean(axis=1))
 

@@ -38,12 +38,12 @@ def test_the_gap_of_the_test_is_that_of_its_own_function():
     task = SameDifferent(2)
     learned = learn(task, learner=SHORT, start=1, **FEW)
     given = GAP | {"start_separation": 1.0}
-    table, summary = learn_gap(task.source(), name=(2.0, 0), t_max=40, **given)
+    gap = learn_gap(task.source(), name=(2.0, 0), t_max=40, **given)
     assert learned.what == THRESHOLD
-    np.testing.assert_array_equal(learned.learned, summary["learned_separation"])
-    assert learned.best == summary["optimal_separation"]
-    assert learned.regret == pytest.approx(100 * np.mean(summary["regret"]))
-    np.testing.assert_array_equal(learned.table["mean"], table["mean_separation"])
+    np.testing.assert_array_equal(learned.learned, gap.learned.learned)
+    assert learned.best == gap.optimum.boundary_separation
+    assert learned.regret == pytest.approx(100 * np.mean(gap.regret))
+    np.testing.assert_array_equal(learned.table["mean"], gap.learned.mean_played.ravel())
 
 
 def test_the_best_gap_for_gaussian_evidence_is_that_of_the_exact_theory():
@@ -133,10 +133,10 @@ def test_the_test_learns_from_a_table_as_from_the_task_that_its_readings_are_of(
     assert both[0] == both[1]
     table[~last].to_parquet(path)
     readings.log_likelihood[1] = readings.log_likelihood[1][:-14]
-    _, by_hand = learn_gap(readings, name=(0.0, 0), t_max=20, **GAP)
+    by_hand = learn_gap(readings, name=(0.0, 0), t_max=20, **GAP)
     learned = learn(EvidenceTable(path), learner=SHORT, **FEW)
-    np.testing.assert_array_equal(learned.learned, by_hand["learned_separation"])
-    assert learned.best == by_hand["optimal_separation"]
+    np.testing.assert_array_equal(learned.learned, by_hand.learned.learned)
+    assert learned.best == by_hand.optimum.boundary_separation
     table[table["truth"] == "a"].to_parquet(path)
     with refused("evidence"):
         learn(EvidenceTable(path), learner=SHORT, **FEW)

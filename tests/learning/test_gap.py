@@ -60,7 +60,6 @@ def test_by_default_the_best_gap_is_inside_the_range_that_is_learned():
 
 def test_every_run_of_every_fold_has_its_own_course_from_the_start_to_what_is_learned(monkeypatch):
     """The running mean over the trials that count ends at the learned gap."""
-    monkeypatch.setattr(gap, "FRESH_TRIALS", 2000)
     monkeypatch.setattr(gap, "FOLDS", 2)
     learner = Learner(episodes=300, last=50)
     options = {"xi": 50.0, "t_max": 10, "seed": 3, "learner": learner, "keep": 4, "window": 50}
