@@ -47,23 +47,12 @@ class Guide:
     surrogate: Surrogate
     step: Array  # (2, parameters), sds of draws of the group's means and sds, 0 if shared
 
-    def people_moved(
-        self, group: Group, scaled: Array, vague: Array, rng: np.random.Generator
-    ) -> tuple[Array, Array]:
-        """Move people given the group; return them and the rise of the surrogate."""
-        _, now, rise = self._moved(group, scaled, vague, rng, MOVES_OF_PEOPLE, 1.0)
-        return now, rise
-
-    def all_moved(
-        self, group: Group, scaled: Array, vague: Array, rng: np.random.Generator
-    ) -> tuple[Group, Array, Array]:
-        """Move people and group; return the group, and people and rise as ``people_moved``."""
-        return self._moved(group, scaled, vague, rng, MOVES_OF_ALL, PEOPLE)
-
-    def _moved(
-        self, group: Group, scaled: Array, vague: Array, rng: np.random.Generator, moves: int,
-        share: float,
+    def moved(
+        self, group: Group, scaled: Array, vague: Array, rng: np.random.Generator, *,
+        people_alone: bool = False,
     ) -> tuple[Group, Array, Array]:  # fmt: skip
+        """Move people and group; return the group, people, and the rise of the surrogate."""
+        moves, share = (MOVES_OF_PEOPLE, 1.0) if people_alone else (MOVES_OF_ALL, PEOPLE)
         mean, sd, now = group.mean.copy(), np.sqrt(group.variance), scaled.copy()
         law = (group.law[0].copy(), *group.law[1:])
         settings = (self.step, np.cumsum(vague)[:-1], law, self.surrogate.arrays, rng)

@@ -166,12 +166,13 @@ class Sampler:
         return ChainState(group, scaled, log, rng) if taken else state
 
     def _guided(self, guide: Guide, state: ChainState) -> ChainState:
-        asked, rise = guide.people_moved(state.group, state.scaled, self.vague, state.rng)
+        now = state.group, state.scaled, self.vague, state.rng
+        _, asked, rise = guide.moved(*now, people_alone=True)
         log = self.logs(asked)
         return _taken(state, asked, log, log - state.log - rise)
 
     def _guided_together(self, guide: Guide, state: ChainState) -> ChainState:
-        group, asked, rise = guide.all_moved(state.group, state.scaled, self.vague, state.rng)
+        group, asked, rise = guide.moved(state.group, state.scaled, self.vague, state.rng)
         log = self.logs(asked)
         taken = np.log(state.rng.uniform()) < (log - state.log - rise).sum()
         return ChainState(group, asked, log, state.rng) if taken else state

@@ -39,7 +39,7 @@ def pairs(guide, correlation, count=6000):
     scaled = np.tile(MIDDLES[:, None], 2).astype(float)
     rng, kept = stream(SEED, "chain"), []
     for _ in range(count):
-        group, scaled, _ = guide.all_moved(group, scaled, VAGUE, rng)
+        group, scaled, _ = guide.moved(group, scaled, VAGUE, rng)
         related = [] if correlation is None else [group.correlation[0, 1]]
         kept.append([*group.mean, *np.log(group.variance), *scaled[0], *related])
     return np.array(kept[100:])
@@ -67,11 +67,8 @@ def test_the_rise_is_that_of_the_surrogate(guide):
     group = Group(np.full(2, 5.0), np.ones(2))
     before = scaled.copy()
     arrays = guide.surrogate.arrays
-    for moved in (
-        guide.people_moved(group, scaled, VAGUE, rng),
-        guide.all_moved(group, scaled, VAGUE, rng)[1:],
-    ):
-        now, rise = moved
+    for alone in (True, False):
+        _, now, rise = guide.moved(group, scaled, VAGUE, rng, people_alone=alone)
         assert rise == pytest.approx(values(now, arrays) - values(before, arrays))
     assert scaled.tobytes() == before.tobytes()
     assert group.mean.tolist() == [5.0, 5.0]
@@ -81,9 +78,9 @@ def test_people_given_the_group_do_not_depend_on_where_they_begin(guide, monkeyp
     monkeypatch.setattr(moves, "MOVES_OF_PEOPLE", 200)
     group, moved = Group(np.array([5.5, 5.0]), np.array([1.0, 0.3])), []
     for first in (2.0, 8.0):
-        rng = stream(SEED, "people", first)
-        start = np.full((PEOPLE, 2), first)
-        moved.append([guide.people_moved(group, start, VAGUE, rng)[0].ravel() for _ in range(400)])
+        given = group, np.full((PEOPLE, 2), first), VAGUE, stream(SEED, "people", first)
+        every = [guide.moved(*given, people_alone=True)[1] for _ in range(400)]
+        moved.append([people.ravel() for people in every])
     for one, other in zip(*(np.array(each).T for each in moved), strict=True):
         assert ks_2samp(one, other).pvalue > 1e-4
     # And have the product of both Gaussians.
@@ -97,6 +94,6 @@ def test_means_stay_within_their_range(guide):
     group = Group(np.array([5.2, 4.9]), np.ones(2), highest=np.array([5.3, np.inf]))
     rng, scaled, seen = stream(SEED, "range"), np.tile(MIDDLES[:, None], 2).astype(float), []
     for _ in range(100):
-        group, scaled, _ = guide.all_moved(group, scaled, VAGUE, rng)
+        group, scaled, _ = guide.moved(group, scaled, VAGUE, rng)
         seen.append(group.mean)
     assert max(mean[0] for mean in seen) <= 5.3 < max(mean[1] for mean in seen)

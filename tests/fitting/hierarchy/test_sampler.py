@@ -164,7 +164,7 @@ def test_moves_under_an_exact_surrogate_have_the_posterior(people):
     guide = guide_from(local_map(sampler.people), warm, stream(SEED, "exact"))
 
     def moved(state):
-        group, scaled, _ = guide.all_moved(state.group, state.scaled, sampler.vague, state.rng)
+        group, scaled, _ = guide.moved(state.group, state.scaled, sampler.vague, state.rng)
         return replace(state, group=group, scaled=scaled)
 
     assert missed_by(alone(sampler, moved, 4000)) < 4
