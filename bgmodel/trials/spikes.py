@@ -241,10 +241,5 @@ def without_silent(spikes: RecordedSpikes, least: int) -> RecordedSpikes:
     DataWarning.warn(f"{few.sum()} cells with fewer than {least} spikes are left out: {names}")
     if few.all():
         raise InputError.of("spikes", f"must be of a cell with {least} spikes or more", names)
-    cell = np.cumsum(~few) - 1
-    some = ~few[spikes.cell]
-    kept = tuple(np.array(spikes.names)[~few].tolist())
-    return replace(
-        spikes, names=kept, cell=cell[spikes.cell[some]], trial=spikes.trial[some],
-        time_s=spikes.time_s[some], recorded=spikes.recorded[:, ~few],
-    )  # fmt: skip
+    enough = replace(spikes, recorded=spikes.recorded & ~few)
+    return enough.where(np.arange(len(spikes.recorded)))
