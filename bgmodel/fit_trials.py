@@ -309,10 +309,9 @@ def _of_learners(asked: FitSettings, one: Question, who: str, model: Any) -> Lik
 
 def _stop_process(one: Question, name: Any, folder: Path | None) -> AnyModel:
     """Return a model of stop-signal trials, conditional on the go times."""
-    from bgmodel.fitting.stop_process import stop_model
-    from bgmodel.fitting.stop_race import StopRace
+    from bgmodel.fitting.stop_race import stop_model
 
-    return StopRace(stop_model(name, one.asked.noise_nats))
+    return stop_model(name, one.asked.noise_nats)
 
 
 def _of_stops(asked: FitSettings, one: Question, who: str, model: Any) -> Likelihood:

@@ -1,7 +1,4 @@
-"""Stop processes for fits: the test and a circuit, the data of a person, and the go process.
-
-Both have OUT_stop(t) = OUT_go(t) + c(t - SSD - delay). They differ in the threshold of OUT that a
-participant's go process implies, and in c: a step in the test, and filtered in a circuit.
+"""Stop trials for fits: the threshold of OUT and a stop signal, a person's data and go process.
 
 The difference of the evidence is X(t) = v t + W(t), as in ``passage``. The bounds are at +-a until
 a time u; paths that have not reached them continue to bounds at +-b, b > a. A stop signal of A nats
@@ -17,18 +14,14 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.special import log_ndtr, ndtr
 
-from bgmodel.fitting.algorithms import CONSTANT, GAPS, GapModel
+from bgmodel.fitting.algorithms import GapModel
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import optimum
-from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.stopping.inputs import StopSignal, step_response
 from bgmodel.stopping.people import AFTER, slowing
 from bgmodel.stopping.trials import StopTrials
 from bgmodel.trials.record import Trials
-from circuits.anatomy import checked_circuit
 from circuits.arrays import Array, Integers
-from circuits.circuit import Circuit
 from circuits.errors import InputError, require
 
 MODES = 40
@@ -81,62 +74,6 @@ def _one_bound(distance: Array, drift: float, time_s: Array) -> Array:
     root = np.sqrt(time_s)
     back = np.exp(2 * drift * distance + log_ndtr(-(distance + drift * time_s) / root))
     return np.asarray(ndtr((drift * time_s - distance) / root) + back)
-
-
-NOISE_NATS = 2.0
-"""Noise of the evidence in a circuit after one second, nats, as in ``FitSettings``."""
-LASTING_MS = 1000.0
-"""Time for which a circuit's response to a stop signal is computed."""
-
-
-@dataclass(frozen=True, eq=False)
-class StopModel:
-    """How OUT responds to a stop signal of 1 nat."""
-
-    name: str  # "constant_gap" for the test, or the name of a circuit
-    # Standard deviation of the log odds after one second; that of the test is twice the drift.
-    noise_nats: float | None = None
-    time_ms: Array | None = None  # (ticks,)
-    added: Array | None = None  # (ticks,), c as a proportion of the strength; by default a step
-    circuit: Circuit | None = None  # the circuit that responds so
-
-    def noise(self, sensitivity: float) -> float:
-        """Return the noise of the log odds of a participant, nats per root second."""
-        return 2 * sensitivity if self.noise_nats is None else self.noise_nats
-
-    def threshold(self, sensitivity: float, bound: float) -> float:
-        """Return the threshold of OUT of a participant, nats; NaN if the go process is unknown."""
-        return float(threshold_nats(np.asarray(bound), np.asarray(self.noise(sensitivity))))
-
-    def latency_ms(self, threshold: float, strength_nats: float) -> float:
-        """Return when c reaches the threshold, or half of a weaker signal, ms; 0 for a step."""
-        if self.time_ms is None or self.added is None or not strength_nats > 0:
-            return 0.0
-        known = float(np.nan_to_num(threshold))
-        share = known / strength_nats if known < strength_nats else 0.5
-        rising = np.maximum.accumulate(np.append(0.0, self.added))
-        return float(np.interp(share, rising, np.append(0.0, self.time_ms)))
-
-
-TEST = StopModel(CONSTANT.name)
-"""The sequential test: a step in units of its posterior."""
-
-
-def stop_model(model: str | Circuit | StopModel, noise_nats: float = NOISE_NATS) -> StopModel:
-    """Return the stop process of ``constant_gap``, the test, or of a circuit of two channels.
-
-    That of a circuit scales its response to 1 nat in STN with the strength.
-    """
-    if isinstance(model, StopModel):
-        return model
-    if isinstance(model, str) and model in GAPS:
-        must = f"must be of {CONSTANT.name}, or circuits, for stop signals"
-        if model != CONSTANT.name:
-            raise InputError.of("models", must, model)
-        return TEST
-    table = checked_circuit(model, 2)
-    time_ms, added = step_response(BasalGanglia(table), StopSignal(), time_ms=LASTING_MS)
-    return StopModel(table.name, noise_nats, time_ms, added, table)
 
 
 KEPT = 1024

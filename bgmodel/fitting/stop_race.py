@@ -9,7 +9,11 @@ where SSD is the stop-signal delay, F the distribution of the person's go times,
 trials with a response, f the probability of a trigger failure, and SSRT the time from the signal to
 its effect, normally distributed. Only F of the data is needed, with no model of the go process.
 Below the threshold a stop signal of A nats raises the criterion: those that have not responded may
-do so later, with a probability that follows from the go process as a diffusion (``raised``).
+do so later, with a probability that follows from the go process as a diffusion (``later``).
+
+The test and a circuit have OUT_stop(t) = OUT_go(t) + c(t - SSD - delay). They differ in the
+threshold of OUT that a person's go process implies, and in c: a step in the test, and filtered in a
+circuit.
 """
 
 from __future__ import annotations
@@ -22,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.special import ndtr
 
+from bgmodel.fitting.algorithms import CONSTANT, GAPS
 from bgmodel.fitting.design import design_of
 from bgmodel.fitting.formulas import Formula
 from bgmodel.fitting.likelihood import (
@@ -36,21 +41,22 @@ from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.responses import EVERY_TIME
 from bgmodel.fitting.stop_process import (
     KEPT,
-    TEST,
-    StopModel,
     crossed_later,
     go_process,
     laid,
     raised_bound,
-    stop_model,
+    threshold_nats,
 )
-from bgmodel.stopping.inputs import MOST_NATS
+from bgmodel.integrators.basal_ganglia import BasalGanglia
+from bgmodel.stopping.inputs import MOST_NATS, StopSignal, step_response
 from bgmodel.stopping.trials import StopTrials, of_trend
 from bgmodel.support.seeds import stream
 from bgmodel.trials.record import Trials
+from circuits.anatomy import checked_circuit
 from circuits.arrays import Array, Integers
 from circuits.circuit import Circuit
 from circuits.declaration.table_writer import identity
+from circuits.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,6 +65,10 @@ if TYPE_CHECKING:
 SIGNAL = "signal"
 """Condition of a fit that tells go from stop trials."""
 STRENGTH = "strength_nats"
+NOISE_NATS = 2.0
+"""Noise of the evidence in a circuit after one second, nats, as in ``FitSettings``."""
+LASTING_MS = 1000.0
+"""Time for which a circuit's response to a stop signal is computed."""
 TINY = 1e-9
 """Lower limit of probabilities before their logarithm is taken."""
 STEP_MS, EARLIEST_MS, BEYOND_MS = 5.0, -300.0, 600.0
@@ -84,7 +94,12 @@ because few stop trials leave them open: 95 % of people within 13 to 197 ms and 
 class StopRace:
     """A race between one person's go times, which are given, and a stop process; see the module."""
 
-    process: StopModel = TEST
+    name: str = CONSTANT.name  # of the test, or of a circuit
+    # Standard deviation of the log odds after one second; that of the test is twice the drift.
+    noise_nats: float | None = None
+    time_ms: Array | None = None  # (ticks,)
+    added: Array | None = None  # (ticks,), c as a proportion of the strength; by default a step
+    circuit: Circuit | None = None  # the circuit that responds so
     # The person's go process (``go_process``), for signals that do not block and the latency of a
     # circuit. Unknown by default: every signal blocks, without latency.
     go: Mapping[str, float] = field(default_factory=dict)
@@ -92,29 +107,36 @@ class StopRace:
     parameters = PARAMETERS
     stacks = True
 
-    @property
-    def name(self) -> str:
-        """Name of the stop process."""
-        return self.process.name
-
     def identity(self) -> dict[str, Any]:
         """Return all that its predictions depend on; the go process follows from the trials."""
-        about = {"model": self.name, "noise_nats": self.process.noise_nats}
-        circuit = self.process.circuit
-        return about if circuit is None else about | {"circuit": identity(circuit)}
+        about = {"model": self.name, "noise_nats": self.noise_nats}
+        return about if self.circuit is None else about | {"circuit": identity(self.circuit)}
+
+    @property
+    def noise(self) -> float:
+        """Noise of the person's log odds, nats per root second; NaN if unknown."""
+        of_test = 2 * self.go.get("sensitivity", np.nan)
+        return of_test if self.noise_nats is None else self.noise_nats
 
     @cached_property
     def threshold(self) -> float:
         """The person's threshold of OUT, nats; NaN if unknown."""
-        return self.process.threshold(*(self.go.get(n, np.nan) for n in ("sensitivity", "bound")))
+        bound = np.asarray(self.go.get("bound", np.nan))
+        return float(threshold_nats(bound, np.asarray(self.noise)))
 
     def latency_ms(self, strength_nats: Array) -> Array:
-        """Return the time from a stop signal to its effect, ms, in the shape of strengths."""
-        latencies_ms = np.zeros(strength_nats.shape)
-        for strength in set(strength_nats.ravel().tolist()):
-            latency = self.process.latency_ms(self.threshold, strength)
-            latencies_ms[strength_nats == strength] = latency
-        return latencies_ms
+        """Return the time from a stop signal to its effect, ms, in the shape of strengths.
+
+        That is when c reaches the threshold, or half of a weaker signal; 0 for a step.
+        """
+        if self.time_ms is None or self.added is None:
+            return np.zeros(strength_nats.shape)
+        known = float(np.nan_to_num(self.threshold))
+        share = np.full(strength_nats.shape, 0.5)
+        np.divide(known, strength_nats, out=share, where=known < strength_nats)
+        rising = np.maximum.accumulate(np.append(0.0, self.added))
+        latencies_ms = np.interp(share, rising, np.append(0.0, self.time_ms))
+        return np.where(strength_nats > 0, latencies_ms, 0.0)
 
     def p_respond(self, trials: Trials, values: Mapping[str, Array]) -> Array:
         """Return the probability of a response in each stop trial, (..., stop trials)."""
@@ -172,7 +194,7 @@ class StopRace:
     def later(self, strength_nats: float, since_ms: Array, left_ms: Array) -> Array:
         """Return the probability of a response after the effect of a weak signal, (times,)."""
         go = self.go
-        noise = np.array([self.process.noise(go["sensitivity"])])
+        noise = np.array([self.noise])
         raised = float(raised_bound(np.array([go["bound"]]), noise, strength_nats)[0])
         since_s, left_s = since_ms / 1000 - go["t0_s"], left_ms / 1000
         return crossed_later(go["sensitivity"], go["bound"], raised, since_s, left_s)
@@ -222,8 +244,25 @@ class StopLikelihood(TrialLikelihood):
         return draw(StopTrials.of(self.trials), models, title)
 
 
+def stop_model(model: str | Circuit | StopRace, noise_nats: float = NOISE_NATS) -> StopRace:
+    """Return the race with ``constant_gap``, the test, or with a circuit of two channels.
+
+    That of a circuit scales its response to 1 nat in STN with the strength.
+    """
+    if isinstance(model, StopRace):
+        return model
+    if isinstance(model, str) and model in GAPS:
+        must = f"must be of {CONSTANT.name}, or circuits, for stop signals"
+        if model != CONSTANT.name:
+            raise InputError.of("models", must, model)
+        return StopRace()
+    table = checked_circuit(model, 2)
+    time_ms, added = step_response(BasalGanglia(table), StopSignal(), time_ms=LASTING_MS)
+    return StopRace(table.name, noise_nats, time_ms, added, table)
+
+
 def likelihood(
-    model: StopRace | StopModel | Circuit | str,
+    model: StopRace | Circuit | str,
     trials: Trials,
     *,
     free: list[str] | None = None,
@@ -235,10 +274,10 @@ def likelihood(
 
     The go process is fitted for a circuit, and for strengths other than the largest.
     """
-    race = model if isinstance(model, StopRace) else StopRace(stop_model(model))
+    race = stop_model(model)
     weak = STRENGTH in {*(free or ()), *(vary or ()), *(each.parameter for each in formulas)}
     weak = weak or (fixed or {}).get(STRENGTH, MOST_NATS) < MOST_NATS
-    if not race.go and (weak or race.process.time_ms is not None):
+    if not race.go and (weak or race.time_ms is not None):
         race = replace(race, go=go_process(trials))
     data = laid(trials, race.slowing_ms)
     signal = np.where(np.isin(np.arange(trials.trials), data.stop), "stop", "go")

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
@@ -21,8 +22,8 @@ from bgmodel import stream
 from bgmodel.fitting.hierarchy.chains import MOST
 from bgmodel.fitting.hierarchy.group_fit import GroupFit, fit_group
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.stop_process import FEWEST_GO, TEST, go_process, laid, stop_model
-from bgmodel.fitting.stop_race import STRENGTH, StopLikelihood, StopRace, likelihood
+from bgmodel.fitting.stop_process import FEWEST_GO, go_process, laid
+from bgmodel.fitting.stop_race import STRENGTH, StopLikelihood, StopRace, likelihood, stop_model
 from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.people import AFTER, estimates_of, read_people, slowing_of, violations_of
@@ -149,7 +150,7 @@ def likelihoods(
     chosen = {
         who: one for who, one in chosen.items() if (one.responded & ~one.stop).sum() >= FEWEST_GO
     }
-    process = stop_model(DEFAULT) if name == "circuit" else TEST
+    race = stop_model(DEFAULT) if name == "circuit" else StopRace()
     table = slowing_of(chosen).set_index("measure")["value"]
     slowing = tuple(float(table[f"after_{each.replace(' ', '_')}_ms"]) for each in AFTER)
     if name == "test, same after stops":
@@ -157,7 +158,7 @@ def likelihoods(
     go = go_of(people) if name == "circuit" or strength < MOST_NATS else {}
     return {
         who: likelihood(
-            StopRace(process, go.get(who, {}), slowing), one.to_trials(who),
+            replace(race, go=go.get(who, {}), slowing_ms=slowing), one.to_trials(who),
             fixed={STRENGTH: strength},
         )
         for who, one in chosen.items()

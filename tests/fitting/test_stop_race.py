@@ -13,16 +13,13 @@ from bgmodel.fitting.passage import accuracy
 from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.stop_process import (
     GO,
-    TEST,
-    StopModel,
     crossed_later,
     go_process,
     laid,
     raised_bound,
-    stop_model,
     threshold_nats,
 )
-from bgmodel.fitting.stop_race import StopRace, likelihood
+from bgmodel.fitting.stop_race import StopRace, likelihood, stop_model
 from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.trials import StopTrials, drawn_delays
 from tests.helpers import refused
@@ -119,17 +116,17 @@ def weak():
     go = 350 + rng.gamma(2.0, 60.0, 400)
     ssd = np.append(np.full(400, np.nan), [150.0, 250.0, 350.0, 450.0])
     trials = StopTrials(np.append(go, np.full(4, np.nan)), ssd).to_trials()
-    model = StopModel("circuit", 2.0, np.arange(1.0, 201.0), np.linspace(0.005, 1, 200))
+    race = StopRace("circuit", 2.0, np.arange(1.0, 201.0), np.linspace(0.005, 1, 200))
     bounds = [-np.log(np.expm1(theta)) / 2.0 for theta in (0.3, 0.2)]
     process = {"sensitivity": 3.0, "t0_s": 0.3, "t0_sd_s": 0.03}
-    return trials, [StopRace(model, process | {"bound": bound}) for bound in bounds]
+    return trials, [replace(race, go=process | {"bound": bound}) for bound in bounds]
 
 
 def test_a_weak_stop_blocks_those_below_its_strength_and_delays_the_others():
     trials, races = weak()
     assert [race.threshold for race in races] == pytest.approx([0.3, 0.2])
     # A step has no latency.
-    first, second = (replace(race, process=replace(race.process, time_ms=None)) for race in races)
+    first, second = (replace(race, time_ms=None) for race in races)
 
     def p(race, strength):
         theta = {"ssrt_ms": 1.0, "ssrt_sd_ms": 5.0, "failures": 0.0, "strength_nats": strength}
@@ -152,14 +149,14 @@ def test_the_latency_of_a_stop_is_that_at_the_threshold():
     latencies_ms = [race.latency_ms(np.array([0.6, 0.25])) for race in races]
     assert latencies_ms[0] == pytest.approx([100.0, 100.0], abs=1.5)
     assert latencies_ms[1] == pytest.approx([0.2 / 0.6 * 200, 160.0], abs=1.5)
-    assert not replace(races[0], process=TEST).latency_ms(np.array([1.0])).any()
+    assert not replace(races[0], time_ms=None).latency_ms(np.array([1.0])).any()
 
 
 def test_the_circuits_stop_is_its_step_response():
     model = stop_model("macaque")
     assert model.name == "macaque"
     assert model.added[-1] == pytest.approx(1.0, abs=0.01)
-    assert stop_model("constant_gap") is TEST
+    assert stop_model("constant_gap").added is None
     with refused("models"):
         stop_model("falling_gap")
 
