@@ -50,21 +50,16 @@ class Better:
     simulation_error: float  # the part due to simulated trials and draws
 
 
-def predicted(
-    likelihood: Likelihood,
-    *,
-    start: Array | None = None,
-    folds: int = FOLDS,
-) -> Predicted:
+def predicted(likelihood: Likelihood, *, start: Array | None = None) -> Predicted:
     """Return the log likelihood of each trial under the fit to the other folds.
 
     The trials of each cell are divided evenly; all models have the same folds.
     """
-    part = _divided(likelihood.groups, folds, FOLDS_SEED)
+    part = _divided(likelihood.groups, FOLDS, FOLDS_SEED)
     each = np.empty(len(part))
     without = np.empty((len(likelihood.without_parts()), len(part)))
     starts = None if start is None else [start]
-    for fold in range(folds):
+    for fold in range(FOLDS):
         left = likelihood.part(np.flatnonzero(part != fold))
         rest = likelihood.part(np.flatnonzero(part == fold))
         vector = optimum(left, starts=starts).vector

@@ -130,16 +130,14 @@ def usable_range(model: BasalGanglia, threshold_nats: float) -> tuple[float, flo
     return low, high
 
 
-def levels_between(low: float, high: float, count: int) -> Array:
-    """Return levels, evenly spaced in their logarithm: OUT changes less at higher levels."""
-    return np.geomspace(low, high, count)
-
-
 def playable_levels(
     model: BasalGanglia, count: int, threshold_nats: float = THRESHOLD_NATS
 ) -> Array:
-    """Return levels (count,) for learning, over the ``usable_range`` of a circuit."""
-    return levels_between(*usable_range(model, threshold_nats), count)
+    """Return levels (count,) for learning, over the ``usable_range`` of a circuit.
+
+    They are evenly spaced in their logarithm: OUT changes less at higher levels.
+    """
+    return np.geomspace(*usable_range(model, threshold_nats), count)
 
 
 @lru_cache(maxsize=1024)
@@ -207,7 +205,7 @@ def decide_at_levels(
 
 STEPS = {2: 120, 4: 160}
 """Numbers of alternatives, and largest number of readings in a trial."""
-LEVELS = 14
+LEVELS, RESAMPLES = 14, 500
 LOWEST_SHARE = 0.85
 """Lowest level, as a share of the lowest at which the fixed point decides: below the latter, noise
 can still take OUT to the threshold."""
@@ -227,9 +225,7 @@ def level_table(
     circuit: Circuit,
     gain: float,
     latency_ms: float,
-    threshold_nats: float = THRESHOLD_NATS,
     rng: np.random.Generator,
-    resamples: int = 500,
 ) -> pd.DataFrame:
     """Return measures of decisions at each level of dopamine, with the fixed point and tests.
 
@@ -238,7 +234,7 @@ def level_table(
     accuracy_gap (expected accuracy minus the test's at the same mean time less ``latency_ms``) and
     extra_ms (mean time minus the test's at the same expected accuracy, latency included).
     """
-    weights = resampled(swept.trials, resamples, rng)
+    weights = resampled(swept.trials, RESAMPLES, rng)
     weights = weights / weights.sum(axis=1, keepdims=True)
     values = {
         ("mean_posterior", ""): weights @ swept.posterior.T,
@@ -251,13 +247,12 @@ def level_table(
         known, time = curve(test, weights)
         values["accuracy_gap", name] = reached - _between(took - latency_ms, time, known)
         values["extra_ms", name] = took - _between(reached, known, time)
-    low, high = working_range(circuit, threshold_nats)
+    low, high = working_range(circuit, THRESHOLD_NATS)
     rows = []
     for k, level in enumerate(swept.settings):
         inside = low < level < high
-        exact = (
-            stopping_posterior(circuit, float(level), threshold_nats, gain) if inside else np.nan
-        )
+        at = circuit, float(level), THRESHOLD_NATS, gain
+        exact = stopping_posterior(*at) if inside else np.nan
         rows.append((level, "fixed_point", exact, np.nan, np.nan, ""))
         rows += [(level, m, *interval(draws[:, k]), name) for (m, name), draws in values.items()]
     return pd.DataFrame(rows, columns=["level", "measure", "value", "low", "high", "reference"])
@@ -285,7 +280,7 @@ def levels_against_msprt(
         table = load_circuit(DEFAULT, channels)
         gain = gain_of(table)
         low, high = working_range(table, THRESHOLD_NATS)
-        levels = levels_between(LOWEST_SHARE * low, 0.98 * high, LEVELS)
+        levels = np.geomspace(LOWEST_SHARE * low, 0.98 * high, LEVELS)
         rng = stream(seed, "figD2", channels)
         evidence = separated_evidence(
             trials, STEPS[channels], 0.5 / np.sqrt(2), rng=rng, hypotheses=channels, step_ms=50.0

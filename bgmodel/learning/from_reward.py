@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -16,7 +16,7 @@ from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import threshold_from_posterior
 from bgmodel.learning.critics import critic_of
-from bgmodel.learning.deciders import Feedback, FixedPoint, InCircuit, WeightLearner
+from bgmodel.learning.deciders import FixedPoint, InCircuit, WeightLearner
 from bgmodel.learning.dopamine import playable_levels
 from bgmodel.learning.dopamine_learner import (
     CRITERION,
@@ -25,6 +25,7 @@ from bgmodel.learning.dopamine_learner import (
     CircuitLearned,
     learn_in_circuit,
 )
+from bgmodel.learning.feature_sources import UNITS as SENSORY
 from bgmodel.learning.feature_sources import GaussianFeatures, tap_features
 from bgmodel.learning.gap import LearnedGap, check_start, learn_gap, regret_of
 from bgmodel.learning.learned_weights import LearnedWeights
@@ -253,7 +254,7 @@ def planned(
         require(start is None, "start", "must be left out: weights start at 0", start)
         at = WEIGHTS_POSTERIOR if posterior is None else posterior
         learner = learner or WeightLearner()
-        _check_weights(task, at, learner, runs, **more)
+        _check_weights(task, at, learner, runs, more)
         drawn: Any = task
         return partial(_weights, drawn, model, at, source, learner, runs=runs, seed=seed, **more)
     require(
@@ -286,23 +287,16 @@ def planned(
 
 
 def _check_weights(
-    task: Task,
-    posterior: float,
-    learner: Any,
-    runs: int,
-    *,
-    rule: Any = "confidence",
-    critic: Any = None,
-    feedback: Feedback | None = None,
-    units: int = 16,
+    task: Task, posterior: float, learner: Any, runs: int, more: Mapping[str, Any]
 ) -> None:
     """Raise ValueError for weights that cannot be learned."""
     if not isinstance(task, Gaussian | Tactile):
         raise InputError.of("task", "must be drawn, for sensory units to see", task.text)
     must = "must be a WeightLearner"
     require(isinstance(learner, WeightLearner), "learner", must, learner)
-    critic_of(rule_of(rule).critic if critic is None else critic)
-    whole("units", units, 2)
+    rule, critic = rule_of(more.get("rule", "confidence")), more.get("critic")
+    critic_of(rule.critic if critic is None else critic)
+    units = whole("units", more.get("units", SENSORY), 2)
     chance = 1 / task.channels
     must = f"must be above {chance:.3g}, chance, and below 1"
     require(chance < posterior < 1, "posterior", must, posterior)
@@ -429,15 +423,12 @@ def _weights(
     *,
     runs: int,
     seed: int,
-    rule: Any = "confidence",
-    critic: Any = None,
-    feedback: Feedback | None = None,
-    units: int = 16,
+    units: int = SENSORY,
+    **more: Any,
 ) -> FromReward:
     """Learn what readings mean; compare with the exact likelihoods."""
     learns, scores = _features(task, source, units)
-    same: dict[str, Any] = {"seed": seed, "rule": rule, "critic": critic, "feedback": feedback,
-                            "learner": learner, "runs": runs}  # fmt: skip
+    same: dict[str, Any] = {"seed": seed, "learner": learner, "runs": runs, **more}
     if model is None:
         learned = learn_weights(learns, decider=FixedPoint(criterion=at), **same)
     else:

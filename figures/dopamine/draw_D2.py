@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -15,7 +16,6 @@ from bgmodel.integrators.criterion import gain_of
 from bgmodel.learning.dopamine import (
     THRESHOLD_NATS,
     levels_against_msprt,
-    levels_between,
     stopping_posterior,
     working_range,
 )
@@ -81,7 +81,7 @@ def _style(mark: str, colour: str) -> dict[str, Any]:
 def _map(ax: Axes, rows: pd.DataFrame, channels: int, colour: str) -> None:
     table = load_circuit(DEFAULT, channels)
     low, high = working_range(table, THRESHOLD_NATS)
-    levels = levels_between(low * 1.001, high * 0.999, 24)
+    levels = np.geomspace(low * 1.001, high * 0.999, 24)
     exact = [stopping_posterior(table, level, THRESHOLD_NATS, gain_of(table)) for level in levels]
     label = f"N = {channels}: fixed point (a), MSPRT (b)"
     ax.plot(levels, exact, lw=0.8, color=colour, label=label)

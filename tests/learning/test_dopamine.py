@@ -17,7 +17,6 @@ from bgmodel.learning.dopamine import (
     decide_at_levels,
     decided_out,
     level_table,
-    levels_between,
     stopping_posterior,
     usable_range,
     working_range,
@@ -57,7 +56,7 @@ def test_the_fixed_point_spans_posteriors_from_75_to_99(name, channels, threshol
     table = load_circuit(name, channels)
     gain = GAIN if name == "spiking_msprt" else gain_of(table)
     low, high = working_range(table, threshold)
-    levels = levels_between(1.01 * low, 0.99 * high, 5)
+    levels = np.geomspace(1.01 * low, 0.99 * high, 5)
     posteriors = [stopping_posterior(table, level, threshold, gain) for level in levels]
     assert np.all(np.diff(posteriors) < 0)
     assert posteriors[-1] < 0.75

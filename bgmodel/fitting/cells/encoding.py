@@ -28,29 +28,14 @@ STILL_HZ = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Encoding:
-    """How a cell encodes the sum of clicks.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-    linear : bool
-        Whether the rate is linear in the function of the sum (and 0 or more), or exponential.
-    bent : float, optional
-        Input at which a hyperbolic tangent saturates; by default a line.
-    scaled : bool
-        Whether the input is in nats, with nats per click to be fitted, or in clicks.
-    curve : (input (points,), nats; activity (points,)), optional
-        The activity of a nucleus of a circuit in place of the line, which continues beyond the
-        ends with the slope there.
-    circuit : Circuit, optional
-        The circuit of that nucleus.
-    """
+    """How a cell encodes the sum of clicks."""
 
     name: str
-    linear: bool
-    bent: float | None = None
-    scaled: bool = False
+    linear: bool  # whether the rate is linear in the function of the sum, or exponential
+    bent: float | None = None  # input at which a hyperbolic tangent saturates; by default a line
+    scaled: bool = False  # whether the input is in nats, of which a click has a fitted number
+    # Input (points,), nats, and activity (points,) of a nucleus of a circuit in place of the line,
+    # which continues beyond the ends with the slope there; and that circuit.
     curve: tuple[Array, Array] | None = None
     circuit: Circuit | None = None
 

@@ -308,18 +308,10 @@ def numbers_of(cell: str) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class RecordedCells:
-    """Cells recorded with choices, which all encode one noisy sum of clicks in the same way.
-
-    Parameters
-    ----------
-    encoding : Encoding
-        How they encode it.
-    trials : Trials
-        One person's trials, with spikes.
-    """
+    """Cells recorded with choices, which all encode one noisy sum of clicks in the same way."""
 
     encoding: Encoding
-    trials: Trials
+    trials: Trials  # of one person, with spikes
 
     @property
     def name(self) -> str:

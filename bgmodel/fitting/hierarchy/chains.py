@@ -91,7 +91,11 @@ def sampled(
     now = _kept(kept, sampler, group) or work.warmed(group)
     while True:
         if now.draws:
-            diagnostics = work.reported(now)
+            diagnostics = agreement(now.draws)
+            tell(
+                f"{len(now.draws[0])} draws in each of {CHAINS} chains, effective sample size "
+                f"{diagnostics.effective.min():.0f}, R-hat {diagnostics.rhat.max():.3f}"
+            )
             if diagnostics.reached or len(now.draws[0]) >= most:
                 return now.draws
             if now.stuck(diagnostics):
@@ -154,15 +158,6 @@ class _Chains:
         guide = guided(self.over_people, every, stream(self.seed, "surrogate", kept.made))
         return _Kept(guide, kept.states, [], kept.made + 1)
 
-    def reported(self, kept: _Kept) -> Agreement:
-        """Return the diagnostics, and report them."""
-        diagnostics = agreement(kept.draws)
-        self.tell(
-            f"{len(kept.draws[0])} draws in each of {CHAINS} chains, effective sample size "
-            f"{diagnostics.effective.min():.0f}, R-hat {diagnostics.rhat.max():.3f}"
-        )
-        return diagnostics
-
 
 def _run(
     people: list[Person], expansion: Expansion, guide: Guide | None, state: ChainState, sweeps: int
@@ -190,8 +185,11 @@ def _kept(entry: Entry[Arrays] | None, sampler: Sampler, group: Group) -> _Kept 
     made = int(arrays["made"])
     draws = [Draws(*each) for each in zip(*parts, strict=True)]
     states = [_restored(*each, group) for each in zip(draws, numbers, strict=True)]
-    if not all(_is_of(each, sampler) for each in states):
-        return None
+    for state in states:
+        if state.scaled.shape != sampler.expansion.point.shape:
+            return None
+        if not np.allclose(sampler.logs(state.scaled), state.log, rtol=0, atol=SAME_NATS):
+            return None
     return _Kept(guide, states, draws, made)
 
 
@@ -203,10 +201,3 @@ def _restored(draws: Draws, numbers: dict[str, Any], group: Group) -> ChainState
         correlation=draws.correlation[-1] if draws.correlation.size else None,
     )  # fmt: skip
     return ChainState(last, draws.scaled[-1], draws.log_likelihood[-1], rng)
-
-
-def _is_of(state: ChainState, sampler: Sampler) -> bool:
-    """Whether a kept state is of as many people and parameters, with the same likelihood."""
-    if state.scaled.shape != sampler.expansion.point.shape:
-        return False
-    return bool(np.allclose(sampler.logs(state.scaled), state.log, rtol=0, atol=SAME_NATS))

@@ -299,15 +299,10 @@ def readings_from(evidence: Evidence, names: tuple[str, ...] | None = None) -> R
 
 
 def observed(
-    model: KnownModel,
-    readings: Readings,
-    values: Mapping[str, float],
-    seed: int,
-    *,
-    forced: bool = True,
+    model: KnownModel, readings: Readings, values: Mapping[str, float], seed: int
 ) -> KnownTrials:
     """Return choices and response times of a model; by default there are no lapses."""
-    blank, rng = waiting(readings, forced), stream(seed, "known evidence", model.name)
+    blank, rng = waiting(readings), stream(seed, "known evidence", model.name)
     likelihood = known_likelihood(model, blank)
     every = {each.name: each.start for each in likelihood.freedom.parameters}
     return likelihood.observed(every | {LEAK.name: 0.0, "lapse": 0.0, **values}, rng)
