@@ -323,8 +323,7 @@ class FitSettings:
             return model
         number = alternatives or self.columns.alternatives or 2
         if number > 2:
-            named = (*self.named, *self.fixed, *self.varied, *self.formulas)
-            check_many(model, self.mechanism, named, number)
+            check_many(model, self.mechanism, number)
         if isinstance(model, str) and model in GAPS:
             return GapModel(GAPS[model])
         if isinstance(model, str) and model in MODELS:

@@ -38,11 +38,6 @@ class Bandit:
                     "hazard", "must be 0 if the arms reverse every few trials", self.hazard
                 )
 
-    @property
-    def mean_hazard(self) -> float:
-        """Reversals per trial."""
-        return self.hazard if self.reverse_every is None else 1 / self.reverse_every
-
     def draw(self, trials: int, runs: int, seed: int) -> BanditDraws:
         """Return the random numbers of some runs, the same for every learner."""
         trials, runs = whole("trials", trials, 1), whole("runs", runs, 1)
@@ -114,7 +109,7 @@ class IdealLearner(ValueLearner):
 
 def ideal_of(bandit: Bandit) -> IdealLearner:
     """Return the ideal learner of a bandit; reversals at fixed times enter by their mean hazard."""
-    hazard = bandit.mean_hazard
+    hazard = bandit.hazard if bandit.reverse_every is None else 1 / bandit.reverse_every
     return IdealLearner(better=bandit.better, worse=bandit.worse, hazard=hazard)
 
 

@@ -9,16 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from bgmodel.trials.columns import (
-    FEWEST,
-    NO_RESPONSE,
-    OURS,
-    check_alike,
-    check_columns,
-    check_people,
-    participants,
-    times,
-)
+from bgmodel.trials.columns import FEWEST, NO_RESPONSE, OURS
 from circuits.arrays import Array, Truths
 from circuits.errors import DataWarning, InputError
 
@@ -80,21 +71,6 @@ def check_no_stops(table: pd.DataFrame) -> None:
                 "out",
                 name,
             )
-
-
-def people_and_times(
-    table: pd.DataFrame, wanted: Sequence[str], used: Sequence[str], unit: str = "s"
-) -> tuple[npt.NDArray[np.str_], Array]:
-    """Return the checked participant and response time, s, of each row of a table."""
-    check_columns(table, wanted)
-    check_people(table, used)
-    who = participants(table)
-    check_alike("participant_id", who)
-    warn_of_copies(table, used)
-    rt_s = times(table["rt"], unit)
-    check_one_unit(rt_s)
-    warn_of_mixed_units(rt_s, who)
-    return who, rt_s
 
 
 def check_times(rt_s: Array) -> None:

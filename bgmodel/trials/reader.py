@@ -18,9 +18,9 @@ from bgmodel.trials.cautions import (
     LEAST_RIGHT,
     check_deadline,
     check_no_stops,
+    check_one_unit,
     check_signs,
     check_times,
-    people_and_times,
     warn_of_abrupt,
     warn_of_copies,
     warn_of_far,
@@ -35,8 +35,11 @@ from bgmodel.trials.columns import (
     FEWEST,
     NO_RESPONSE,
     UNITS,
+    check_alike,
     check_answers,
     check_both,
+    check_columns,
+    check_people,
     code,
     delays,
     levels,
@@ -374,7 +377,14 @@ def _others(
 ) -> tuple[pd.DataFrame, npt.NDArray[np.str_], Array, pd.DataFrame]:  # fmt: skip
     """Return the rows, participants, times and conditions of trials with further columns."""
     used = [name for name in (*needed, *wanted) if name != "response"]
-    who, rt_s = people_and_times(table, ["rt", *needed, *wanted], used, columns.rt_unit)
+    check_columns(table, ["rt", *needed, *wanted])
+    check_people(table, used)
+    who = participants(table)
+    check_alike("participant_id", who)
+    warn_of_copies(table, used)
+    rt_s = times(table["rt"], columns.rt_unit)
+    check_one_unit(rt_s)
+    warn_of_mixed_units(rt_s, who)
     held = pd.DataFrame({each: levels(table[each]) for each in wanted}, index=range(len(table)))
     if participant is None:
         return table, who, rt_s, held

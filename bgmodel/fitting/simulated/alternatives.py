@@ -15,7 +15,7 @@ counted on a grid of t and z_c, separately for correct and for wrong choices.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.fitting.algorithms import BIAS, DRIFT_SD, GAPS, SENSITIVITY, SPREAD, START
+from bgmodel.fitting.algorithms import GAPS, SENSITIVITY
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.responses import BIN_S, Grid
 from bgmodel.fitting.simulated.circuit_model import LEVELS, LOWEST_LOG_ODDS, THRESHOLD, CircuitModel
@@ -228,19 +228,10 @@ MODELS: dict[str, Callable[[int, int, int, float], Model]] = {
     "lca": LcaModel,
 }
 """Models by name, from a number of alternatives, simulated trials, their seed and length, s."""
-OF_TWO = {
-    START.name: "a bias to one of two responses",
-    BIAS.name: "a bias to one of two responses",
-    SPREAD.name: "the spread of a bias between two responses",
-    DRIFT_SD.name: "a parameter of the test between two alternatives",
-}
-"""Parameters that models of more than two alternatives do not have."""
 
 
-def check_many(
-    model: str | Path | Circuit, mechanism: str, named: Iterable[str], alternatives: int
-) -> None:
-    """Raise ValueError for models, mechanisms and named parameters of two alternatives only."""
+def check_many(model: str | Path | Circuit, mechanism: str, alternatives: int) -> None:
+    """Raise ValueError for models and mechanisms of two alternatives only."""
     if isinstance(model, str) and model in GAPS:
         allowed = ", ".join(MODELS)
         must = f"must be of {allowed} or a circuit with {alternatives} alternatives"
@@ -248,9 +239,3 @@ def check_many(
     if mechanism != "threshold":
         must = f"must be threshold with {alternatives} alternatives"
         raise InputError.of("mechanism", must, mechanism)
-    for name in sorted(set(named) & set(OF_TWO)):
-        raise InputError(
-            f"{name} is {OF_TWO[name]} and has no meaning with {alternatives} alternatives: "
-            "leave it out",
-            name,
-        )
