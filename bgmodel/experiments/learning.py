@@ -115,16 +115,16 @@ class Learning:
     def learned(self, task: Task, model: BasalGanglia, seed: int) -> LearnedWeights:
         """Return the weights of each run."""
         from bgmodel.learning.deciders import FixedPoint, InCircuit
-        from bgmodel.learning.weights import learn_weights, learn_weights_in_circuit
+        from bgmodel.learning.weights import learn_weights
 
         same: dict[str, Any] = {
             "seed": seed, "rule": self.rule, "critic": self.critic, "runs": self.runs,
             "learner": self._learner(), "feedback": self._feedback(), "name": "experiment",
         }  # fmt: skip
         source = self._sources(task)[0]
-        if self.in_circuit:
-            return learn_weights_in_circuit(source, InCircuit(model, self.posterior), **same)
-        return learn_weights(source, decider=FixedPoint(criterion=self.posterior), **same)
+        at = self.posterior
+        decider = InCircuit(model, at) if self.in_circuit else FixedPoint(criterion=at)
+        return learn_weights(source, decider=decider, **same)
 
     def _sources(self, task: Task) -> tuple[FeatureSource, FeatureSource]:
         """Return the readings that teach, and those that count."""

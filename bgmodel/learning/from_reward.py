@@ -31,7 +31,7 @@ from bgmodel.learning.gap import LearnedGap, check_start, learn_gap, regret_of
 from bgmodel.learning.learned_weights import LearnedWeights
 from bgmodel.learning.reinforce import GaussianPolicy, Learner
 from bgmodel.learning.weight_rules import rule_of
-from bgmodel.learning.weights import learn_weights, learn_weights_in_circuit
+from bgmodel.learning.weights import learn_weights
 from bgmodel.support.checks import check_positive, whole
 from bgmodel.support.processes import check_learning_memory, check_memory
 from bgmodel.support.saved import Facts
@@ -428,11 +428,8 @@ def _weights(
 ) -> FromReward:
     """Learn what readings mean; compare with the exact likelihoods."""
     learns, scores = _features(task, source, units)
-    same: dict[str, Any] = {"seed": seed, "learner": learner, "runs": runs, **more}
-    if model is None:
-        learned = learn_weights(learns, decider=FixedPoint(criterion=at), **same)
-    else:
-        learned = learn_weights_in_circuit(learns, InCircuit(model, at), **same)
+    decider = FixedPoint(criterion=at) if model is None else InCircuit(model, at)
+    learned = learn_weights(learns, seed=seed, learner=learner, runs=runs, decider=decider, **more)
     test = scores(SCORED, rng=stream(seed, "learn-weights", "scored"))
     percent = 100 * (learned.relative_time(test, 0.9) - 1)
     regrets = pd.DataFrame([_over_runs(percent)], ["learned"], ["value", "low", "high"])

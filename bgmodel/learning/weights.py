@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -187,31 +186,22 @@ def learn_weights(
 
     In each trial the weights turn features into drives, the decider (by default ``FixedPoint()``,
     which stops at a posterior of 0.9) turns these into a choice, and the rule changes the weights
-    by the reward less what the critic expected. The critic "affine" knows the share of valid
+    by the reward less what the critic expected: by default, in a circuit, the posterior read from
+    SNr, up to the highest that it can express. The critic "affine" knows the share of valid
     feedback. Warns if the critic assumes valid feedback and it is not; a unit that is never active
     raises.
     """
     rule = rule_of(rule)
     learner, decider = learner or WeightLearner(), decider or FixedPoint()
     feedback = feedback or Feedback()
+    if critic is None and isinstance(decider, InCircuit):
+        critic = ReadOutConfidence(decider.ceiling)
     critic = critic_of(rule.critic if critic is None else critic)
     if critic == Affine():
         critic = Affine(valid=feedback.valid)
     loop = Loop(source, rule, critic, feedback, learner, decider, runs, seed, name)
     course = _run(loop)
     return LearnedWeights(course.final, loop.names, decider.gain, course)
-
-
-def learn_weights_in_circuit(
-    source: FeatureSource, decider: InCircuit, *, critic: Critic | str | None = None, **options: Any
-) -> LearnedWeights:
-    """Learn weights with a circuit in the loop, in several independent runs side by side.
-
-    The default critic is the posterior read from SNr, up to the highest that the circuit can
-    express; ``options`` are those of ``learn_weights``.
-    """
-    critic = ReadOutConfidence(decider.ceiling) if critic is None else critic
-    return learn_weights(source, critic=critic, decider=decider, **options)
 
 
 def _run(loop: Loop) -> WeightCourse:

@@ -15,7 +15,7 @@ from bgmodel.integrators.criterion import gain_of
 from bgmodel.learning.deciders import InCircuit, WeightLearner
 from bgmodel.learning.feature_sources import tap_features
 from bgmodel.learning.learned_weights import circuit_time_at_accuracy
-from bgmodel.learning.weights import learn_weights_in_circuit
+from bgmodel.learning.weights import learn_weights
 from bgmodel.tactile.source import Tactile, held_out_taps
 from bgmodel.tactile.task import Orientation, SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
@@ -57,8 +57,8 @@ def in_loop(loop: Taught) -> pd.DataFrame:
     taps, held_out = tap_features(held_out_taps(), loop.task, **options)
     table = load_circuit(DEFAULT, len(taps.names))
     model = BasalGanglia(table, loop.engine, gain_of(table), SCORING_SEED)
-    learned = learn_weights_in_circuit(
-        taps, InCircuit(model), seed=SCORING_SEED, runs=loop.runs,
+    learned = learn_weights(
+        taps, decider=InCircuit(model), seed=SCORING_SEED, runs=loop.runs,
         learner=WeightLearner(trials=loop.trials),
     )  # fmt: skip
     scored = replace(model, engine=Populations(), seed=SCORING_SEED + 1)

@@ -12,7 +12,7 @@ from bgmodel.learning.learned_weights import (
     counted_weights,
     time_at_accuracy,
 )
-from bgmodel.learning.weights import learn_weights_in_circuit
+from bgmodel.learning.weights import learn_weights
 from bgmodel.tactile.source import held_out_taps
 from bgmodel.tactile.task import SameDifferent
 from tests.helpers import refused
@@ -45,7 +45,7 @@ def test_confidence_read_from_snr_is_that_of_the_readings_heard(gratings, counte
 
 def test_a_circuit_learns_from_its_own_confidence(gratings):
     told = {"seed": 1, "runs": 6, "learner": WeightLearner(trials=60)}
-    learned = learn_weights_in_circuit(gratings[0], InCircuit(MODEL), **told)
+    learned = learn_weights(gratings[0], decider=InCircuit(MODEL), **told)
     assert learned.gain == MODEL.gain
     assert learned.calibration(gratings[1].draw(200, rng=2)).r.mean() > 0.6
     assert learned.course.readings.min() >= 0

@@ -13,7 +13,7 @@ from bgmodel.learning.feature_sources import tap_features
 from bgmodel.learning.gap import fold_sources, increments, regret_of
 from bgmodel.learning.learned_weights import circuit_time_at_accuracy, counted_weights
 from bgmodel.learning.reinforce import GaussianPolicy, Learner, learn, trials_of
-from bgmodel.learning.weights import learn_weights, learn_weights_in_circuit
+from bgmodel.learning.weights import learn_weights
 from bgmodel.tactile.source import held_out_taps
 from bgmodel.tactile.task import SameDifferent
 
@@ -91,8 +91,8 @@ def test_taps_are_read_as_fast_as_with_the_exact_likelihoods(period, t_max, tria
 
 def test_a_circuit_learns_from_the_confidence_of_its_own_snr():
     taps, held_out = gratings(2.0, 12, step_ms=200)
-    learned = learn_weights_in_circuit(
-        taps, InCircuit(bg.BasalGanglia("macaque", seed=SEED)), seed=SEED, runs=16,
+    learned = learn_weights(
+        taps, decider=InCircuit(bg.BasalGanglia("macaque", seed=SEED)), seed=SEED, runs=16,
         learner=WeightLearner(trials=1500),
     )  # fmt: skip
     test, model = held_out.draw(2000, rng=SEED), bg.BasalGanglia("macaque", seed=SEED + 1)
