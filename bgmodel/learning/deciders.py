@@ -126,7 +126,8 @@ class InCircuit:
         # What the channels' weights have in common is no evidence, and can exceed their range.
         weights = weights - weights.mean(axis=1, keepdims=True)
         nats = part.values @ weights.swapaxes(1, 2)
-        evidence = self._evidence(part, nats)
+        with quiet():  # learned log-likelihoods are no user's table
+            evidence = Evidence(nats, step_ms=part.step_ms, lengths=part.readings, baseline=0.0)
         first = number * len(weights)
         drive = self.model.drive(evidence)
         trace = self.model.trace(self.model.run_drive(drive, evidence.step_ms, first), evidence)
@@ -138,11 +139,6 @@ class InCircuit:
         heard = np.where(last[:, None] < 0, 0.0, total[np.arange(len(last)), last])
         choice = np.asarray(decision.choice, dtype=np.intp)
         return TrialOfRuns(last, choice, heard, self._confidence(trace, decision))
-
-    def _evidence(self, part: Features, nats: Array) -> Evidence:
-        """Return learned log-likelihoods as evidence, without the warnings for users' tables."""
-        with quiet():
-            return Evidence(nats, step_ms=part.step_ms, lengths=part.readings, baseline=0.0)
 
     def _confidence(self, trace: Trace, decision: Decision) -> Array:
         """Return the posterior of the choice read from OUT after the decision, (runs,)."""

@@ -23,7 +23,7 @@ from bgmodel.learning.weight_rules import Rule, rule_of
 from bgmodel.support.checks import whole
 from bgmodel.support.processes import advance
 from bgmodel.support.seeds import stream
-from circuits.arrays import Array, Truths
+from circuits.arrays import Array
 from circuits.errors import CalibrationWarning, InputError, NoiseWarning
 
 BLOCK = 250
@@ -38,10 +38,7 @@ LEAST_VARIANCE = 1e-3
 
 @dataclass
 class Loop:
-    """Independent learners side by side; ``trial`` runs the next trial of each.
-
-    Parameters are those of ``learn_weights``; ``weights`` are the current ones.
-    """
+    """Independent learners side by side; parameters are those of ``learn_weights``."""
 
     source: FeatureSource
     rule: Rule
@@ -64,7 +61,6 @@ class Loop:
         self._state = self.critic.start(self.runs)
         self._mean = np.zeros((self.runs, sample.units))
         self._variance = np.zeros((self.runs, 1, 1))
-        self.total = np.zeros((self.runs, sample.hypotheses, sample.units))
         self._parameters = self.rule.start((self.runs, sample.hypotheses, sample.units))
 
     @property
@@ -72,26 +68,35 @@ class Loop:
         """Weights (runs, hypotheses, units), nats of evidence per unit of activity."""
         return self.rule.weights(self._parameters)
 
-    def trial(self) -> tuple[Trial, Truths, Array]:
-        """Run one trial of every run, and learn from it.
+    def run(self) -> WeightCourse:
+        """Run all trials of every run, learn from each, and return the course of learning.
 
-        Returns also whether choices were right, whatever the feedback, and the number of readings
-        before them, (runs,) each.
+        Choices count as correct whatever the feedback.
         """
-        at = self.number % BLOCK
-        if at == 0:
-            self._draw()
-        part, chance = self._parts[at], self._chance[:, at]
-        chosen = self.decider.choose(part, self.weights, self._noise[:, at], self.number)
-        correct = chosen.choice == part.truth
-        trial = self._seen(part, chosen, self.feedback.reward(correct, chance))
-        self._learn(trial)
-        if self.number >= self.learner.trials - self.learner.last:
-            self.total += self.weights
-        self.number += 1
-        if self.number % BLOCK == 0:
-            advance(BLOCK)
-        return trial, np.asarray(correct), np.asarray(chosen.last + 1.0)
+        learner, weights = self.learner, []
+        kept = np.unique(np.linspace(0, learner.trials, learner.keep + 1).round().astype(int))[1:]
+        correct = np.empty((self.runs, learner.trials), bool)
+        readings, confidence = np.empty(correct.shape), np.empty(correct.shape)
+        total = np.zeros(self.weights.shape)
+        for k in range(learner.trials):
+            at, self.number = k % BLOCK, k
+            if at == 0:
+                self._draw()
+            part, chance = self._parts[at], self._chance[:, at]
+            chosen = self.decider.choose(part, self.weights, self._noise[:, at], k)
+            correct[:, k] = chosen.choice == part.truth
+            trial = self._seen(part, chosen, self.feedback.reward(correct[:, k], chance))
+            self._learn(trial)
+            readings[:, k] = chosen.last + 1.0
+            confidence[:, k] = trial.of_choice(trial.posterior)
+            if k >= learner.trials - learner.last:
+                total += self.weights
+            if k + 1 in kept:
+                weights.append(self.weights.copy())
+            if at + 1 == BLOCK:
+                advance(BLOCK)
+        course = np.stack(weights, axis=1)
+        return WeightCourse(kept, course, correct, readings, confidence, total / learner.last)
 
     def _draw(self) -> None:
         """Draw a block of trials of every run, each from its own generator."""
@@ -200,21 +205,5 @@ def learn_weights(
     if critic == Affine():
         critic = Affine(valid=feedback.valid)
     loop = Loop(source, rule, critic, feedback, learner, decider, runs, seed, name)
-    course = _run(loop)
+    course = loop.run()
     return LearnedWeights(course.final, loop.names, decider.gain, course)
-
-
-def _run(loop: Loop) -> WeightCourse:
-    """Run all trials of a loop, and return the course of learning."""
-    learner, runs = loop.learner, loop.runs
-    kept = np.unique(np.linspace(0, learner.trials, learner.keep + 1).round().astype(int))[1:]
-    correct = np.empty((runs, learner.trials), bool)
-    readings, confidence = np.empty(correct.shape), np.empty(correct.shape)
-    weights = []
-    for k in range(learner.trials):
-        trial, correct[:, k], readings[:, k] = loop.trial()
-        confidence[:, k] = trial.of_choice(trial.posterior)
-        if k + 1 in kept:
-            weights.append(loop.weights.copy())
-    course = np.stack(weights, axis=1)
-    return WeightCourse(kept, course, correct, readings, confidence, loop.total / learner.last)

@@ -136,7 +136,8 @@ def sessions_of(trials: Trials, fewest: int = FEWEST_SPIKES) -> tuple[RecordedSe
     if trials.spikes is None or readings is None or readings.choice is None:
         raise InputError("these trials have no spikes: give read_trials spikes", "spikes")
     require(len(readings.names) == 2, "evidence", "must have two sides", readings.names)
-    end_s = np.where(np.isnan(trials.rt_s), _last_s(readings.time_s), trials.rt_s)
+    last_s = np.where(np.isfinite(readings.time_s), readings.time_s, 0.0).max(axis=1)
+    end_s = np.where(np.isnan(trials.rt_s), last_s, trials.rt_s)
     require(end_s.max() <= LONGEST_S, "rt", f"must be at most {LONGEST_S:g} s", float(end_s.max()))
     spikes = without_silent(trials.spikes, fewest)
     click = readings.log_likelihood[:, :, 1] - readings.log_likelihood[:, :, 0]
@@ -171,7 +172,3 @@ def sessions_of(trials: Trials, fewest: int = FEWEST_SPIKES) -> tuple[RecordedSe
         )  # fmt: skip
         sessions.append(replace(made, counts=counts * made.on))
     return tuple(sessions)
-
-
-def _last_s(time_s: Array) -> Array:
-    return np.asarray(np.where(np.isfinite(time_s), time_s, 0.0).max(axis=1))

@@ -23,7 +23,7 @@ from bgmodel.fitting.hierarchy.chains import (
     sampled,
 )
 from bgmodel.fitting.hierarchy.group import ALIKE, Predictors, Scale, priors_of
-from bgmodel.fitting.hierarchy.labels import draw_group, labelled, legend, pooled, write
+from bgmodel.fitting.hierarchy.labels import draw_group, labelled, legend, pooled
 from bgmodel.fitting.hierarchy.sampler import Draws, Sampler
 from bgmodel.fitting.likelihood import Likelihood
 from bgmodel.fitting.misfit import GroupMisfit, group_misfit
@@ -32,6 +32,7 @@ from bgmodel.fitting.parameters import told_priors
 from bgmodel.fitting.person_fit import SHARE as SHARE
 from bgmodel.fitting.person_fit import cells_with_misfit
 from bgmodel.fitting.posterior import directions
+from bgmodel.support.files import replacing
 from bgmodel.support.processes import shared_map
 from bgmodel.support.saved import Facts
 from bgmodel.support.tables import Readable
@@ -260,7 +261,9 @@ class GroupFit(Facts):
 
     def to_netcdf(self, path: str | Path) -> Path:
         """Write ``to_datatree()`` atomically as a netCDF file that ArviZ opens; return its path."""
-        return write(self.to_datatree(), Path(path))
+        with replacing(path) as partial:
+            self.to_datatree().to_netcdf(partial, engine="h5netcdf")
+        return Path(path)
 
     def plot(self) -> Figure:
         """Draw each person's parameters with intervals, and the distribution of the group."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
-from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING
 
@@ -14,7 +13,7 @@ import pandas as pd
 from bgmodel.fitting.optimum import Optimum
 from bgmodel.fitting.person_fit import SHARE, cells_of
 from bgmodel.fitting.responses import BinnedResponses, Grid
-from bgmodel.support import __version__, files
+from bgmodel.support import __version__
 from bgmodel.support.seeds import stream
 from circuits.arrays import Array, Integers
 from circuits.plots import GREY, PALETTE, panels, styled
@@ -119,13 +118,6 @@ def given_trials(likelihoods: Mapping[str, Likelihood]) -> dict[str, tuple[str, 
         ]))
         for name, cells in parts.items()
     }  # fmt: skip
-
-
-def write(tree: xarray.DataTree, path: Path) -> Path:
-    """Write a tree atomically as netCDF; return its path."""
-    with files.replacing(path) as partial:
-        tree.to_netcdf(partial, engine="h5netcdf")
-    return path
 
 
 def pooled(people: Collection[Optimum]) -> pd.DataFrame | None:
