@@ -62,7 +62,6 @@ class Mechanism:
     # Text with names in braces, ``("dopamine {dopamine}",)``; ``{readout}`` is the output nucleus.
     edits: tuple[str, ...]
     axes: tuple[Axis, ...]  # One for each other name.
-    about: str = ""
     # Whether it replaces the threshold, which is then fixed unless a fit frees it.
     instead: bool = False
 
@@ -74,7 +73,7 @@ class Mechanism:
         return circuit.edited(*every)
 
 
-NONE = Mechanism((), (), "the threshold alone")
+NONE = Mechanism((), ())
 ONSET_ROWS = (
     "add STN_onset like=STN transfer=linear bias_nats=0 baseline_hz=15",
     "add STN_onset->SNr like=STN->SNr weight=1",
@@ -84,19 +83,16 @@ MECHANISMS = {
     "dopamine": Mechanism(
         ("dopamine {dopamine}",),
         (Axis(Parameter("dopamine", 0.6, 1.4, 1.0, "level of dopamine; 1 is the table's")),),
-        "the level of dopamine",
         instead=True,
     ),
     "stn_loss": Mechanism(
         ("lesion STN {stn_loss}",),
         (Axis(Parameter("stn_loss", 0.0, 0.4, 0.0, "share of STN that is lost")),),
-        "a share of STN that is lost",
         instead=True,
     ),
     "gpe_loss": Mechanism(
         ("lesion GPe {gpe_loss}",),
         (Axis(Parameter("gpe_loss", 0.0, 0.4, 0.0, "share of GPe that is lost")),),
-        "a share of GPe that is lost",
         instead=True,
     ),
     "rising_dopamine": Mechanism(
@@ -105,20 +101,19 @@ MECHANISMS = {
             Axis(Parameter("dopamine_rise", 0.0, 1.0, 0.0, "what dopamine rises by in a trial"), 7),
             Axis(Parameter("rise_ms", 100.0, 2100.0, 900.0, "its time constant, ms"), 6),
         ),
-        "dopamine that rises within a trial",
     ),
+    # Cells of STN that are driven at onset, decay, and excite SNr of all channels.
     "onset_stn": Mechanism(
         (*ONSET_ROWS, "add STN_onset amount={onset_nats} to_ms=1 decay_ms={decay_ms}"),
         (
             Axis(Parameter("onset_nats", 0.0, 1.2, 0.0, "drive of STN_onset at onset, nats"), 13),
             Axis(Parameter("decay_ms", 200.0, 1000.0, 400.0, "time constant of its decay, ms"), 5),
         ),
-        "cells of STN that are driven at onset, decay, and excite SNr of all channels",
     ),
+    # OUT falls with time, as the motif lets it, by a size that is fitted.
     "urgency": Mechanism(
         (f"add {{readout}} amount=-{{urgency_nats}} rise_ms={URGENCY_RISE_MS:g}",),
         (Axis(Parameter("urgency_nats", 0.0, 1.2, 0.0, "what OUT falls by in the end, nats")),),
-        "urgency: OUT falls with time, as the motif lets it, by a size that is fitted",
     ),
 }
 """Mechanisms that change the decision criterion of a circuit, by name."""
