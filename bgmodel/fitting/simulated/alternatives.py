@@ -27,7 +27,7 @@ import numpy.typing as npt
 from bgmodel.fitting.algorithms import GAPS, SENSITIVITY
 from bgmodel.fitting.parameters import Parameter
 from bgmodel.fitting.responses import BIN_S, Grid
-from bgmodel.fitting.simulated.circuit_model import LEVELS, LOWEST_LOG_ODDS, THRESHOLD, CircuitModel
+from bgmodel.fitting.simulated.circuit_model import LEVELS, THRESHOLD, CircuitModel
 from bgmodel.fitting.simulated.crossings import (
     BATCH,
     LARGEST_EXPONENT,
@@ -184,11 +184,6 @@ class ManyCircuitModel(CircuitModel):
     def _more(self) -> tuple[Parameter, ...]:
         """None: mechanisms and biases are those of two channels."""
         return ()
-
-    @property
-    def lowest_log_odds(self) -> float:
-        """Log odds of the highest threshold."""
-        return LOWEST_LOG_ODDS - float(np.log(self.circuit.channels - 1))
 
     def identity(self) -> dict[str, object]:
         """Return all that its predictions depend on."""

@@ -124,7 +124,7 @@ NOISE_NATS = 2.0
 LEVELS = 60
 """Number of thresholds at which crossings are stored."""
 LOWEST_LOG_ODDS, HIGHEST_LOG_ODDS = 0.15, 2.8
-"""Range of those thresholds, within the range of the read-out and below OUT at rest."""
+"""Range of those thresholds for two channels, within that of the read-out and below OUT at rest."""
 TRIALS = 16_000
 """Trials at each drift; a fit warns if they are too few for the data."""
 SIMULATION_SEED = 24_001
@@ -173,15 +173,11 @@ class CircuitModel(InParts):
         """``threshold_nats``, or the parameter that replaces it."""
         return self.mechanism.axes[0].parameter.name if self.mechanism.instead else THRESHOLD
 
-    @property
-    def lowest_log_odds(self) -> float:
-        """Log odds of the highest threshold."""
-        return LOWEST_LOG_ODDS
-
     @cached_property
     def thresholds_nats(self) -> Array:
         """Thresholds at which crossings are stored, increasing."""
-        odds = np.linspace(HIGHEST_LOG_ODDS, self.lowest_log_odds, LEVELS)
+        lowest = LOWEST_LOG_ODDS - float(np.log(self.circuit.channels - 1))
+        odds = np.linspace(HIGHEST_LOG_ODDS, lowest, LEVELS)
         return np.asarray(np.log1p(np.exp(-odds)))
 
     @cached_property
