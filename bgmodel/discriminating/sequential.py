@@ -142,7 +142,7 @@ def needed(information: Information, quantile: float = Z95) -> dict[str, float]:
 def _only(trials: PairedTrials, design: TaskDesign, seed: int, count: int) -> PairedTrials:
     """Return trials of one task alone, with another seed."""
     space = replace(trials.space, accuracy=(design.accuracy,), deadline_ms=(design.deadline_ms,))
-    return replace(trials, space=space, seed=seed, trials=count, cache={})
+    return replace(trials, space=space, seed=seed, trials=count)
 
 
 def again(

@@ -86,7 +86,7 @@ class PairedTrials:
     free: bool = False
     workers: int = 1
     recording: Recording | None = None
-    cache: dict[Any, Any] = field(default_factory=dict, repr=False)
+    cache: dict[Any, Any] = field(default_factory=dict, repr=False, init=False)
 
     def levels(self, k: int, probe: Probe) -> dict[float, float]:
         """Return a model's thresholds by the accuracy that it has in plain trials.

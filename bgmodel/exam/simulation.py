@@ -76,7 +76,7 @@ class Simulation:
     share: float = 1.0
     workers: int = 1
     motifs: bool = True
-    cache: dict[Any, Any] = field(default_factory=dict, repr=False)
+    cache: dict[Any, Any] = field(default_factory=dict, repr=False, init=False)
     """Results, or the reasons for their absence."""
 
     @cached_property

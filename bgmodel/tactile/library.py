@@ -32,7 +32,9 @@ class Library:
     # By period (solved phases, forces, n, n, 5): lateral x, lateral y and depth (into the body),
     # mm, and the slopes of depth along x and y; x across the bars, the apex at the centre.
     fields: dict[float, Singles]
-    _splines: dict[tuple[float, float], Singles] = field(default_factory=dict, repr=False)
+    _splines: dict[tuple[float, float], Singles] = field(
+        default_factory=dict, repr=False, init=False
+    )
 
     def sample(
         self, period_mm: float, phase: Array, force_n: Array, points_mm: Array, pin_mm: float

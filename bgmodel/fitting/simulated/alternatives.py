@@ -68,11 +68,13 @@ class ManyCrossings:
     evidence: Integers  # (thresholds, trials, N), 0.001 sqrt(s); sums up to then minus their mean
     # Trial k counts if ``parts[k % len(parts)]`` is true.
     parts: Truths = field(default_factory=lambda: np.ones(1, dtype=np.bool_))
-    _counted: dict[int, tuple[Array, Array]] = field(default_factory=dict, compare=False)
+    _counted: dict[int, tuple[Array, Array]] = field(
+        default_factory=dict, compare=False, init=False
+    )
 
     def part(self, parts: Truths) -> ManyCrossings:
         """Return the crossings of some parts of the trials."""
-        return replace(self, parts=parts, _counted={})
+        return replace(self, parts=parts)
 
     @cached_property
     def _columns(self) -> tuple[int, int]:

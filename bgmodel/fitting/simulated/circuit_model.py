@@ -152,7 +152,10 @@ class CircuitModel(InParts):
     trials: int = TRIALS  # number at each drift, at least ``PARTS``
     seed: int = SIMULATION_SEED
     folder: Path | None = None  # keeps stored crossings, so that none is computed twice
-    _kept: dict[tuple[float, ...], FirstPassageTimes] = field(default_factory=dict, repr=False)
+    # Not among the arguments: a model with other trials or another mechanism starts an empty one.
+    _kept: dict[tuple[float, ...], FirstPassageTimes] = field(
+        default_factory=dict, repr=False, init=False
+    )
     _part_of: tuple[CircuitModel, Truths] | None = field(default=None, repr=False)
 
     fewest_channels: ClassVar[int] = 2
@@ -253,7 +256,6 @@ class CircuitModel(InParts):
                 self.stored(point, size),
                 control=self.stored(point).control,
                 opposite=self.stored(point, -size),
-                _counted={},
             )
         return self._kept[key]
 
@@ -263,7 +265,7 @@ class CircuitModel(InParts):
         return simulated(ideal, -bounds, seconds=self.seconds, trials=self.trials, seed=self.seed)
 
     def _part(self, parts: Truths) -> Self:
-        return replace(self, _kept={}, _part_of=(self, parts))
+        return replace(self, _part_of=(self, parts))
 
     def _key(self, point: tuple[float, ...], bias: float = 0.0) -> dict[str, Any]:
         key = {**self.identity(), "circuit": identity(self.mechanism.apply(self.circuit, point))}

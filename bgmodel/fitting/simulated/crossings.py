@@ -119,7 +119,7 @@ class FirstPassageTimes:
     # does.
     opposite: FirstPassageTimes | None = None
     _reach: tuple[int, int] | None = field(default=None, compare=False)
-    _counted: dict[int, Counts] = field(default_factory=dict, compare=False)
+    _counted: dict[int, Counts] = field(default_factory=dict, compare=False, init=False)
 
     def __post_init__(self) -> None:
         # Trials are counted at one threshold at a time: in memory they stand side by side.
@@ -130,15 +130,14 @@ class FirstPassageTimes:
         """Return the crossings of some parts of the trials."""
         control = None if self.control is None else self.control.part(parts)
         # The reach of all trials serves every part: to find it takes longer than to count them.
-        return replace(self, parts=parts, control=control, _reach=self.reach, _counted={})
+        return replace(self, parts=parts, control=control, _reach=self.reach)
 
     @cached_property
     def mirrored(self) -> FirstPassageTimes:
         """The mirror images of all trials."""
         choice = np.where(self.choice < 0, self.choice, 1 - self.choice)
         return replace(
-            self, choice=choice, evidence=-self.evidence, opposite=None, _reach=self.reach,
-            _counted={},
+            self, choice=choice, evidence=-self.evidence, opposite=None, _reach=self.reach
         )  # fmt: skip
 
     @cached_property

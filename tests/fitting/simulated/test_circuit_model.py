@@ -62,6 +62,14 @@ def test_what_changes_a_trial_changes_the_file(kept, changed):
     assert model(folder, **changed).identity() != model(folder).identity()
 
 
+def test_a_model_that_is_changed_after_its_trials_were_simulated_has_new_ones():
+    first = model()
+    before = first.stored(())
+    after = replace(first, seed=5).stored(())
+    assert same(after, model(seed=5).stored(()))
+    assert not same(after, before)
+
+
 def test_the_thresholds_are_part_of_the_file_too(kept, monkeypatch):
     folder, _ = kept
     before = model(folder).entry(()).path
