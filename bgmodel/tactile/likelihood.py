@@ -4,21 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from circuits.arrays import Array, Integers
+from circuits.arrays import Array
 from circuits.errors import InputError, require
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-Kind = Literal["kde", "t"]
-# Readings per hypothesis, enough to fit the shrinkage, the three parameters of a t, and a density.
+# Readings per hypothesis, enough to fit the shrinkage, and a density.
 SHRINK_SAMPLES = 4000
-FISHRINK_SAMPLES = 1500
 KDE_SAMPLES = 100_000
 
 
@@ -60,10 +54,8 @@ class TabulatedLikelihood:
 
 @dataclass(frozen=True)
 class Density:
-    """Options for estimating densities from decoded angles."""
+    """Options for estimating kernel densities from decoded angles."""
 
-    kind: Kind = "kde"
-    """Kernel density ("kde") or Student t with fitted tails ("t"); our choice."""
     bandwidth_deg: float | None = None
     """Kernel sd, degrees; by default Silverman's rule (1986) with a robust spread."""
     cap_nats: float | None = None
@@ -76,7 +68,6 @@ class Density:
     """Number of folds of the fitted taps used to choose the shrinkage; our choice."""
 
     def __post_init__(self) -> None:
-        require(self.kind in ("kde", "t"), "kind", "must be 'kde' or 't'", self.kind)
         if self.shrink is not None and not 0 <= self.shrink <= 1:
             raise InputError.of("shrink", "must be within 0..1", self.shrink)
         for name in ("bandwidth_deg", "cap_nats"):
@@ -133,25 +124,6 @@ def fit_likelihood(
     return TabulatedLikelihood(grid, np.maximum(logs, -cap), period, float(shrink), cap)
 
 
-def calibration(log_likelihood: Array, truth: Integers, bins: int = 10) -> pd.DataFrame:
-    """Compare posteriors of held-out readings, (readings, hypotheses) nats, with frequencies.
-
-    One row per non-empty bin of posterior probability: stated (mean posterior), observed, count.
-    """
-    import pandas as pd
-
-    y = log_likelihood - log_likelihood.max(axis=1, keepdims=True)
-    posterior = np.exp(y)
-    posterior /= posterior.sum(axis=1, keepdims=True)
-    hit = np.arange(posterior.shape[1]) == np.asarray(truth)[:, None]
-    index = np.minimum((posterior * bins).astype(int), bins - 1).ravel()
-    frame = pd.DataFrame({"bin": index, "stated": posterior.ravel(), "observed": hit.ravel()})
-    table = frame.groupby("bin").agg(
-        stated=("stated", "mean"), observed=("observed", "mean"), count=("observed", "size")
-    )
-    return table.reset_index()
-
-
 def _cross_validated_shrink(
     pool: Pool,
     readings: Readings,
@@ -206,8 +178,6 @@ def _against_truth(x: Array, truth: int, grid: Array, logs: Array, period: float
 
 
 def _log_density(x: Array, grid: Array, period: float | None, taps: int, density: Density) -> Array:
-    if density.kind == "t":
-        return _log_t(x, grid, period)
     from scipy.ndimage import gaussian_filter1d
 
     # A thousand taps give a million pairs, no more informative than this subset.
@@ -232,52 +202,13 @@ def _log_density(x: Array, grid: Array, period: float | None, taps: int, density
 def _silverman(x: Array, period: float | None, taps: int) -> float:
     """Return Silverman's bandwidth with a robust spread; n is ``taps``, as pairs are dependent."""
     if period is not None:
-        x = np.mod(x - _circular_mean(x, period) + period / 2, period)
+        mean = np.angle(np.exp(2j * np.pi * x / period).mean()) * period / (2 * np.pi)
+        x = np.mod(x - float(mean) + period / 2, period)
     quartiles = np.percentile(x, [25, 75])
     spread = min(x.std(), (quartiles[1] - quartiles[0]) / 1.349) or x.std()
     return float(0.9 * spread * taps ** (-1 / 5))
 
 
-def _log_t(x: Array, grid: Array, period: float | None) -> Array:
-    from scipy.stats import t
-
-    some = _thinned(x, FISHRINK_SAMPLES)
-    centre = 0.0 if period is None else _circular_mean(some, period)
-    if period is not None:
-        some = np.mod(some - centre + period / 2, period) - period / 2
-    df, loc, scale = _fit_t(some)
-    offset = grid - centre
-    if period is None:
-        return np.asarray(t.logpdf(offset, df, loc, scale))
-    turns = period * np.arange(-2, 3)[:, None]
-    return np.asarray(np.log(t.pdf(offset + turns, df, loc, scale).sum(axis=0)))
-
-
-def _fit_t(x: Array) -> Array:
-    """Return degrees of freedom, location and scale of Student's t, by maximum likelihood.
-
-    Bit-identical to ``scipy.stats.t.fit``; skipping its checks in each of 400 steps saves four
-    fifths of the time.
-    """
-    from scipy.optimize import fmin
-    from scipy.special import poch
-
-    def surprise(parameters: Array) -> float:
-        df, loc, scale = parameters
-        if df <= 0 or scale <= 0:
-            return np.inf
-        z = (x - loc) / scale
-        level = np.log(poch(0.5 * df, 0.5)) - 0.5 * (np.log(df) + np.log(np.pi))
-        logs = level - (df + 1) / 2 * np.log1p(z * z / df)
-        return float(len(x) * np.log(scale) - logs.sum())
-
-    return np.asarray(fmin(surprise, [4.0, np.median(x), x.std() / 2], disp=0))
-
-
 def _thinned(x: Array, most: int = SHRINK_SAMPLES) -> Array:
     # A prime stride, because pairs of taps are ordered in rows of equal length.
     return x if len(x) <= most else x[(np.arange(most) * 7919) % len(x)]
-
-
-def _circular_mean(x: Array, period: float) -> float:
-    return float(np.angle(np.exp(2j * np.pi * x / period).mean()) * period / (2 * np.pi))

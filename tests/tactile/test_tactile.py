@@ -53,7 +53,7 @@ WRONG = {
     partial(render, 0): {"marker_mm": [5.0], "shape": [(15, 16)]},
     render: {"displacement_mm": [np.zeros((3, 2))]},
     partial(contact_library, TINY): {"workers": [0]},
-    Density: {"kind": ["histogram"], "cap_nats": [0], "shrink": [2]},
+    Density: {"cap_nats": [0], "shrink": [2]},
     Training: {
         "width": [0], "epochs": [0], "validation": [0.0, 1.0], "dropout": [-0.1, 2.1],
         "learning_rate": [0.0], "network": ["forest"],
