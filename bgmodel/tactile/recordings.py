@@ -9,11 +9,10 @@ are then relative to the typical tap, not to the untouched skin.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -116,8 +115,6 @@ def _image_paths(folder: Path, form: Form, raw: pd.DataFrame) -> list[Path]:
     return paths
 
 
-Item = TypeVar("Item")
-Found = TypeVar("Found")
 SMALLEST_IMAGE_PX, FEWEST_PINS = 64, 10
 LAYOUT_TAPS = 400  # enough for a stable median
 REACH, CROWDED = 0.75, 0.7  # in pitches: largest match distance; smallest pin distance
@@ -132,27 +129,23 @@ def find_recordings(option: Path | None) -> Path | None:
 
 
 def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals | None = None,
-              workers: int = 1, limit: int | None = None, stimulus: str = "edge",
-              pins: int | None = None) -> Taps:  # fmt: skip
+              stimulus: str = "edge", pins: int | None = None) -> Taps:  # fmt: skip
     """Track the markers in every image of a recording; labels as in `read_targets`.
 
     ``rest`` is an image of the untouched sensor, `rest_mm` of another recording (origin at the
     image centre), or None for the median over taps. Recordings do not contain the stimulus. The
-    scale is the pin pitch in mm over that in px. ``limit`` taps are spread evenly over the table;
-    `markers_found` counts detected pins: more than ``pins``, or fewer than half in a tap, raise.
+    scale is the pin pitch in mm over that in px. `markers_found` counts detected pins: more than
+    ``pins``, or fewer than half in a tap, raise.
     """
-    positive = {"mm_per_px": mm_per_px, "workers": workers, "limit": limit, "pins": pins}
-    for name, value in positive.items():
+    for name, value in {"mm_per_px": mm_per_px, "pins": pins}.items():
         if value is not None and not 0 < value < np.inf:
             raise InputError(f"{name} must be a positive number, got {value}", name, value)
-    every = read_targets(folder)
-    chosen = np.linspace(0, len(every) - 1, min(limit or len(every), len(every))).astype(int)
-    labels = every.iloc[chosen].reset_index(drop=True)
+    labels = read_targets(folder)
     images = list(labels["image"])
     shape = _read_image(images[0]).shape
     centre, scale = (np.array(shape[::-1]) - 1) / 2, mm_per_px * np.array([1, -1])
     rest_mm = None if rest is None else _given_rest(rest, shape, centre, scale)
-    taps = _map(lambda path: _detect(path, shape), images, workers, "markers")
+    taps = [_detect(path, shape) for path in tqdm(images, "markers", unit="tap", disable=None)]
     if rest_mm is None:
         rest_mm = (_median_layout(taps) - centre) * scale
     if pins is not None and len(rest_mm) > pins:
@@ -160,7 +153,7 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals 
             f"pins must be those of the sensor, got {pins}: {len(rest_mm)} were detected", "pins"
         )
     track = _tracker(rest_mm / scale + centre)
-    moved, counts = zip(*_map(track, taps, workers, "tracking"), strict=True)
+    moved, counts = zip(*map(track, taps), strict=True)
     if (few := min(counts)) < len(rest_mm) / 2:
         scale_of = "" if rest is None else f"; is mm_per_px, {mm_per_px:g}, that of the layout?"
         of_all = f"only {few} of {len(rest_mm)} pins were detected{scale_of}"
@@ -201,13 +194,6 @@ def pins_found(taps: Taps, pins: int | None = None) -> str:
     seen = taps.labels["markers_found"]
     of_all = "" if pins is None else f" of {pins}"
     return f"{len(taps.rest_mm)}{of_all} pins found, {seen.min()} to {seen.max()} of them per tap"
-
-
-def _map(
-    work: Callable[[Item], Found], items: Sequence[Item], workers: int, name: str
-) -> list[Found]:
-    with ThreadPoolExecutor(workers) as pool:
-        return list(tqdm(pool.map(work, items), name, len(items), unit="tap", disable=None))
 
 
 def _read_image(path: Path, shape: tuple[int, ...] | None = None) -> Image:

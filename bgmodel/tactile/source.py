@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -23,9 +23,6 @@ from bgmodel.tactile.taps import warn_of_copied_taps
 from bgmodel.task import Drawn
 from circuits.arrays import Array
 from circuits.errors import CalibrationWarning, DataWarning, InputError, require
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FOLDS = 6
 MOST_HYPOTHESES = 8
@@ -217,8 +214,6 @@ def held_out_taps() -> pd.DataFrame:
 
     One row per tap: period_mm, yaw_deg, psi_deg (linear head), orientation_deg (double-angle head).
     """
-    import pandas as pd
-
     return pd.read_parquet(SHIPPED).astype("float64")
 
 
@@ -238,8 +233,6 @@ def load_taps(taps: pd.DataFrame | str | Path | None = None) -> pd.DataFrame:
         If it cannot be read, or if its decoder was trained on some of these taps: its accuracy on
         them would not generalise to new taps.
     """
-    import pandas as pd
-
     if taps is None:
         return held_out_taps()
     if isinstance(taps, pd.DataFrame):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +25,8 @@ COPIED = 0.05
 1.4 % coincide by chance."""
 MANY = 30
 """Number of taps from which their angles are checked."""
+MAP = (19, 19)
+"""Rows and columns of a map for the grating decoder."""
 SLOPES = {0.0: "in another unit, such as radians", -1.0: "mirrored", 0.5: "halved"}
 """Slopes of decoded on true angles that a mistake in units or axes makes."""
 
@@ -107,23 +108,6 @@ class Taps:
         labels = self.labels.iloc[rows].reset_index(drop=True)
         return Taps(self.displacement_mm[rows], self.rest_mm, labels, self.stimulus)
 
-    @staticmethod
-    def concatenate(parts: Sequence[Taps]) -> Taps:
-        """Return the taps of several sets with the same pins, concatenated."""
-        import pandas as pd
-
-        if not parts:
-            raise InputError("parts must be one or more, got none", "parts", parts)
-        if any(not np.array_equal(p.rest_mm, parts[0].rest_mm) for p in parts):
-            raise InputError(
-                "parts must have the same pins, got sets with different rest_mm", "parts"
-            )
-        if len({p.stimulus for p in parts}) > 1:
-            raise InputError("parts must be taps of one stimulus, got gratings and edges", "parts")
-        displacement = np.concatenate([p.displacement_mm for p in parts])
-        labels = pd.concat([p.labels for p in parts], ignore_index=True)
-        return Taps(displacement, parts[0].rest_mm, labels, parts[0].stimulus)
-
     def save(self, path: str | Path, about: dict[str, Any]) -> Path:
         """Write the taps and their provenance to an .npz file; never leaves a partial file."""
         path = Path(path)
@@ -161,27 +145,27 @@ class Taps:
             ) from error
         return taps, about
 
-    def maps(self, shape: tuple[int, int] = (19, 19)) -> Singles:
-        """Return maps of displacement magnitude for the grating decoder, (taps, 1, rows, columns).
+    def maps(self) -> Singles:
+        """Return maps of displacement magnitude for the grating decoder, (taps, 1, 19, 19).
 
         Each is z-scored (Pestell, Griffith & Lepora 2022); rows run from top to bottom. Pins that
-        are not on a grid of this shape are interpolated linearly; outside the array, the nearest
+        are not on such a grid are interpolated linearly; outside the array, the nearest
         pin is used.
         """
         size = np.linalg.norm(self.displacement_mm, axis=2)
-        grid = _grid(self.rest_mm, shape)
+        grid = _grid(self.rest_mm)
         if grid.shape != self.rest_mm.shape or not np.allclose(grid, self.rest_mm, atol=1e-6):
             size = size @ _interpolation(self.rest_mm, grid)
         size = size - size.mean(axis=1, keepdims=True)
         spread = size.std(axis=1, keepdims=True)
         size /= np.where(spread > 0, spread, 1)
-        return np.asarray(size.reshape(-1, 1, *shape), dtype=np.float32)
+        return np.asarray(size.reshape(-1, 1, *MAP), dtype=np.float32)
 
 
-def _grid(rest_mm: Array, shape: tuple[int, int]) -> Array:
+def _grid(rest_mm: Array) -> Array:
     """Return positions (pixels, 2) of a map over the pins, row by row from the top left."""
     (left, bottom), (right, top) = rest_mm.min(axis=0), rest_mm.max(axis=0)
-    x, y = np.meshgrid(np.linspace(left, right, shape[1]), np.linspace(top, bottom, shape[0]))
+    x, y = np.meshgrid(np.linspace(left, right, MAP[1]), np.linspace(top, bottom, MAP[0]))
     return np.column_stack([x.ravel(), y.ravel()])
 
 

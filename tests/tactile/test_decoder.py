@@ -117,8 +117,6 @@ def test_a_decoder_refuses_taps_of_what_it_was_not_trained_on(decoder, tmp_path)
         taps.save(tmp_path / "t.npz", {})
         assert Taps.load(tmp_path / "t.npz")[0].stimulus == taps.stimulus
         assert taps.select(np.arange(3)).stimulus == taps.stimulus
-    with refused("parts taps of one stimulus"):
-        Taps.concatenate([gratings, of_edges])
     with refused("stimulus"):
         replace(gratings, stimulus="leaf")
 

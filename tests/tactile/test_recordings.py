@@ -149,13 +149,6 @@ def test_a_pin_is_followed_up_to_three_quarters_of_a_pitch():
         np.testing.assert_allclose(motion, want, atol=1e-9)
 
 
-def test_workers_do_not_change_the_result(recording):
-    one, two = (recordings.read_taps(recording, mm_per_px=MM_PER_PX, workers=n) for n in (1, 2))
-    np.testing.assert_array_equal(one.displacement_mm, two.displacement_mm)
-    np.testing.assert_array_equal(one.rest_mm, two.rest_mm)
-    pd.testing.assert_frame_equal(one.labels, two.labels)
-
-
 @pytest.mark.parametrize(
     ("form", "pins", "shown", "rings", "size", "pitch"),
     [
@@ -262,7 +255,7 @@ def test_another_scale_than_that_of_the_layout_is_asked_for(recording):
 
 @pytest.mark.parametrize(
     "changes",
-    [{"mm_per_px": 0.0}, {"mm_per_px": np.nan}, {"workers": 0}, {"limit": 0}, {"pins": 0}]
+    [{"mm_per_px": 0.0}, {"mm_per_px": np.nan}, {"pins": 0}]
     + [{"rest": rest} for rest in (np.zeros(4), np.zeros((20, 3)), np.full((20, 2), np.nan))],
 )
 def test_bad_arguments_are_named(recording, changes):

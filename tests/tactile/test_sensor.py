@@ -166,20 +166,13 @@ def test_maps_have_zero_mean_unit_spread_and_the_places_of_the_pins(library, lay
         assert np.corrcoef(size.ravel(), maps[2].ravel())[0, 1] == pytest.approx(1, abs=1e-6)
 
 
-def test_parts_of_taps_join_to_the_taps_that_were_selected(library):
+def test_taps_are_selected_by_a_mask(library):
     options = {"rng": np.random.default_rng(0), "nuisance": STILL, "library": library}
     taps = simulate([0.0, 2.0, 5.0, 2.0], 10.0, **options)
     fine = taps.select(taps.labels.period_mm == 2.0)
     assert len(fine) == 2
     assert np.array_equal(fine.displacement_mm, taps.displacement_mm[[1, 3]])
-    both = Taps.concatenate([fine, taps.select([0])])
-    assert both.labels.period_mm.tolist() == [2.0, 2.0, 0.0]
-    assert both.labels.index.tolist() == [0, 1, 2]
-    other = simulate(2.0, 0, rng=np.random.default_rng(0), tip=Tip("hexagonal"), library=library)
-    with refused("parts same pins"):
-        Taps.concatenate([taps, other])
-    with refused("parts got none"):
-        Taps.concatenate([])
+    assert fine.labels.index.tolist() == [0, 1]
     with refused("mask"):
         taps.select([True, False, True])
     with refused("displacement_mm"):
