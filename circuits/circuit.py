@@ -188,7 +188,7 @@ class Circuit(EditableTable):
         """Return the circuit with the resting rate of every population restored after an edit.
 
         Only biases change: each compensates for the change in its population's resting input.
-        ``circuits.laws.homeostasis`` has the rule, also as dynamics. Lesions become chronic.
+        ``circuits.laws.homeostasis`` has the rule. Lesions become chronic.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Homeostasis: biases restore each population's resting rate, in closed form and as dynamics.
+"""Homeostasis: biases restore each population's resting rate, in closed form.
 
 The rule is slow and local. It uses only the mean resting rate of a population's own cells and its
 rate before the edit, without evidence, labels or other populations. The bias moves until the two
@@ -20,30 +20,25 @@ A population that is missing from the reference keeps its bias; its resting rate
 others at their rates.
 
 A population that is silent, or at its highest rate, in the reference gives the rule no signal as
-long as it stays so: its bias stays, or moves just far enough (the dynamics may move it further on
-the way; its rate is the same). Rates are those of the table's lines. They are exact for cells that
-fire at the rate of their line; for Lif and AdEx cells they are as accurate as the line's fit to
-the cell's f-I curve.
+long as it stays so: its bias stays, or moves just far enough. Rates are those of the table's lines.
+They are exact for cells that fire at the rate of their line; for Lif and AdEx cells they are as
+accurate as the line's fit to the cell's f-I curve.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from circuits.arrays import Array, Truths
-from circuits.checks import check_finite, check_range
+from circuits.checks import check_finite
 from circuits.declaration import transfer
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics.fixed_point import rest, rest_rates, solve, wired
 from circuits.dynamics.wiring import Wiring, wire
 from circuits.errors import InputError, require
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 SAME_NATS = 1e-12
 """Differences from the reference below this, in nats, are rounding and ignored."""
@@ -51,8 +46,6 @@ ALIKE_NATS = 1e-9
 """Largest difference between the biases needed by a population's channels, nats."""
 STEP_NATS = 1e-4
 """Common drive to all channels used to estimate a slope, nats."""
-SETTLED_NATS = 1e-6
-"""Distance of rates from their references below which the dynamics have settled."""
 
 
 def balanced_factor(circuit: CircuitTable, source: str = "STN") -> float:
@@ -101,62 +94,9 @@ def biases(
         of_row = change[wiring.blocks_of(row.name)]
         if np.ptp(of_row) > ALIKE_NATS:
             problem = f"{row.name} has one bias but a different resting input in each channel"
-            rule = "there is no closed form (circuits.laws.homeostasis.recovery runs the rule)"
-            raise ValueError(f"{problem}: {rule}")
+            raise ValueError(f"{problem}: there is no closed form")
         biases[row.name] = row.bias_nats + float(of_row.mean())
     return biases
-
-
-def recovery(
-    circuit: CircuitTable,
-    reference: CircuitTable | None = None,
-    *,
-    rebound_nats: Mapping[str, float] | None = None,
-    speed: Mapping[str, float] | None = None,
-    step: float = 0.1,
-    until: float = 100.0,
-) -> pd.DataFrame:
-    """Run the rule as dynamics from the edited circuit, as for ``Circuit.compensate``.
-
-    Activity is assumed to be at its fixed point, because the rule takes hours. ``speed`` replaces
-    the factors W of some populations; 0 keeps the bias fixed. ``step`` and ``until`` are in time
-    constants tau of the rule. There is one row per time and population: time (in tau), population,
-    rate_hz (the mean over channels, which is what is restored if they differ), bias_nats. Rates
-    that have not settled by ``until``, because a population cannot fire at its rate or the biases
-    oscillate, raise ValueError.
-    """
-    import pandas as pd  # here, because every circuit imports this module
-
-    if not 0 < step <= until < np.inf:
-        raise InputError(f"step must be > 0 and at most until, got {step} and {until}", "step")
-    goal = _goal(circuit, reference, rebound_nats)
-    factors, rows, wiring = goal.factors(speed or {}), circuit.populations, goal.wiring
-    # (populations, blocks): averages over the channels of each population
-    mean = (wiring.owner == np.arange(len(rows))[:, None]).astype(np.float64)
-    mean /= mean.sum(axis=1, keepdims=True)
-    gains = np.array([row.gain_hz_per_nat for row in rows])
-    bias = np.array([row.bias_nats for row in rows])
-    moved = np.zeros(len(rows))
-    course = []
-    for k in range(round(until / step) + 1):
-        shifted = replace(wiring, bias=wiring.bias + moved[wiring.owner])
-        try:
-            hz = mean @ rest_rates(shifted)
-        except ValueError as error:
-            raise ValueError(f"{circuit.name} does not recover: during recovery, {error}") from None
-        course.append((k * step, hz, bias + moved))
-        pace = factors * (mean @ goal.rates_hz - hz) / gains
-        if np.abs(pace).max() < SETTLED_NATS:
-            times, names = zip(*course, strict=True), [row.name for row in rows]
-            time, hz, bias = (np.array(values) for values in times)
-            table = {"time": np.repeat(time, len(rows)), "population": names * len(time)}
-            return pd.DataFrame(table | {"rate_hz": hz.ravel(), "bias_nats": bias.ravel()})
-        moved = moved + step * pace
-    raise ValueError(
-        f"{circuit.name} does not recover: after {until:g} time constants "
-        f"{rows[int(np.abs(pace).argmax())].name} is not at its resting rate; either it cannot "
-        "fire at that rate, or the biases oscillate at these speeds"
-    )
 
 
 @dataclass(frozen=True)
@@ -164,7 +104,6 @@ class _Goal:
     """Target resting rates, and the circuit that should reach them."""
 
     wiring: Wiring  # of the edited circuit
-    before: Wiring  # of the reference
     rates_hz: Array  # (blocks,) targets, in the order of the edited circuit's blocks
     # (blocks,) resting inputs of the reference; NaN for a population with another line, or a
     # rebound
@@ -202,21 +141,6 @@ class _Goal:
         )
         return np.where(held, self.rates_hz, rest_rates(pinned))
 
-    def factors(self, speed: Mapping[str, float]) -> Array:
-        """Return W of each population: total afferent weight in the reference, at least 1."""
-        wiring = self.before
-        each = np.abs(wiring.weight) @ (np.abs(wiring.deliver) * wiring.gain_hz_per_nat)
-        total = each.sum(axis=1)
-        factors = {row.name: 0.0 for row in self.wiring.circuit.populations}
-        for row in wiring.circuit.populations:
-            if row.name in factors:
-                factors[row.name] = max(1.0, total[wiring.blocks_of(row.name)].mean())
-        for name, value in speed.items():
-            self.wiring.circuit.population(name)
-            check_range(0, np.inf, owner=name, speed=value)
-            factors[name] = value
-        return np.array(list(factors.values()))
-
 
 def _goal(
     circuit: CircuitTable, reference: CircuitTable | None, rebound_nats: Mapping[str, float] | None
@@ -245,7 +169,7 @@ def _goal(
         check_finite(owner=name, rebound_nats=nats)
         rates[blocks] += nats * wiring.gain_hz_per_nat[blocks]
         inputs[blocks] = np.nan if nats else inputs[blocks]
-    goal = _Goal(wiring, before, rates, inputs)
+    goal = _Goal(wiring, rates, inputs)
     held = np.array([row.name in known for row in wiring.rows])
     return goal if held.all() else replace(goal, rates_hz=goal.with_held(held))
 

@@ -25,7 +25,6 @@ from circuits.dynamics.ticks import Clock, Scheme
 from circuits.dynamics.wiring import wire
 from circuits.engines import engine_of, run
 from circuits.laws.fluctuation import out_variance, rate_spectrum
-from circuits.laws.homeostasis import recovery
 from circuits.laws.members import SIGMA0, moved
 from circuits.laws.stability import growth, onset, ringing
 from tests.circuits.spiking import ADEX
@@ -149,9 +148,6 @@ FIELDS = [
     ("rebound_nats", lambda: MACAQUE.compensate(MACAQUE, rebound_nats={"SNr": np.nan})),
     ("rebound_nats FSI is new",
      lambda: MACAQUE.compensate(load("macaque_small"), rebound_nats={"FSI": 0.3})),
-    ("nucleus", lambda: recovery(MACAQUE, MACAQUE, speed={"GPi": 1})),
-    ("speed GPe", lambda: recovery(MACAQUE, MACAQUE, speed={"GPe": -1})),
-    ("step must be > 0", lambda: recovery(MACAQUE, MACAQUE, step=0)),
     ("reference ^ctx_inh is pooled in only one",
      lambda: MACAQUE.with_population("ctx_inh", pooled=False).compensate(MACAQUE)),
     ("source D1->SNr must be linear, diffuse and of a weight", lambda: MACAQUE.balanced("D1")),
@@ -202,8 +198,6 @@ FAILS = [
         "STN->GPe", transfer="linear", weight=400, delay_ms=50))),
     ("^ctx cannot rest at 100 Hz: no input to its transfer 'saturating' is known",
      lambda: MACAQUE.compensate(MACAQUE, rebound_nats={"ctx": 4.0})),
-    ("does not recover: after 100 time constants .* is not",
-     lambda: recovery(MACAQUE, MACAQUE, rebound_nats={"ctx": 4.0}, step=10.0)),
     ("ctx->D1 connects 25%", lambda: out_variance(SPIKING.with_connections(0.25))),
     ("is unstable", lambda: out_variance(SPIKING.edited("set STN->GPe.delay_ms 20",
                                                         "set GPe->STN.delay_ms 20"))),
