@@ -6,10 +6,10 @@ import math
 from dataclasses import replace
 
 from circuits.cells import Rate
-from circuits.checks import check_channels
+from circuits.checks import check_channels, check_range
 from circuits.circuit import Circuit
 from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection, rows
-from circuits.errors import InputError, require
+from circuits.errors import require
 
 BG2007 = "Bogacz & Gurney 2007"
 APPENDIX_B = "Bogacz & Gurney 2007, appendix B"
@@ -20,22 +20,15 @@ def bogacz_gurney(channels: int = 2) -> Circuit:
     return appendix_b(channels, w_gpe_stn=1.0, w_d2_gpe=0.0)
 
 
-def appendix_b(
-    channels: int = 2,
-    *,
-    w_gpe_stn: float = 0.7,
-    w_gpe_snr: float | None = None,
-    w_d2_gpe: float = 0.5,
-    w_d1_snr: float | None = None,
-) -> Circuit:
+def appendix_b(channels: int = 2, *, w_gpe_stn: float = 0.7, w_d2_gpe: float = 0.5) -> Circuit:
     """Return a member of the exact family with all pathways (Bogacz & Gurney 2007, appendix B).
 
-    Weights are magnitudes: those of GPe sum to 1, and ``w_d1_snr = 1 + w_d2_gpe``.
+    Weights are magnitudes: those of GPe sum to 1, and that of D1 is ``1 + w_d2_gpe``.
     """
     check_channels(channels)
-    w_gpe_snr = 1 - w_gpe_stn if w_gpe_snr is None else w_gpe_snr
-    w_d1_snr = 1 + w_d2_gpe if w_d1_snr is None else w_d1_snr
-    _check_weights(w_gpe_stn, w_gpe_snr, w_d2_gpe, w_d1_snr)
+    check_range(0, 1, w_gpe_stn=w_gpe_stn)
+    check_range(0, math.inf, w_d2_gpe=w_d2_gpe)
+    w_gpe_snr, w_d1_snr = 1 - w_gpe_stn, 1 + w_d2_gpe
     simple = w_gpe_snr == 0 and w_d2_gpe == 0
     source = BG2007 if simple else APPENDIX_B
     # The source is algebraic: time constants, delays and gains in Hz are our assumptions.
@@ -80,15 +73,6 @@ def appendix_b(
         range_nats=(0.0, 5.0),
         about=f"OUT = -ln P exactly; {source}",
     )
-
-
-def _check_weights(w_gpe_stn: float, w_gpe_snr: float, w_d2_gpe: float, w_d1_snr: float) -> None:
-    if min(w_gpe_stn, w_gpe_snr, w_d2_gpe) < 0 or not math.isclose(w_gpe_stn + w_gpe_snr, 1.0):
-        weights = f"{w_gpe_stn} + {w_gpe_snr}, w_d2_gpe {w_d2_gpe}"
-        message = f"w_gpe_stn + w_gpe_snr must be 1 with no weight negative, got {weights}"
-        raise InputError(message, "w_gpe_stn")
-    must = f"must be 1 + w_d2_gpe = {1 + w_d2_gpe}"
-    require(math.isclose(w_d1_snr, 1 + w_d2_gpe), "w_d1_snr", must, w_d1_snr)
 
 
 def linear_gpe(channels: int = 2, *, slope: float = 1.0) -> Circuit:

@@ -80,10 +80,10 @@ class Target(NamedTuple):
         """Fraction of excitation and of distal inhibition that passes the gates at rest."""
         return (1 - self.closed_s * self.proximal_hz) * (1 - self.closed_s * self.somatic_hz)
 
-    def excited(self, peak_mv: float, synapse_ms: float, source_hz: float = HZ) -> float:
+    def excited(self, peak_mv: float, synapse_ms: float) -> float:
         """Return the weight of glutamatergic synapses, from the peak of one EPSP."""
         area = self.gate * psp_area(peak_mv, synapse_ms, self.cell.tau_ms)
-        return SYNAPSES * 1e-3 * area * source_hz / self.cell.mv_per_nat
+        return SYNAPSES * 1e-3 * area * HZ / self.cell.mv_per_nat
 
     def inhibited(self, distal: float) -> float:
         """Return the (negative) weight of GABAergic synapses, a fraction ``distal`` of them distal.

@@ -104,17 +104,12 @@ def byte_counts(word: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
     return (x + (x >> np.uint32(4))) & np.uint32(0x0F0F0F0F)
 
 
-def bits8(stream: int, tick: int, neurons: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Return near-Gaussian noise of zero mean and unit variance, ``(ones of 8 bits - 4)/sqrt 2``.
-
-    One word serves four ticks, one byte per tick.
-    """
-    ones = counts_at(byte_counts(words(stream, tick // TICKS_A_WORD, neurons)), tick)
-    return np.asarray((ones.astype(np.float64) - 4) / np.sqrt(2))
-
-
 def counts_at(counts: npt.NDArray[np.uint32], tick: int) -> npt.NDArray[np.float32]:
-    """Return the counts for one tick from the result of ``byte_counts``."""
+    """Return the counts for one tick from the result of ``byte_counts``.
+
+    ``(count - 4) / sqrt 2`` is near-Gaussian noise of zero mean and unit variance; one word serves
+    four ticks, one byte per tick.
+    """
     count = (counts >> np.uint32(8 * (tick % TICKS_A_WORD))) & np.uint32(15)
     return count.astype(np.float32)
 

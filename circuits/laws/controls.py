@@ -51,14 +51,15 @@ def perturbed(circuit: Table, fraction: float = 0.2) -> dict[str, Table]:
     return changed
 
 
-def correlated(circuit: Table, noise_nats: float, *, cells: int = 20, tau_ms: float = 20) -> Table:
+def correlated(circuit: Table, noise_nats: float) -> Table:
     """Return the circuit with noise shared by all cortical cells of a channel.
 
-    ``noise_nats`` is its standard deviation. It comes from ``cells`` irregular cells (Phase, CV 1,
-    20 Hz), filtered with ``tau_ms``; their mean input is subtracted.
+    ``noise_nats`` is its standard deviation. It comes from 20 irregular cells (Phase, CV 1, 20 Hz),
+    filtered with 20 ms; their mean input is subtracted.
     """
     circuit.check_nats("noise in nats")
-    rate_hz, decay_hz = 20.0, 1000 / tau_ms
+    cells, rate_hz, tau_ms = 20, 20.0, 20.0
+    decay_hz = 1000 / tau_ms
     # Shot noise of a renewal process through an exponential filter (Cox 1962): ``passed`` is the
     # transform of its inverse Gaussian intervals at the filter's decay.
     passed = np.exp(1 - np.sqrt(1 + 2 * decay_hz / rate_hz))

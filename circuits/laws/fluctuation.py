@@ -178,15 +178,10 @@ def _jumps(slope: Callable[[Array], Array], at: Array) -> npt.NDArray[np.bool_]:
     return np.asarray(np.abs(high - low) > KINK * np.maximum(1, np.abs(low + high) / 2))
 
 
-def rate_spectrum(
-    circuit: CircuitTable,
-    name: str,
-    frequency_hz: npt.ArrayLike,
-    drive: npt.ArrayLike | None = None,
-) -> Array:
+def rate_spectrum(circuit: CircuitTable, name: str, frequency_hz: npt.ArrayLike) -> Array:
     """Return the one-sided power (F,), Hz^2/Hz, of a population's rate averaged over channels.
 
-    Frequencies are at least 1e-3 Hz; the drive (channels,), nats, is constant, by default rest.
+    Power is that at rest; frequencies are at least 1e-3 Hz.
     Raises ValueError for a circuit with courses or an unstable fixed point, and where there is no
     theory of its noise: see ``fluctuation.extra``.
     """
@@ -195,7 +190,7 @@ def rate_spectrum(
     least = f"must be {lowest:g} or more"
     require((frequency >= lowest).all(), "frequency_hz", least, frequency.min())
     wiring = wired(circuit)
-    x, extra_hz = _state(wiring, drive)
+    x, extra_hz = _state(wiring)
     swept(wiring, x, extra_hz)  # raises if there is no spectrum
     fluctuations = linear(wiring, x, frequency, extra_hz)
     out, noise = fluctuations.out[0], fluctuations.noise[0]
@@ -208,8 +203,8 @@ def out_variance(
 ) -> dict[str, Array]:
     """Return the variance of OUT (channels,), nats^2, contributed by each population's noise.
 
-    OUT is averaged over ``mean_ms`` after the read-out filter; the drive is that of
-    ``rate_spectrum``.
+    OUT is averaged over ``mean_ms`` after the read-out filter; the drive (channels,), nats, is
+    constant, by default rest.
     """
     wiring = wired(circuit)
     frequency, fluctuations = swept(wiring, *_state(wiring, drive))
@@ -241,7 +236,7 @@ def count_ratio(circuit: CircuitTable, name: str) -> float:
     return float(noise * circuit.population(name).neurons / rate)
 
 
-def _state(wiring: Wiring, drive: npt.ArrayLike | None) -> tuple[Array, Array]:
+def _state(wiring: Wiring, drive: npt.ArrayLike | None = None) -> tuple[Array, Array]:
     """Return the state (1, blocks), nats, with finite-size shifts, and the shifts of rates, Hz."""
     wiring.circuit.check_steady("its noise in closed form")
     held = held_drive(wiring, drive)

@@ -44,20 +44,13 @@ def growth(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> complex
     circuit without loops, in which it decays with the filters. Delays and time constants are used
     exactly, not in ticks. The drive (channels,), nats, is by default rest.
     """
-    eigenvalues = roots(circuit, drive)
-    return complex(eigenvalues[0]) if len(eigenvalues) else complex(-math.inf)
-
-
-def roots(circuit: CircuitTable, drive: npt.ArrayLike | None = None) -> Complex:
-    """Return the roots of the circuit linearised at its fixed point, 1/s, the rightmost first.
-
-    Roots far to the left are meaningless, because the collocation of delays is too coarse for them.
-    """
     wiring = wired(circuit)
     x = _held(wiring, drive)[0]
     loops = [_roots(wiring, x, blocks) for blocks, loop in parts(wiring) if loop]
-    eigenvalues = np.concatenate([np.zeros(0, np.complex128), *loops])
-    return np.asarray(eigenvalues[np.argsort(-eigenvalues.real, kind="stable")])
+    if not loops:
+        return complex(-math.inf)
+    eigenvalues = np.concatenate(loops)
+    return complex(eigenvalues[eigenvalues.real.argmax()])
 
 
 def onset(circuit: CircuitTable) -> Onset:
@@ -129,7 +122,10 @@ def _held(wiring: Wiring, drive: npt.ArrayLike | None) -> Array:
 
 
 def _roots(wiring: Wiring, x: Array, blocks: Index) -> Complex:
-    """Return the roots, 1/s, of one loop at the state x of the circuit."""
+    """Return the roots, 1/s, of one loop at the state x of the circuit.
+
+    Those far to the left are meaningless: the collocation of delays is too coarse for them.
+    """
     flow, lag = _linear(wiring, x, blocks)
     slow = lag > 0
     if not slow.any():

@@ -61,9 +61,7 @@ FIELDS = [
     ("slope", lambda: anatomy.linear_gpe(slope=0)),
     ("w_gpe_stn", lambda: anatomy.appendix_b(w_gpe_stn=1.2)),
     ("w_gpe_stn", lambda: anatomy.appendix_b(w_gpe_stn=-0.1)),
-    ("w_gpe_stn", lambda: anatomy.appendix_b(w_gpe_stn=0.5, w_gpe_snr=0.6)),
-    ("w_gpe_stn", lambda: anatomy.appendix_b(w_d2_gpe=-1)),
-    ("w_d1_snr", lambda: anatomy.appendix_b(w_d2_gpe=0.5, w_d1_snr=1.2)),
+    ("w_d2_gpe", lambda: anatomy.appendix_b(w_d2_gpe=-1)),
     *[("published_hz", lambda x=x: Population("STN", Rate(), published_hz=x))
       for x in ((1.0,), (2.0, 1.0), (-1.0, 1.0), (0.0, float("nan")), "1")],
     *[("rate_hz", lambda x=x: lif_mean_mv(SPIKING.population("GPe").cell, x))

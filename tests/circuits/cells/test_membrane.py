@@ -29,7 +29,7 @@ def measured_hz(cell, mean_mv, neurons, dt_ms, run_ms, lowered=True):
     stream, state = noise.stream_key(11, 0, f"lif {dt_ms}"), cell.begin(0.0 * nats, *c.values())
     spikes, first = np.zeros(nats.size), round(150 / dt_ms)
     for k in range(first + round(run_ms / dt_ms)):
-        ones = np.float32(4 + np.sqrt(2) * noise.bits8(stream, k, nats.size))
+        ones = noise.counts_at(noise.byte_counts(noise.words(stream, k // 4, nats.size)), k)
         fired, *state = cell.tick(nats, ones, *state, *c.values())
         spikes += fired * (k >= first)
     parts = [spikes[group == i] * 1000 / run_ms for i in range(len(mean_mv))]

@@ -16,12 +16,9 @@ ALPHA = 1e-4  # of each test, shared among its comparisons
 seeds = st.integers(0, 2**64 - 1)
 
 
-def words(stream, ticks=TICKS, neurons=NEURONS):
-    return np.array([noise.words(stream, tick, neurons) for tick in range(ticks)])
-
-
-def bits8(stream, ticks=TICKS, neurons=NEURONS):
-    return np.array([noise.bits8(stream, tick, neurons) for tick in range(ticks)])
+def ones_of(stream, tick, neurons):
+    """Return the ones of eight bits from which all engines make the noise of a tick."""
+    return noise.counts_at(noise.byte_counts(noise.words(stream, tick // 4, neurons)), tick)
 
 
 def bound(comparisons):
@@ -35,12 +32,12 @@ def test_the_words_of_a_stream_never_change():
     assert first == ["5d754225", "95e832e2", "88c6a1fa", "ee114694"]
 
 
-def test_bits8_is_exactly_the_binomial_of_eight_fair_bits():
-    block = bits8(noise.stream_key(1, 0, "STN/0"))
-    ones = np.rint(block * np.sqrt(2) + 4).astype(int)
-    assert np.allclose((ones - 4) / np.sqrt(2), block)
+def test_a_ticks_noise_is_exactly_the_binomial_of_eight_fair_bits():
+    stream = noise.stream_key(1, 0, "STN/0")
+    ones = np.array([ones_of(stream, tick, NEURONS) for tick in range(TICKS)])
+    block = (ones - 4) / np.sqrt(2)
     expected = binom.pmf(np.arange(9), 8, 0.5) * block.size
-    seen = np.bincount(ones.ravel(), minlength=9)
+    seen = np.bincount(ones.ravel().astype(int), minlength=9)
     assert chi2.sf(((seen - expected) ** 2 / expected).sum(), 8) > ALPHA
     # Mean, variance, and the fourth moment of that binomial: 3 - 2/8.
     for power, mean in ((1, 0), (2, 1), (4, 2.75)):
@@ -117,7 +114,7 @@ def test_a_neurons_noise_does_not_depend_on_who_else_is_asked(seed, trial, tick,
     assert np.array_equal(noise.words(stream, tick, count), every[:count])
     some = [count - 1, 0, 299]
     assert np.array_equal(noise.words(stream, tick, some), every[some])
-    for draw in (noise.bits8, noise.bits32, noise.uniform):
+    for draw in (ones_of, noise.bits32, noise.uniform):
         alone, all_ = draw(stream, tick, [count - 1])[0], draw(stream, tick, 300)
         assert alone == all_[count - 1]
 
@@ -127,4 +124,4 @@ def test_one_word_serves_four_ticks():
     for tick in range(8):
         word = noise.words(stream, tick // 4, 1)[0]
         ones = ((int(word) >> 8 * (tick % 4)) & 255).bit_count()
-        assert noise.bits8(stream, tick, 1)[0] == (ones - 4) / np.sqrt(2)
+        assert ones_of(stream, tick, 1)[0] == ones

@@ -22,16 +22,14 @@ def test_every_number_is_varied_once_each_way():
     assert made["read-out tau_ms -20%"].readout_tau_ms == pytest.approx(22.4)
 
 
-@pytest.mark.parametrize(("options", "cells", "tau_ms"), [({}, 20, 20.0), ({"cells": 5}, 5, 20.0),
-                                                         ({"tau_ms": 50.0}, 20, 50.0)])  # fmt: skip
-def test_shared_noise_has_its_size_in_closed_form(options, cells, tau_ms):
-    noisy = correlated(TABLE, 0.2, **options)
+def test_shared_noise_has_its_size_in_closed_form():
+    noisy = correlated(TABLE, 0.2)
     row, path = noisy.population("shared"), noisy.projection("shared->ctx")
-    assert (row.neurons, path.tau_ms, path.delay_ms) == (cells, tau_ms, 1)
+    assert (row.neurons, path.tau_ms, path.delay_ms) == (20, 20.0, 1)
     frequency = np.concatenate([[0.0], np.geomspace(1e-3, 1e5, 4000)]) + 1e-6
-    power = phase_spectrum(row.cell, [row.baseline_hz], frequency)[0] / cells
+    power = phase_spectrum(row.cell, [row.baseline_hz], frequency)[0] / row.neurons
     power = power * (path.weight / row.gain_hz_per_nat) ** 2
-    passed = power / (1 + (2 * np.pi * frequency * tau_ms / 1e3) ** 2)
+    passed = power / (1 + (2 * np.pi * frequency * path.tau_ms / 1e3) ** 2)
     assert np.sqrt(2 * np.trapezoid(passed, frequency)) == pytest.approx(0.2, rel=1e-4)
 
 
