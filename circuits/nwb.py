@@ -8,18 +8,16 @@ import re
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from circuits.activity import Activity
 from circuits.declaration.table_writer import digest
 from circuits.errors import require
 from circuits.show import text
 from circuits.store import replacing
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 COLUMNS = {"population": "nucleus", "channel": "alternative", "neuron": "cell of its channel"}
 # A simulation has no date; with a fixed one the same run gives the same file.
@@ -131,7 +129,6 @@ def _add_rates(file: Any, trials: Sequence[Trial], apart_ms: float) -> None:
 
 
 def _add_units(file: Any, trials: Sequence[Trial], trial_ms: float) -> None:
-    import pandas as pd
     from pynwb.misc import Units
 
     first = trials[0][0]

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 # Imported before threads draw: its import changes the warning filters of all threads for a moment,
 # which could swallow a warning of another thread.
-import matplotlib.style  # noqa: F401
+import matplotlib as mpl
+import matplotlib.style
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from bgmodel.explorer.circuit import WITHOUT_EVIDENCE, Shown
 from bgmodel.plots import BINS, CORRECT, ERROR
 from circuits.arrays import Array
 from circuits.checks import place_of
-from circuits.declaration.courses import DOPAMINE
+from circuits.circuit import Circuit
+from circuits.declaration.courses import DOPAMINE, Course
+from circuits.drawing import draw
 from circuits.plots import EDITABLE, FROM_ONSET, GREY, PALETTE, ROWS, STYLE, Look, look, smoothed
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from circuits.circuit import Circuit
-    from circuits.declaration.courses import Course
 
 WIDE, OF_CIRCUIT = 4.0, 4.6
 """Width of figures, and of the drawing of the circuit, inches."""
@@ -51,8 +49,6 @@ TEXT: Any = {"text.parse_math": False, **STYLE, **EDITABLE}
 
 def svg(figure: Figure) -> str:
     """Return a figure as SVG, the same text for the same figure."""
-    import matplotlib as mpl
-
     out = io.StringIO()
     with mpl.rc_context(TEXT):
         figure.savefig(out, format="svg", dpi=150, metadata={"Date": None})
@@ -62,15 +58,11 @@ def svg(figure: Figure) -> str:
 
 def _figure(high: float, wide: float = WIDE) -> Figure:
     """Return an empty figure that pyplot does not keep."""
-    from matplotlib.figure import Figure
-
     return Figure(figsize=(wide, high), dpi=96)
 
 
 def times(trials: pd.DataFrame, *, edited: bool) -> str:
     """Draw the distributions of decision times, errors below correct responses, as SVG."""
-    import matplotlib as mpl
-
     with mpl.rc_context(TEXT):
         figure, decided = _figure(2.7), trials[~trials["undecided"] & trials["correct"].notna()]
         ax = figure.add_axes((LEFT, 0.17, RIGHT - LEFT, 0.66))
@@ -108,8 +100,6 @@ def tradeoff(points: Mapping[str, pd.DataFrame], test: pd.DataFrame, chance: flo
 
     Points have rows ``mean_ms`` and ``accuracy``, and columns value, low and high.
     """
-    import matplotlib as mpl
-
     with mpl.rc_context(TEXT):
         figure = _figure(2.7)
         ax = figure.add_axes((LEFT, 0.17, RIGHT - LEFT, 0.68))
@@ -133,8 +123,6 @@ def tradeoff(points: Mapping[str, pd.DataFrame], test: pd.DataFrame, chance: flo
 
 def trial(trials: Mapping[str, Shown]) -> str:
     """Draw one trial as SVG: OUT, -ln P and the threshold; spikes and rates of every nucleus."""
-    import matplotlib as mpl
-
     with mpl.rc_context(TEXT):
         order = list(trials.items())[::-1]
         lane = 0.5 if len(order) == 1 else 0.42
@@ -280,10 +268,6 @@ def circuit(edited: Circuit, control: Circuit) -> str:
 
     The ``id`` of a group is the name of its row, by which the page identifies a click.
     """
-    import matplotlib as mpl
-
-    from circuits.drawing import draw
-
     with mpl.rc_context(TEXT):
         figure = _figure(4.2, OF_CIRCUIT)
         draw(edited, figure.add_axes((0.0, 0.12, 1.0, 0.88)), control)

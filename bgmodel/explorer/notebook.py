@@ -11,6 +11,7 @@ import platformdirs
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.explorer.state import ExplorerState, of_circuit, opened
 from circuits.circuit import Circuit
+from circuits.declaration.table_writer import digest, write
 from circuits.errors import InputError
 
 NEEDS = 'the explorer needs Panel: pip install "bgmodel[explore]"'
@@ -68,7 +69,5 @@ def state_of(what: Circuit | Experiment | str | Path) -> ExplorerState:
 
 def _written(circuit: Circuit) -> Path:
     """Write a circuit to the cache folder, in a folder named by its hash, and return the path."""
-    from circuits.declaration.table_writer import digest, write
-
     folder = platformdirs.user_cache_path("bgmodel") / "explored" / digest(circuit)[:16]
     return Path(write(circuit, folder / f"{re.sub(r'[^A-Za-z0-9_-]+', '_', circuit.name)}.toml"))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -22,15 +21,13 @@ from bgmodel.explorer.state import ExplorerState
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.plots import labelled
 from bgmodel.trials.named_evidence import NamedEvidence
+from circuits.circuit import Circuit
+from circuits.declaration.courses import Course
 from circuits.errors import collected
 from circuits.laws.stability import ringing
 from circuits.plots import ROWS
 from circuits.show import html as tables_of
 from circuits.store import Latest
-
-if TYPE_CHECKING:
-    from circuits.circuit import Circuit
-    from circuits.declaration.courses import Course
 
 TIMES, TRADEOFF, MEASURES, CIRCUIT, TRIAL = "times", "tradeoff", "measures", "circuit", "trial"
 TITLES = {

@@ -14,7 +14,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+from urllib.parse import parse_qs
 
 from bgmodel.bootstrap import check_trials
 from bgmodel.experiments.experiment import Experiment
@@ -25,13 +26,11 @@ from bgmodel.support import toml_files
 from bgmodel.task import Gaussian
 from bgmodel.trials.task_trials import EvidenceTable
 from circuits import DEFAULT
-from circuits.anatomy import CIRCUITS
+from circuits.anatomy import CIRCUITS, load_circuit
+from circuits.circuit import Circuit
 from circuits.declaration.edits import Edits
 from circuits.declaration.table_writer import digest
 from circuits.errors import InputError, require
-
-if TYPE_CHECKING:
-    from circuits.circuit import Circuit
 
 NAME = "Explored"
 NOTE = "Made in the explorer; state here why the manipulation models the published one."
@@ -202,8 +201,6 @@ class ExplorerState:
     @classmethod
     def from_link(cls, link: str) -> ExplorerState:
         """Return the state of a link, or of its part from the question mark on."""
-        from urllib.parse import parse_qs
-
         query = parse_qs(link.partition("?")[2])
         code, trial = query.get(QUERY, [""])[0], query.get("trial", ["0"])[0]
         unpack = zlib.decompressobj()
@@ -247,8 +244,6 @@ def _few(experiment: Experiment) -> Experiment:
 
 def of_circuit(name: str) -> ExplorerState:
     """Return a state of an unedited circuit with the default task."""
-    from circuits.anatomy import load_circuit
-
     path = name.endswith(".toml")
     channels = load_circuit(name).channels if path else 2
     return ExplorerState(

@@ -7,11 +7,10 @@ capabilities, and runs a circuit. Its name is shorthand for the record with defa
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import numpy.typing as npt
 
+from circuits.activity import Activity
 from circuits.declaration.courses import warn_of_late
 from circuits.declaration.table import CircuitTable
 from circuits.engines.engine import (
@@ -26,9 +25,6 @@ from circuits.engines.engine import (
 )
 from circuits.engines.shipped import Algebra, Brian2, Plain, Populations, Rates, Spikes
 from circuits.errors import require
-
-if TYPE_CHECKING:
-    from circuits.activity import Activity
 
 __all__ = [
     "ENGINES", "Algebra", "Brian2", "CompiledEngine", "Engine", "EngineOrName", "Plain",

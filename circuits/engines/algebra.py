@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from circuits.activity import Activity, warn_beyond_range
@@ -12,11 +10,9 @@ from circuits.checks import check_positive
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics.fixed_point import solve, wired
 from circuits.dynamics.wiring import Wiring
+from circuits.engines.shipped import Algebra
 from circuits.laws.fluctuation import extra
 from circuits.laws.mean_field import own_rates, settled
-
-if TYPE_CHECKING:
-    from circuits.engines.shipped import Algebra
 
 TRIALS_AT_ONCE = 512
 

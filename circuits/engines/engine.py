@@ -6,12 +6,13 @@ import importlib
 import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, overload
+from typing import Any, ClassVar, Self, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
 
 from circuits.activity import Activity, checked_drive
+from circuits.arrays import Array
 from circuits.cells import CELLS
 from circuits.checks import (
     check_free,
@@ -22,15 +23,12 @@ from circuits.checks import (
     is_whole,
 )
 from circuits.declaration.rows import OF_CELLS
+from circuits.declaration.table import CircuitTable
 from circuits.dynamics.ticks import TICK_MS, Clock, tick_ms
+from circuits.dynamics.wiring import Wiring
 from circuits.engines.memory import blocks, cells, connection_bytes
+from circuits.engines.stream import Stream
 from circuits.errors import InputError, require
-
-if TYPE_CHECKING:
-    from circuits.arrays import Array
-    from circuits.declaration.table import CircuitTable
-    from circuits.dynamics.wiring import Wiring
-    from circuits.engines.stream import Stream
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

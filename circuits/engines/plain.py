@@ -7,7 +7,7 @@ Its spikes are those of the Brian2 and the spikes engine.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,10 +19,8 @@ from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
 from circuits.dynamics.ticks import Clock, Scheme, Timed, spike_hz, starting_state, timed
 from circuits.dynamics.wiring import fan_in, units_of
+from circuits.engines.shipped import Plain
 from circuits.engines.stream import Onward, Stream
-
-if TYPE_CHECKING:
-    from circuits.engines.shipped import Plain
 
 Fired = dict[int, Truths]
 """Cells of each block that fired in a tick."""

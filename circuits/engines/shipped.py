@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from circuits.declaration.rows import OF_TIME
+from circuits.declaration.table import CircuitTable
 from circuits.engines.engine import (
     CompiledEngine,
     Engine,
@@ -15,9 +16,6 @@ from circuits.engines.engine import (
 )
 from circuits.engines.memory import blocks
 from circuits.errors import require
-
-if TYPE_CHECKING:
-    from circuits.declaration.table import CircuitTable
 
 LAWS_AT_REST = ("table", "cells", "finite")
 LAWS_OF_RATES = ("lines", "cells")

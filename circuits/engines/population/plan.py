@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import gcd, lcm
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +18,8 @@ from circuits.engines.compiling import edges
 from circuits.engines.compiling import records as filled
 from circuits.engines.population import kernel, records
 from circuits.engines.population.answers import POINTS, STEPS, Mixture, answers, looked_up
+from circuits.engines.shipped import PopulationsEngine
 from circuits.errors import InputError, NoiseWarning
-
-if TYPE_CHECKING:
-    from circuits.engines.shipped import PopulationsEngine
 
 SLOW_MS = 50.0
 """Time constant of the running mean of the input that selects the filters' coefficients: slower

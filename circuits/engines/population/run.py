@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -36,12 +36,10 @@ from circuits.engines.population import kernel
 from circuits.engines.population.plan import plan, window, workspace
 from circuits.engines.population.records import State
 from circuits.engines.population.settled import FIRST, settled
+from circuits.engines.shipped import PopulationsEngine
 from circuits.engines.stream import Onward, Stream
 from circuits.errors import InputError, NoiseWarning
 from circuits.laws.stability import ringing
-
-if TYPE_CHECKING:
-    from circuits.engines.shipped import PopulationsEngine
 
 RINGING = 8.0
 """Amplification of fluctuations by feedback loops above which a warning is issued."""

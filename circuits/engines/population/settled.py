@@ -14,7 +14,6 @@ import hashlib
 import threading
 from collections import OrderedDict
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -26,10 +25,8 @@ from circuits.dynamics.wiring import Wiring
 from circuits.engines.compiling import SOURCES
 from circuits.engines.population import kernel, records
 from circuits.engines.population.plan import rest, window, workspace
+from circuits.engines.shipped import PopulationsEngine
 from circuits.store import cached
-
-if TYPE_CHECKING:
-    from circuits.engines.shipped import PopulationsEngine
 
 FEWEST, MOST_STATES = 512, 8192
 """Least and largest number of states of a circuit and a seed."""

@@ -11,21 +11,17 @@ fire (``trains``).
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
+import numpy.typing as npt
 
+from circuits.arrays import Array
 from circuits.declaration.transfer import EXP_MOST, MOST_NATS
 from circuits.dynamics import noise
 from circuits.engines.compiling import compiled, part
 from circuits.engines.spikes import lanes, trains
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from circuits.arrays import Array
-    from circuits.engines.spikes.records import Plan, Work
+from circuits.engines.spikes.records import Plan, Work
 
 RATE, LIF, RENEWAL, GENERAL = range(4)
 """Kinds of loops over cells: none, those of ``Lif``, those of renewal cells (``trains``), or one

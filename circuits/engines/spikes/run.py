@@ -9,7 +9,7 @@ runs differ from then on.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,14 +20,12 @@ from circuits.arrays import Array
 from circuits.declaration.table import CircuitTable
 from circuits.dynamics import noise
 from circuits.dynamics.fixed_point import wired
+from circuits.engines.shipped import Spikes
 from circuits.engines.spikes import kernel
 from circuits.engines.spikes.plan import plan, workspace
 from circuits.engines.spikes.records import Plan
 from circuits.engines.stream import Onward, Stream
 from circuits.errors import InputError
-
-if TYPE_CHECKING:
-    from circuits.engines.shipped import Spikes
 
 TRIALS_A_TASK = 8
 FIRST_CAPACITY = 4096
