@@ -18,17 +18,11 @@ from bgmodel.tactile.decoder import EDGE
 from bgmodel.tactile.source import held_out_taps
 from bgmodel.tactile.task import EdgeDirection, EdgeTurn
 from tests.helpers import refused, run
-from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
+from tests.tactile.recorded import MM_PER_PX, edge_taps, record
 
 pytestmark = pytest.mark.usefixtures("no_check_of_noise")
 SD_DEG = 3.0
-
-
-def taps_of(count=2400, scrambled=False):
-    rng = np.random.default_rng(81)
-    true = np.linspace(-180, 180, count, endpoint=False)
-    read = true + SD_DEG * rng.normal(size=count)
-    return pd.DataFrame({"yaw_deg": true, "edge_deg": rng.permutation(read) if scrambled else read})
+TAPS = edge_taps(2400, SD_DEG, seed=81)
 
 
 def told(taps, task=EdgeDirection, count=2, step=5.0, model=None):
@@ -43,7 +37,7 @@ def told(taps, task=EdgeDirection, count=2, step=5.0, model=None):
 
 @pytest.fixture(scope="module")
 def touched():
-    return told(taps_of())
+    return told(TAPS)
 
 
 def test_one_reading_is_right_as_often_as_the_errors_of_the_decoder_let_it(touched):
@@ -65,18 +59,18 @@ def test_test_and_circuit_decide_alike_and_the_circuit_later(touched):
 
 def test_a_circuit_of_ones_own_decides_and_leaves_the_test_as_it_is(touched):
     circuit = bg.load_circuit("macaque_small", 2).edited("dopamine 0.6")
-    own = told(taps_of(), model=bg.BasalGanglia(circuit, "rate", gain=0.3, seed=9))
+    own = told(TAPS, model=bg.BasalGanglia(circuit, "rate", gain=0.3, seed=9))
     assert own.numbers["gain"] == 0.3
     rows, usual = (each.learned.set_index(["who", "measure"])["value"] for each in (own, touched))
     assert rows[TEST].equals(usual[TEST])
     assert not rows[SPIKES].equals(usual[SPIKES])
     with refused("model must have 2 channels, as the task"):
-        told(taps_of(), model=bg.BasalGanglia(bg.load_circuit("macaque", 3)))
+        told(TAPS, model=bg.BasalGanglia(bg.load_circuit("macaque", 3)))
 
 
 def test_a_circuit_of_saliences_is_refused_in_python_and_by_the_command(tmp_path):
     with refused("unit not nats"):
-        told(taps_of(), model=bg.BasalGanglia(bg.load_circuit("gpr", 2), gain=0.5))
+        told(TAPS, model=bg.BasalGanglia(bg.load_circuit("gpr", 2), gain=0.5))
     asked = ["touch", tmp_path / "out", "--circuit", "gpr", "--gain", 0.5]
     assert run(*asked) == 2
     assert not (tmp_path / "out").exists()
@@ -122,7 +116,8 @@ def test_a_result_comes_back_from_its_table(touched):
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_a_decoder_of_nothing_decides_at_chance_and_says_so():
-    taps = taps_of(900, scrambled=True)
+    taps = edge_taps(900, SD_DEG, seed=81)
+    taps["edge_deg"] = np.random.default_rng(82).permutation(taps["edge_deg"])
     touched = told(pd.concat([taps, taps[:60]]), EdgeTurn)
     for said in ("60 of 960 taps are copies", "does not distinguish the 2 hypotheses"):
         assert any(said in remark for remark in touched.remarks)
@@ -150,11 +145,10 @@ def test_a_folder_of_recordings_becomes_a_page_and_nothing_is_made_twice(
     monkeypatch.setattr("bgmodel.from_taps.TO_LEARN", 1000)
     monkeypatch.setattr("bgmodel.from_taps.TO_SPIKE", 20)
     monkeypatch.setattr("bgmodel.commands.touch_steps.EDGE", replace(EDGE, epochs=8))
-    shown, folders = hexagon(), []
+    folders = []
     for name, count in (("train", 320), ("held", 360)):
         yaws = np.linspace(-180, 179, count) + 0.3 * (name == "held")
-        images = [draw(shown + field(shown, yaw)) for yaw in yaws]
-        folders.append(write(tmp_path / name, images, "dev-data"))
+        folders.append(record(tmp_path / name, yaws))
     mine = tmp_path / "mine"
     asked = ["touch", mine, "--recordings", folders[0], "--held-out", folders[1]]
     asked += ["--mm-per-px", MM_PER_PX, "--task", "edge-direction", "step_deg=20"]
@@ -179,11 +173,8 @@ GRATINGS = ("--task", "same-different", "period_mm=2")
 @pytest.fixture
 def edges(tmp_path):
     """Write a decoded table of an edge as other programs do: without provenance."""
-    rng = np.random.default_rng(71)
-    true = np.linspace(-180, 180, 1500, endpoint=False)
     path = tmp_path / "edges.csv"
-    table = pd.DataFrame({"yaw_deg": true, "edge_deg": true + 3.0 * rng.normal(size=1500)})
-    table.to_csv(path, index=False)
+    edge_taps(1500, SD_DEG, seed=71).to_csv(path, index=False)
     return path
 
 

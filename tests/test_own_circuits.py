@@ -1,7 +1,6 @@
 """Circuits made from nothing: noise of OUT, OUT at rest and loops, each with its cure."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -137,8 +136,7 @@ def ring(*weights, bias_nats=0.0, baseline_hz=20.0, **fields):
     around = [Projection(*ends, w, delay_ms=1.0, **fields)
               for *ends, w in zip(names, names[1:] + names[:1], weights, strict=True)]  # fmt: skip
     paths = (Projection("ctx", names[0], 1.0), Projection(names[0], "SNr", 1.0), *around)
-    table = Circuit("ring", (ctx, *cells, snr), paths, 2)
-    return replace(table, reference_nats=np.log(2))
+    return Circuit("ring", (ctx, *cells, snr), paths, 2, reference_nats=np.log(2))
 
 
 @given(st.lists(st.floats(0.3, 3), min_size=1, max_size=4))

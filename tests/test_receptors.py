@@ -150,7 +150,7 @@ def filters(*rows):
     cells = (Population("ctx", Rate(signed=True)), Population("SNr", Rate(signed=True)))
     paths = tuple(Projection("ctx", "SNr", weight, synapse=name, tau_ms=tau)
                   for name, weight, tau in rows)  # fmt: skip
-    return replace(Circuit("filters", cells, paths, 2), reference_nats=np.log(2))
+    return Circuit("filters", cells, paths, 2, reference_nats=np.log(2))
 
 
 @pytest.mark.parametrize(("fast_ms", "slow_ms"), [(5.0, 100.0), (2.0, 30.0)])

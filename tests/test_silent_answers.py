@@ -25,6 +25,7 @@ from circuits.engines import run
 from circuits.errors import DataWarning, EditWarning, NoiseWarning
 from tests import read
 from tests.helpers import doubting, refused, refusing, told, unwarned
+from tests.tactile.recorded import edge_taps
 from tests.tactile.striped import pushed_taps, striped_taps
 
 
@@ -33,9 +34,7 @@ def evidence(trials=120, **options):
 
 
 def edges(count=600, **changed):
-    true = np.linspace(-180, 180, count, endpoint=False)
-    read = true + np.random.default_rng(4).normal(0, 15, count)
-    return pd.DataFrame({"yaw_deg": true, "edge_deg": read}).assign(**changed)
+    return edge_taps(count, 15, seed=4).assign(**changed)
 
 
 @pytest.mark.parametrize("made", [pushed_taps, lambda *asked: striped_taps(*asked)])

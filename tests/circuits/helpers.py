@@ -1,6 +1,5 @@
 """Drives, tables and states that several modules of `circuits` are tried on."""
 
-from dataclasses import replace
 from functools import partial
 
 import numba
@@ -60,5 +59,5 @@ def creeping(growth_hz):
     )
     itself = Projection("target", "target", (1 + growth_hz * 0.005) / 2, "diffuse")
     paths = (Projection("source", "target", 0.1), itself)
-    table = Circuit("creeping", rows, paths, 2, input="source", readout="target")
-    return replace(table, reference_nats=np.log(2))
+    ends = {"input": "source", "readout": "target"}
+    return Circuit("creeping", rows, paths, 2, **ends, reference_nats=np.log(2))

@@ -13,7 +13,7 @@ from bgmodel.commands.touch_steps import _taps
 from bgmodel.support.files import checksum, read_provenance, read_table
 from bgmodel.tactile.decoder import EDGE, Decoder, Training
 from tests.helpers import refused, run
-from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
+from tests.tactile.recorded import MM_PER_PX, hexagon, record
 
 
 def test_taps_take_yaws_in_turn_or_from_all_of_a_half_turn(tmp_path, monkeypatch, refusal):
@@ -76,9 +76,7 @@ def test_taps_are_simulated_trained_on_and_decoded(tmp_path, refusal, capsys):
 
 def test_a_decoder_of_recordings_is_stored_with_the_name_of_their_folder(tmp_path, monkeypatch):
     monkeypatch.setattr("bgmodel.commands.touch_steps.EDGE", replace(EDGE, epochs=1))
-    shown = hexagon()
-    images = [draw(shown + field(shown, yaw)) for yaw in np.linspace(-180, 175, 320)]
-    folder = write(tmp_path / "my_taps", images, "dev-data")
+    folder = record(tmp_path / "my_taps", np.linspace(-180, 175, 320))
     out = tmp_path / "edge.safetensors"
     assert run("touch", "train", folder, "--save", out, "--edge", "--mm-per-px", MM_PER_PX) == 0
     about = Decoder.load(out).about
@@ -86,9 +84,7 @@ def test_a_decoder_of_recordings_is_stored_with_the_name_of_their_folder(tmp_pat
 
 
 def test_the_count_of_pins_in_a_recording_is_said(tmp_path, capsys):
-    shown = hexagon()[6:]  # a row at the rim is hidden
-    images = [draw(shown + field(shown, yaw)) for yaw in (-90, 0, 90)]
-    folder = write(tmp_path / "my_taps", images, "dev-data")
+    folder = record(tmp_path / "my_taps", (-90, 0, 90), hexagon()[6:])  # a row at the rim is hidden
     taps, about = _taps(folder, True, MM_PER_PX, 91)
     assert len(taps) == 3
     assert about["recordings"] == "my_taps"

@@ -15,7 +15,7 @@ from bgmodel.tactile.decoder import EDGE, Decoder, train
 from bgmodel.tactile.recordings import Tracker, read_taps
 from bgmodel.tactile.task import EdgeTurn
 from tests.helpers import run, told
-from tests.tactile.recorded import MM_PER_PX, draw, field, hexagon, write
+from tests.tactile.recorded import MM_PER_PX, draw, edge_taps, hexagon, record, write
 
 STEP_DEG = 90.0
 BRIEF = replace(EDGE, epochs=8)
@@ -25,17 +25,13 @@ BRIEF = replace(EDGE, epochs=8)
 @pytest.fixture(scope="module")
 def sensor(tmp_path_factory):
     """Train a decoder on drawn taps of an edge, and decode others."""
-    folder, shown = tmp_path_factory.mktemp("sensor"), hexagon()
-    images = [draw(shown + field(shown, yaw)) for yaw in np.linspace(-180, 179, 360)]
-    taps = read_taps(write(folder / "taps", images, "dev-data"), mm_per_px=MM_PER_PX)
+    folder = tmp_path_factory.mktemp("sensor")
+    taps = read_taps(record(folder / "taps", np.linspace(-180, 179, 360)), mm_per_px=MM_PER_PX)
     decoder, trained = folder / "edge.safetensors", train(taps, seed=1, training=BRIEF)
     trained.save(decoder)
     trained.save(decoder.with_suffix(".onnx"))
-    rng = np.random.default_rng(2)
-    true = np.linspace(-180, 180, 600, endpoint=False)
     decoded = folder / "decoded.csv"
-    table = pd.DataFrame({"yaw_deg": true, "edge_deg": true + 25 * rng.normal(size=600)})
-    table.to_csv(decoded, index=False)
+    edge_taps(600, 25, seed=2).to_csv(decoded, index=False)
     return folder, decoder, decoded, taps
 
 

@@ -15,7 +15,7 @@ from bgmodel.explorer.notebook import state_of
 from bgmodel.explorer.panels import TITLES, Memory, panels
 from bgmodel.explorer.state import MOST_TRIALS, ExplorerState, History, opened
 from circuits.anatomy import load_circuit
-from circuits.declaration.table_writer import digest
+from circuits.declaration.table_writer import digest, write
 from circuits.errors import InputError
 from tests.explorer.helpers import STEPS, small
 from tests.helpers import refused
@@ -181,9 +181,6 @@ def test_a_setting_out_of_range_is_refused_and_names_its_field(name, value, fiel
 
 
 def test_a_circuit_of_a_file_opens_with_its_alternatives(tmp_path):
-    from circuits.anatomy import load_circuit
-    from circuits.declaration.table_writer import write
-
     path = write(load_circuit("macaque", 3), tmp_path / "mine.toml")
     state = opened(path)
     assert state.experiment.task.channels == 3

@@ -10,6 +10,8 @@ from bgmodel.experiments.experiment import Experiment
 from bgmodel.explorer.panels import CIRCUIT, MEASURES, Memory, panels
 from bgmodel.explorer.state import ExplorerState, opened
 from bgmodel.plots import labelled
+from circuits.anatomy import load_circuit
+from circuits.declaration.table_writer import text
 from circuits.laws.stability import growth
 from tests.explorer.helpers import small
 from tests.helpers import run
@@ -53,7 +55,7 @@ def test_an_experiment_shows_its_source_and_the_verdicts_of_the_command(tmp_path
     assert run("experiment", file, "--workers", 1) == 0
     printed = capsys.readouterr().out
     by = {panel.name: panel for panel in panels(state, Memory(), workers=1)}
-    verdicts = [text.removeprefix("the model ") for text in by[MEASURES].tables[0]["Verdict"]]
+    verdicts = [told.removeprefix("the model ") for told in by[MEASURES].tables[0]["Verdict"]]
     assert len(verdicts) == len(state.experiment.predictions) > 0
     assert verdicts == re.findall(r"the model (agrees|disagrees|leaves it open)$", printed, re.M)
     assert state.experiment.source in by[MEASURES].text
@@ -69,9 +71,9 @@ def test_the_python_that_is_copied_computes_the_same(shown, memory):
 
 
 def test_a_run_that_is_refused_says_so_in_the_sentence_of_the_command(tmp_path, capsys):
-    text = small("macaque", "algebra", "dopamine 0.9").experiment.to_toml()
-    few = text.replace("trials = 120", "trials = 60")
-    assert few != text
+    many = small("macaque", "algebra", "dopamine 0.9").experiment.to_toml()
+    few = many.replace("trials = 120", "trials = 60")
+    assert few != many
     state = ExplorerState(Experiment.from_text(few))
     by = {panel.name: panel for panel in panels(state, Memory(), workers=1)}
     assert by[MEASURES].refused
@@ -92,9 +94,6 @@ def test_the_circuit_says_whether_it_oscillates(level, oscillates):
 
 
 def test_names_are_text_and_not_mathematics_or_markup(tmp_path):
-    from circuits.anatomy import load_circuit
-    from circuits.declaration.table_writer import text
-
     name = "<script>alert(1)</script> $x^$ & "
     file = tmp_path / "odd.toml"
     file.write_text(text(load_circuit("macaque")).replace('name = "macaque"', f'name = "{name}"'))

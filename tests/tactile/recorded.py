@@ -40,6 +40,13 @@ def draw(pins, *, specks=(), radius=3.0, size=SIZE):
     return image.astype(np.uint8)
 
 
+def edge_taps(count, sd_deg, seed):
+    """Return decoded taps of an edge, with yaws all around and Gaussian errors of the decoder."""
+    true = np.linspace(-180, 180, count, endpoint=False)
+    read = true + sd_deg * np.random.default_rng(seed).normal(size=count)
+    return pd.DataFrame({"yaw_deg": true, "edge_deg": read})
+
+
 # Table, column of images, their folder, and how columns of poses, of shear and of objects begin.
 FORMS = {
     "sensor image": ("targets.csv", "sensor_image", "images", "123456", "move_2", "obj_id"),
@@ -63,3 +70,9 @@ def write(folder, images, form="sensor image"):
     for name, image in zip(table[column], images, strict=True):
         assert cv2.imwrite(str(folder / images_folder / name), image)
     return folder
+
+
+def record(folder, yaws_deg, pins=None):
+    """Write a recording of taps that push the pins, by default all of a hexagon, at each yaw."""
+    shown = hexagon() if pins is None else pins
+    return write(folder, [draw(shown + field(shown, yaw)) for yaw in yaws_deg], "dev-data")

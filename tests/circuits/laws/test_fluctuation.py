@@ -1,7 +1,5 @@
 """What a finite number of cells does to the fixed point, to spectra and to the variance of OUT."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -31,8 +29,8 @@ def fed(*, cells, gain=1.0, tau_ms=5.0):
         Population("target", Rate(), 0.0, 10.0, transfer="exp", tau_ms=tau_ms),
     )
     path = Projection("source", "target", gain, delay_ms=2, tau_ms=4.0)
-    table = Circuit("fed", rows, (path,), 2, input="source", readout="target")
-    return replace(table, reference_nats=np.log(2))
+    ends = {"input": "source", "readout": "target"}
+    return Circuit("fed", rows, (path,), 2, **ends, reference_nats=np.log(2))
 
 
 def shot_covariance(cell, hz, a, b):

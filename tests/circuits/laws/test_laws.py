@@ -52,8 +52,7 @@ def loop(neurons, *, delay_ms=0.0, rests_at=3.0):
         Projection("STN", "GPe", 1.0, delay_ms=delay_ms, tau_ms=6.0, transfer="s_minus_log_s"),
         Projection("GPe", "STN", -1.0, delay_ms=delay_ms),
     )
-    table = Circuit("loop", rows, paths, 2, input="STN", readout="GPe")
-    return replace(table, reference_nats=np.log(2))
+    return Circuit("loop", rows, paths, 2, input="STN", readout="GPe", reference_nats=np.log(2))
 
 
 def at_point(table, drive):
