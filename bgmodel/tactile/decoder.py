@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from bgmodel.support.checks import path_of
+from bgmodel.support.checks import check_positive, path_of
 from bgmodel.support.files import check_writable, checksum, provenance, recorded, replacing
 from bgmodel.tactile.networks import (
     NETWORKS,
@@ -65,11 +65,9 @@ class Training:
     edges."""
 
     def __post_init__(self) -> None:
-        if self.network not in NETWORKS:
-            raise InputError.of("network", f"must be one of {sorted(NETWORKS)}", self.network)
-        for name in ("width", "learning_rate"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise InputError.of(name, "must be > 0", getattr(self, name))
+        known = f"must be one of {sorted(NETWORKS)}"
+        require(self.network in NETWORKS, "network", known, self.network)
+        check_positive(width=self.width, learning_rate=self.learning_rate)
         for name in ("epochs", "patience", "batch"):
             require(getattr(self, name) >= 1, name, "must be at least 1", getattr(self, name))
         require(0 < self.validation < 1, "validation", "must lie between 0 and 1", self.validation)

@@ -11,10 +11,10 @@ from circuits.engines.engine import (
     CompiledEngine,
     Engine,
     SpikingEngine,
+    blocks,
     of_cells_alone,
     register,
 )
-from circuits.engines.memory import blocks
 from circuits.errors import require
 
 LAWS_AT_REST = ("table", "cells", "finite")

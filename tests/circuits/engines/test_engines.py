@@ -12,7 +12,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits import anatomy, engines
 from circuits.dynamics.ticks import Clock
 from circuits.dynamics.wiring import wire
-from circuits.engines.memory import blocks, cells
+from circuits.engines.engine import blocks, cells
 from circuits.engines.spikes.plan import plan, workspace
 from tests.helpers import refused
 
