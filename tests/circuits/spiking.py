@@ -1,6 +1,6 @@
 """A small spiking circuit, cell types to put into it, and its spikes."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -74,12 +74,6 @@ class Diffusing(Cell):
 def kind_of(base=Cell, name="Own", **given):
     """Return a cell type that a test makes from another one."""
     return dataclass(frozen=True)(type(name, (base,), {"__module__": __name__, **given}))
-
-
-def with_cell(circuit, name, cell):
-    """Return a circuit where a population has another cell."""
-    rows = (replace(p, cell=cell) if p.name == name else p for p in circuit.populations)
-    return replace(circuit, populations=tuple(rows))
 
 
 def spike_set(activity, *names):

@@ -7,7 +7,7 @@ import numpy.testing as npt
 import pytest
 
 from circuits.cells import single
-from tests.circuits.spiking import ADEX, BASE, SPIKING, spikes_of, with_cell
+from tests.circuits.spiking import ADEX, BASE, SPIKING, spikes_of
 
 
 def test_an_adex_without_upstroke_and_adaptation_is_the_exact_linear_membrane():
@@ -73,9 +73,11 @@ def test_intervals_of_a_noiseless_adex_are_those_of_its_equations():
 @pytest.mark.parametrize(
     "circuit",
     [
-        pytest.param(with_cell(BASE, "GPe", ADEX), id="GPe"),
-        pytest.param(with_cell(BASE.with_heterogeneity(0.1), "GPe", ADEX), id="heterogeneity"),
-        pytest.param(with_cell(BASE, "D1", ADEX), id="D1", marks=pytest.mark.validate),
+        pytest.param(BASE.with_population("GPe", cell=ADEX), id="GPe"),
+        pytest.param(
+            BASE.with_heterogeneity(0.1).with_population("GPe", cell=ADEX), id="heterogeneity"
+        ),
+        pytest.param(BASE.with_population("D1", cell=ADEX), id="D1", marks=pytest.mark.validate),
     ],
 )
 def test_adex_cells_spike_alike_in_all_engines(circuit):

@@ -14,13 +14,12 @@ from tests.circuits.spiking import (
     kind_of,
     lacking,
     spikes_of,
-    with_cell,
 )
 from tests.helpers import refused, refusing
 
 
 def test_a_type_that_only_names_its_state_lacks_every_step():
-    circuit = with_cell(BASE, "GPe", register(kind_of(state=("v",)))())
+    circuit = BASE.with_population("GPe", cell=register(kind_of(state=("v",)))())
     for engine in SPIKING:
         with refused(r"cell Own\.\w+, and Own cells do not have it"):
             lacking(engine)(circuit)
@@ -44,7 +43,7 @@ def test_every_registered_type_answers_or_raises_in_every_engine():
     calls = [lacking(name) for name in (*SPIKING, "rate")]
     calls += [lacking("algebra", laws=laws) for laws in ("table", "cells", "finite")]
     for name, cell in made.items():
-        circuit = with_cell(BASE, "GPe", cell)
+        circuit = BASE.with_population("GPe", cell=cell)
         for call in calls:
             try:
                 right = np.isfinite(call(circuit).output_nats).all()
@@ -58,7 +57,7 @@ ONE = np.float32(1)
 
 def fitting(**answers):
     """Return a circuit whose STN has a custom cell type with a tick and other methods."""
-    return with_cell(BASE, "STN", register(kind_of(Diffusing, **answers))(0.3))
+    return BASE.with_population("STN", cell=register(kind_of(Diffusing, **answers))(0.3))
 
 
 def short(heard, ones, phi, noise_step, factor):

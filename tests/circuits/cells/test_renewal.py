@@ -14,7 +14,7 @@ from circuits.circuit import Circuit
 from circuits.declaration.rows import Population, Projection
 from circuits.dynamics import noise
 from circuits.engines import run
-from tests.circuits.spiking import BASE, SPIKING, kind_of, spikes_of, with_cell
+from tests.circuits.spiking import BASE, SPIKING, kind_of, spikes_of
 from tests.helpers import refused
 
 CVS = (0.01, 0.1, 0.3, 0.5, 1.0)
@@ -176,14 +176,14 @@ def test_neurons_and_spikes_have_words_of_their_own():
 def test_quantiles_that_are_none_are_refused(quantiles):
     kind = register(kind_of(Gamma, "Wrong", interval_quantiles=lambda cell, p: quantiles(p)))
     for engine in SPIKING:
-        circuit = with_cell(BASE, "STN", kind(2.0))
+        circuit = BASE.with_population("STN", cell=kind(2.0))
         with refused("quantiles ^Wrong.interval_quantiles"):
             spikes_of(circuit, engine)
 
 
 def test_a_type_without_spikes_transmits_its_line_whatever_it_derives_from():
     silent = register(kind_of(Phase, spikes=False))
-    quiet, rate = (with_cell(BASE, "STN", cell) for cell in (silent(0.3), Rate()))
+    quiet, rate = (BASE.with_population("STN", cell=cell) for cell in (silent(0.3), Rate()))
     for engine in SPIKING:
         options = {"engine": engine, "step_ms": 10, "settle_ms": 5, "seed": 2}
         one, other = (run(circuit, np.ones((1, 2, 2)), **options) for circuit in (quiet, rate))
