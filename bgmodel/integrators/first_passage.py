@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from operator import index
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bgmodel.support.checks import check_finite, check_positive
+from bgmodel.support.checks import check_finite, check_positive, whole
 from circuits.arrays import Array, Truths
 from circuits.errors import require
 
@@ -330,8 +329,8 @@ def walk(
     for name, value in (("lower", lower), ("upper", upper), ("start", start)):
         require(np.isfinite(value), name, "must be finite", value)
     require(lower <= upper, "lower", f"must be at most upper = {upper}", lower)
-    t_max = None if t_max is None else _whole("t_max", t_max, 1)
-    cells = _whole("cells", cells, 4)
+    t_max = None if t_max is None else whole("t_max", t_max, 1)
+    cells = whole("cells", cells, 4)
     if start > upper or start < lower:
         pmf = None if t_max is None else np.eye(1, t_max + 1)[0]
         return Walk(float(start > upper), float(start < lower), 0.0, 0.0, pmf)
@@ -340,12 +339,3 @@ def walk(
     moving = t_max is not None or lower == upper or bool(np.any(increments.values != 0))
     require(moving, "increments", "must be other than 0 somewhere, or t_max given", "only 0")
     return Chain(*empirical_chain(increments, lower, upper, start, t_max, cells)).run(t_max)
-
-
-def _whole(name: str, value: int, least: int) -> int:
-    try:
-        number = index(value)
-    except TypeError:
-        number = least - 1
-    require(number >= least, name, f"must be a whole number, at least {least}", value)
-    return number

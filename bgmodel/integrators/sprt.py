@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -14,13 +14,7 @@ from bgmodel.deciding.readout import LOG_ODDS, ReadOut, meant
 from bgmodel.deciding.readout import threshold_from_posterior as threshold_from_posterior
 from bgmodel.deciding.reward import Tally
 from bgmodel.deciding.trace import Trace
-from bgmodel.evidence import (
-    Evidence,
-    check_evidence,
-    checked_prior,
-    minus_log_softmax,
-    needed_truth,
-)
+from bgmodel.evidence import Evidence, check_evidence, minus_log_softmax, needed_truth
 from bgmodel.integrators.session import Session
 from bgmodel.support.checks import check_positive, reals, whole
 from circuits.arrays import Array
@@ -99,7 +93,7 @@ class Decides:
         level = known.one(threshold, posterior, count)
         nothing = Evidence(np.zeros((1, 1, count)), prior=prior)  # type: ignore[arg-type]
         if (self.run(nothing).out_nats[0, 0] < level).any():
-            reason = f"the prior is past the threshold of {level:.3g} already"
+            reason = f"the prior is past the threshold of {level:.3g} already{meant(level)}"
             raise InputError(
                 f"a session would decide before its first reading: {reason}", "threshold"
             )
@@ -120,26 +114,13 @@ class Sprt(Decides):
 
     def run(self, evidence: Evidence) -> Trace:
         """Return Z as a trace (trials, 1 + steps, 2); tick 0 is the prior."""
-        checked_two(evidence)
+        start = _log_prior_odds(evidence)
         # Importing Numba takes most of a second: only when it is used.
         from bgmodel.deciding.crossing import log_odds
 
-        start = float(np.log(evidence.prior[1]) - np.log(evidence.prior[0]))
         out = np.empty((evidence.trials, evidence.steps + 1, 2))
         log_odds(evidence.log_likelihood, start, out)
         return at_readings(out, evidence, OF_SPRT)
-
-    def start(self, prior: Array) -> Array:
-        """Return the state before the first reading: Z_0, shape (1,)."""
-        return np.asarray(np.log(prior[1:]) - np.log(prior[:1]))
-
-    def add(self, state: Array, reading: Array) -> Array:
-        """Return the state after one more reading (2,)."""
-        return np.asarray(state + (reading[1] - reading[0]))
-
-    def output(self, state: Array) -> Array:
-        """Return OUT (2,) of a state."""
-        return np.append(state, -state)
 
     @staticmethod
     def threshold(boundary_separation: npt.ArrayLike) -> Array:
@@ -173,19 +154,8 @@ class Msprt(Decides):
 
     def run(self, evidence: Evidence) -> Trace:
         """Return -ln P as a trace (trials, 1 + steps, hypotheses); tick 0 is the prior."""
-        return at_readings(self.output(check_evidence(evidence).totals), evidence, OF_MSPRT)
-
-    def start(self, prior: Array) -> Array:
-        """Return the state before the first reading: log priors (N,)."""
-        return np.log(prior)
-
-    def add(self, state: Array, reading: Array) -> Array:
-        """Return the state after one more reading (N,)."""
-        return state + reading
-
-    def output(self, log_posterior: Array) -> Array:
-        """Return OUT = -ln P (..., N) from unnormalised log posteriors (..., N)."""
-        return minus_log_softmax(self.gain * log_posterior)
+        out = minus_log_softmax(self.gain * check_evidence(evidence).totals)
+        return at_readings(out, evidence, OF_MSPRT)
 
     @staticmethod
     def threshold(boundary_separation: npt.ArrayLike) -> Array:
@@ -217,7 +187,7 @@ def tally_sprt(evidence: Evidence, thresholds: npt.ArrayLike) -> Tally:
             "thresholds",
         )
     truth = needed_truth(evidence)
-    start = Sprt().start(checked_two(evidence).prior)[0]
+    start = _log_prior_odds(evidence)
     order = np.argsort(-levels, kind="stable")
     correct, steps, forced = tally_odds(
         evidence.log_likelihood,
@@ -231,15 +201,11 @@ def tally_sprt(evidence: Evidence, thresholds: npt.ArrayLike) -> Tally:
     return Tally(evidence.trials, correct[back], steps[back], forced[back])
 
 
-def checked_two(evidence: Evidence) -> Evidence:
-    """Return the evidence; ValueError unless it has two hypotheses."""
-    check_two("evidence", check_evidence(evidence).hypotheses)
-    return evidence
-
-
-def check_two(field: str, hypotheses: int) -> None:
-    """Raise ValueError unless there are two hypotheses: the SPRT is defined for two."""
-    require(hypotheses == 2, field, "must be of exactly 2 hypotheses (or use Msprt)", hypotheses)
+def _log_prior_odds(evidence: Evidence) -> float:
+    """Return Z_0; ValueError unless there are two hypotheses, for which the SPRT is defined."""
+    count = check_evidence(evidence).hypotheses
+    require(count == 2, "evidence", "must be of exactly 2 hypotheses (or use Msprt)", count)
+    return float(np.log(evidence.prior[1]) - np.log(evidence.prior[0]))
 
 
 def _checked_gap(boundary_separation: npt.ArrayLike) -> Array:
@@ -262,72 +228,3 @@ def at_readings(out: Array, evidence: Evidence, readout: ReadOut | None = None) 
     return Trace(
         out, time_ms, evidence.onset_ms, evidence.step_ms, ends, numbers, readout, evidence.truth
     )
-
-
-@dataclass
-class DecisionStream:
-    """One trial of a test, one reading at a time, for use in a robot's control loop.
-
-    The decision is that of the batch form for the same readings. Readings are added up here: give
-    each one alone, not the sum so far, which one trial does not reveal. The threshold, nats, is one
-    for all responses or one per response; the number of the trial breaks ties. Without ``t_max`` no
-    response is forced.
-    """
-
-    test: Sprt | Msprt
-    threshold: npt.ArrayLike
-    hypotheses: int = 2
-    prior: npt.ArrayLike | None = None
-    t_max: int | None = None
-    number: int = 0
-    readings: int = field(default=0, init=False)
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.test, (Sprt, Msprt)):
-            raise InputError.of("test", "must be Sprt or Msprt", type(self.test).__name__)
-        self.hypotheses = whole("hypotheses", self.hypotheses, 2)
-        if isinstance(self.test, Sprt):
-            check_two("hypotheses", self.hypotheses)
-        if self.t_max is not None:
-            self.t_max = whole("t_max", self.t_max, 1)
-        self.number = whole("number", self.number, 0)
-        self._state = self.test.start(checked_prior(self.prior, self.hypotheses))
-        levels = np.asarray(reals("threshold", self.threshold), dtype=np.float64)
-        shapes = ((), (self.hypotheses,))
-        require(levels.shape in shapes, "threshold", f"must be of shape {shapes}", levels.shape)
-        self._levels = np.broadcast_to(levels, (self.hypotheses,))[None]
-        known = OF_SPRT if isinstance(self.test, Sprt) else OF_MSPRT
-        known.check(self._levels)
-        self.choice: int | None = self._decide()
-        if self.choice is not None:
-            raise InputError(
-                f"the stream would decide before its first reading: the prior is past the "
-                f"threshold of {levels.flat[0]:.3g} already{meant(float(levels.flat[0]))}",
-                "threshold",
-            )
-
-    def update(self, log_likelihood: npt.ArrayLike) -> int | None:
-        """Take one reading (hypotheses,) in nats; return the choice, or None while undecided.
-
-        Raises RuntimeError if the trial is already decided.
-        """
-        reading = np.asarray(reals("a reading", log_likelihood), dtype=np.float64)
-        fits = reading.shape == (self.hypotheses,) and np.isfinite(reading).all()
-        must = f"must hold {self.hypotheses} finite log-likelihoods"
-        require(fits, "log_likelihood", must, reading)
-        if self.choice is not None:
-            raise RuntimeError("the trial is already decided: start a new Stream")
-        self.readings += 1
-        self._state = self.test.add(self._state, reading)
-        self.choice = self._decide()
-        return self.choice
-
-    def _decide(self) -> int | None:
-        """Apply the common stopping rule to the newest tick alone."""
-        out = self.test.output(self._state)
-        numbers = np.array([self.number])
-        now = Trace(out[None, None], np.array([float(self.readings)]), numbers=numbers)
-        last = self.t_max is not None and self.readings >= self.t_max
-        decision: Decision = first_crossing(now, self._levels, forced=last, checked=False)
-        choice = int(decision.choice[0, 0])
-        return choice if choice >= 0 else None

@@ -15,32 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bgmodel.deciding.reward import reward_of
-from bgmodel.integrators.first_passage import (
-    Empirical,
-    GaussianIncrements,
-    Increments,
-    Walk,
-    gaussian_pair,
-    walk,
-)
+from bgmodel.integrators.first_passage import Increments, walk
+from bgmodel.support.checks import check_positive
 from circuits.arrays import Array
 from circuits.errors import require
-
-__all__ = [
-    "Empirical",
-    "GaussianIncrements",
-    "OptimalThreshold",
-    "Performance",
-    "Walk",
-    "gaussian_pair",
-    "optimal_separation",
-    "optimal_threshold",
-    "reward_curve",
-    "siegmund",
-    "sprt",
-    "wald",
-    "walk",
-]
 
 WIDTH = 8.0
 """Greatest gap that is searched first, nats: that of the exhaustive search of Burguete et al."""
@@ -97,48 +75,6 @@ def sprt(
     return Performance(out[0].reshape(separations.shape)[()], out[1].reshape(separations.shape)[()])
 
 
-def wald(d: ArrayLike, theta: ArrayLike) -> Performance:
-    """Wald's approximation for Gaussian readings, which neglects the overshoot.
-
-    ER = 1 / (1 + exp(theta)) and E[T] = (theta / m) tanh(theta / 2), m = d^2 / 2 (Wald, 1945), with
-    d the separation of means in sd of a reading and bounds at +-theta = +-delta / 2, nats.
-    """
-    drift, bound = _positive("d", d) ** 2 / 2, np.asarray(theta, dtype=float)
-    require(np.all(np.isfinite(bound) & (bound >= 0)), "theta", "must be finite and >= 0", theta)
-    shrink = np.exp(-bound)  # written so that a large bound cannot overflow
-    return Performance(shrink / (1 + shrink), bound / drift * np.tanh(bound / 2))
-
-
-def siegmund(d: ArrayLike, theta: ArrayLike) -> Performance:
-    """Wald's approximation with bounds moved out by the mean overshoot, 0.5826 d.
-
-    Arguments and errors are those of `wald` (Siegmund, 1979: corrected diffusion).
-    """
-    wald(d, theta)  # reports the theta that was given, not the corrected one
-    return wald(d, np.asarray(theta, dtype=float) + OVERSHOOT * _positive("d", d))
-
-
-def _positive(name: str, values: ArrayLike) -> Array:
-    array = np.asarray(values, dtype=float)
-    require(np.all(np.isfinite(array) & (array > 0)), name, "must be finite and > 0", values)
-    return array
-
-
-def optimal_threshold(d: ArrayLike, xi: ArrayLike) -> Array:
-    """Bound theta in nats (...) that minimises xi ER + E[T], in Siegmund's approximation.
-
-    Setting the derivative of Wald's cost to zero gives sinh(theta) + theta = xi m / 2 with m = d^2
-    / 2; the bound of the discrete test lies 0.5826 d further in, and not below 0. xi is the cost of
-    an error, in readings.
-    """
-    separation = _positive("d", d)
-    target = _positive("xi", xi) * separation**2 / 4
-    theta = np.arcsinh(target)  # above the root of a convex function: Newton descends to it
-    for _ in range(60):
-        theta = theta - (np.sinh(theta) + theta - target) / (np.cosh(theta) + 1)
-    return np.maximum(theta - OVERSHOOT * separation, 0)
-
-
 def reward_curve(
     increments_s1: Increments,
     increments_s2: Increments,
@@ -150,7 +86,7 @@ def reward_curve(
     cells: int = 256,
 ) -> Array:
     """Return the expected reward -xi ER - E[T], in readings, at each separation; see `sprt`."""
-    cost = float(_positive("xi", xi))
+    check_positive(xi=xi)
     test = sprt(
         increments_s1,
         increments_s2,
@@ -159,7 +95,7 @@ def reward_curve(
         t_max=t_max,
         cells=cells,
     )
-    return reward_of(test.error_rate, test.mean_steps, cost)
+    return reward_of(test.error_rate, test.mean_steps, xi)
 
 
 def widened(cost: Callable[[Array], Array], grid: Array) -> tuple[Array, Array]:

@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from bgmodel.integrators.first_passage import Empirical
 from bgmodel.integrators.sprt_theory import (
-    Empirical,
     OptimalThreshold,
     optimal_separation,
     reward_curve,

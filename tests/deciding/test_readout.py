@@ -15,7 +15,7 @@ from bgmodel.deciding.readout import ReadOut, check_early_and_late
 from bgmodel.deciding.reward import tally
 from bgmodel.integrators.baselines import MaxVsNext
 from bgmodel.integrators.criterion import check_threshold, readout_of, rest_out
-from bgmodel.integrators.sprt import DecisionStream, tally_sprt
+from bgmodel.integrators.sprt import tally_sprt
 from bgmodel.simulated_evidence import separated_evidence
 from circuits.activity import RateMeans
 from circuits.anatomy import CIRCUITS
@@ -83,7 +83,7 @@ def test_a_posterior_in_place_of_a_threshold_is_asked_after():
         with refused(r"thresholds did you mean a posterior \(posterior=0.85\)"):
             first_crossing(trace, 0.85)
     with pytest.raises(ValueError, match=r"did you mean a posterior"):
-        DecisionStream(Msprt(), 0.85)
+        Msprt().session(threshold=0.85)
     with pytest.raises(ValueError, match=r"did you mean a posterior"):
         tally_sprt(EVIDENCE, [0.85])
     (warning,) = told(lambda: first_crossing(Msprt().run(FOUR), 0.85))
@@ -180,7 +180,7 @@ def test_all_trials_before_their_first_reading_are_refused_of_a_test_alone():
     for decide in (
         lambda: first_crossing(Msprt().run(biased), posterior=0.7),
         lambda: tally(Msprt().run(biased), biased.truth, -np.log([0.7])),
-        lambda: DecisionStream(Msprt(), -np.log(0.7), prior=[0.2, 0.8]),
+        lambda: Msprt().session(posterior=0.7, prior=[0.2, 0.8]),
     ):
         with pytest.raises(ValueError, match=r"before its first reading"):
             decide()

@@ -8,8 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import ndtr, ndtri
 
-from bgmodel.integrators.first_passage import _gradient_adjoint, _share, empirical_chain
-from bgmodel.integrators.sprt_theory import Empirical, GaussianIncrements, gaussian_pair, sprt, walk
+from bgmodel.integrators.first_passage import (
+    Empirical,
+    GaussianIncrements,
+    _gradient_adjoint,
+    _share,
+    empirical_chain,
+    gaussian_pair,
+    walk,
+)
+from bgmodel.integrators.sprt_theory import sprt
 from tests.helpers import refused
 
 

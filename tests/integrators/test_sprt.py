@@ -7,7 +7,9 @@ from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Sprt, first_crossing, stream
 from bgmodel.deciding.reward import tally
-from bgmodel.integrators.sprt import DecisionStream, tally_sprt, threshold_from_posterior
+from bgmodel.integrators.first_passage import Empirical
+from bgmodel.integrators.sprt import tally_sprt, threshold_from_posterior
+from bgmodel.integrators.sprt_theory import sprt
 from bgmodel.simulated_evidence import separated_evidence
 from tests.helpers import refusing, some_evidence
 
@@ -37,18 +39,16 @@ def test_two_hypothesis_msprt_is_the_sprt_decision_by_decision():
 def test_streaming_gives_the_batch_decision(hypotheses, precision):
     evidence = some_evidence(trials=60, hypotheses=hypotheses)
     evidence = Evidence(evidence.log_likelihood.astype(precision), evidence.truth)
-    tests = [(Msprt(), np.linspace(0.1, 0.5, hypotheses))]
-    if hypotheses == 2:
-        tests.append((Sprt(), np.array([-1.0, -1.5])))
-    for test, threshold in tests:
-        batch = first_crossing(test.run(evidence), threshold[None])
+    for test, threshold in [(Msprt(), 0.3), *[(Sprt(), -1.0)] * (hypotheses == 2)]:
+        batch = first_crossing(test.run(evidence), threshold)
+        session = test.session(hypotheses, threshold, t_max=evidence.steps)
         for n in range(evidence.trials):
-            trial = DecisionStream(test, threshold, hypotheses, t_max=evidence.steps)
             readings = iter(evidence.log_likelihood[n])
-            while trial.choice is None:
-                trial.update(next(readings))
-            assert trial.choice == batch.choice[0, n]
-            assert trial.readings == batch.steps[0, n]
+            while session.decision is None:
+                session.add(next(readings))
+            assert session.decision.choice[0] == batch.choice[n]
+            assert len(session.readings) == batch.steps[n]
+            session.next()
 
 
 @pytest.mark.parametrize("hypotheses", [2, 3, 8])
@@ -73,8 +73,6 @@ def test_mean_posterior_at_stopping_is_the_accuracy(hypotheses):
 
 def test_sums_equal_up_to_rounding_are_equal():
     """Evidence of +-0.1 nats: bounds and ties are hit exactly, though floats miss them."""
-    from bgmodel.integrators.sprt_theory import Empirical, sprt
-
     rng = stream(9, "rounding")
     trials, steps = 40_000, 30
     truth = np.arange(trials) % 2
@@ -101,16 +99,6 @@ test_tests_and_criteria_without_sense_are_refused = refusing(
         lambda: tally_sprt(some_evidence(hypotheses=2), [np.nan]),
         "thresholds finite nats, got .nan.",
     ),
-    (
-        lambda: DecisionStream(Msprt(), 0.1).update([0.0, np.nan]),
-        "log_likelihood finite log-likelihoods",
-    ),
-    (
-        lambda: DecisionStream(Msprt(), 0.1).update([0.0, 0.0, 0.0]),
-        "log_likelihood must hold 2 finite",
-    ),
-    (lambda: DecisionStream(Sprt(), 0.1, hypotheses=3), "hypotheses exactly 2 hypotheses"),
-    (lambda: DecisionStream(Msprt(), 0.1, t_max=0), "t_max must be"),
     (lambda: threshold_from_posterior(0.9, 1), "hypotheses"),
 )
 
@@ -145,7 +133,7 @@ def test_a_tally_without_the_trace_counts_the_same(seed, rounded, prior, gaps):
 def test_a_deadline_may_be_one_reading():
     """The least that there is: the choice is forced by it, whatever the threshold."""
     for test in (Sprt(), Msprt()):
-        trial = DecisionStream(test, -50.0 if test == Sprt() else 0.0, t_max=1)
-        assert trial.choice is None
-        assert trial.update([0.0, 0.2]) == 1
-        assert trial.readings == 1
+        session = test.session(2, -50.0 if test == Sprt() else 0.0, t_max=1)
+        assert session.decision is None
+        assert session.add([0.0, 0.2]).choice[0] == 1
+        assert len(session.readings) == 1

@@ -8,7 +8,8 @@ import pytest
 from scipy.special import expit
 
 import bgmodel as bg
-from bgmodel.integrators.sprt_theory import GaussianIncrements, optimal_separation
+from bgmodel.integrators.first_passage import GaussianIncrements
+from bgmodel.integrators.sprt_theory import optimal_separation
 from bgmodel.learning import from_reward
 from bgmodel.learning.deciders import WeightLearner
 from bgmodel.learning.from_reward import (

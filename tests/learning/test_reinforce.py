@@ -6,7 +6,8 @@ import pytest
 from bgmodel import Evidence, stream
 from bgmodel.deciding.reward import reward_of
 from bgmodel.deciding.tradeoff import Tradeoff
-from bgmodel.integrators.sprt_theory import gaussian_pair, optimal_separation, reward_curve
+from bgmodel.integrators.first_passage import gaussian_pair
+from bgmodel.integrators.sprt_theory import optimal_separation, reward_curve
 from bgmodel.learning.reinforce import (
     GaussianPolicy,
     Learner,

@@ -10,7 +10,7 @@ from bgmodel.deciding.reward import reward
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.integrators.at_thresholds import decide_at_thresholds
 from bgmodel.integrators.baselines import BASELINES, Lca, LinearGpe
-from bgmodel.integrators.sprt import DecisionStream, tally_sprt
+from bgmodel.integrators.sprt import tally_sprt
 from bgmodel.learning.dopamine import stopping_posterior, working_range
 from bgmodel.simulated_evidence import expecting, separated_evidence
 from bgmodel.support.checks import is_number, is_whole, one_per_trial, reals, whole
@@ -160,8 +160,6 @@ CALLS = {
     "rng": lambda odd: separated_evidence(2, 3, 0.5, rng=odd),
     "foreperiod_ms": lambda odd: expecting(EVIDENCE, 1.0, odd, rng=1),
     "thresholds": lambda odd: tally_sprt(EVIDENCE, odd),
-    "test": lambda odd: DecisionStream(odd, 0.2),
-    "threshold": lambda odd: DecisionStream(Msprt(), odd),
 }
 
 

@@ -11,7 +11,8 @@ from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import tradeoff
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import MaxVsAverage
-from bgmodel.integrators.sprt_theory import gaussian_pair, sprt
+from bgmodel.integrators.first_passage import gaussian_pair
+from bgmodel.integrators.sprt_theory import sprt
 from bgmodel.learning.gap import fold_sources
 from bgmodel.simulated_evidence import separated_evidence
 from bgmodel.tactile.source import held_out_taps, source
