@@ -60,6 +60,11 @@ class Piece:
     of_circuit: bool = True
 
 
+def unchanged(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
+    """Return the pieces of each kind as a table of its name."""
+    return {kind: (kind, table) for kind, table in made.items()}
+
+
 @dataclass(frozen=True)
 class Score:
     """A score: its pieces, and the tables that pages show.
@@ -75,7 +80,8 @@ class Score:
     pieces : function
         Takes whether the coarse form is asked for, and the number of threads.
     tables : function
-        Takes what was found; returns each table of the pages with the kind that it comes from.
+        Takes what was found; returns each table of the pages with the kind that it comes from. By
+        default each kind is a table.
     circuit : str
         The table that is scored; "" where others alone are.
     others : tuple of str
@@ -90,7 +96,7 @@ class Score:
     seed: int | None
     channels: Sequence[int]
     pieces: Callable[[bool, int], Iterable[Piece]]
-    tables: Callable[[Made], Mapping[str, tuple[str, pd.DataFrame]]]
+    tables: Callable[[Made], Mapping[str, tuple[str, pd.DataFrame]]] = unchanged
     circuit: str = TABLE
     others: tuple[str, ...] = ()
     partial: bool = False

@@ -24,7 +24,7 @@ from figures.cells.compared import (
     regressed,
     scored,
 )
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 SEED, RECOVERY_SEED, TRIALS = 76_001, 76_004, 8601
 SESSIONS, SETS, SHUFFLES = (0, 3, 5, 8, 11), 10, 8
@@ -110,6 +110,3 @@ def _against(apart: pd.Series[float], name: str) -> dict[str, float]:
 
 
 SCORE = Score("cells", SEED, (), pieces, tables, circuit="")
-
-if __name__ == "__main__":
-    main(SCORE)

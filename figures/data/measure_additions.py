@@ -21,7 +21,7 @@ from bgmodel.fitting.optimum import OPTIMUM_SEED, Optimum, optimum
 from bgmodel.fitting.person_fit import cells_of
 from bgmodel.fitting.quantiles import residuals
 from bgmodel.trials.reader import read_trials
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 CONSTANT, EXPONENTIAL = "constant gap", "exponential gap"
 FULL = "exponential gap, all variability"
@@ -124,6 +124,3 @@ def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("additions", OPTIMUM_SEED, (), pieces, tables, circuit="")
-
-if __name__ == "__main__":
-    main(SCORE)

@@ -28,7 +28,7 @@ from bgmodel.trials.reader import read_trials
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from figures.data.means import fit_means
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 from figures.rooms import OUT
 
 TRIALS, COARSE_TRIALS = 128_000, 400
@@ -149,6 +149,3 @@ def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("fits", SIMULATION_SEED, (2,), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)

@@ -1,9 +1,9 @@
 """The built-in network of the circuit's likelihood versus new simulations, on a scoring seed.
 
-``python -m figures.data.measure_likelihood``. A million new trials are simulated and evaluated at
-random parameters, as in a fit. The error is the mean of ``|log p_network - log p_simulated|`` over
-the simulated trials, with the network's Gaussian t0 in closed form. The simulations have an error
-too: half the difference between two halves of the trials.
+A million new trials are simulated and evaluated at random parameters, as in a fit. The error is the
+mean of ``|log p_network - log p_simulated|`` over the simulated trials, with the network's Gaussian
+t0 in closed form. The simulations have an error too: half the difference between two halves of the
+trials.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from bgmodel.fitting.simulated.error import decided
 from bgmodel.fitting.simulated.network import LikelihoodNetwork, read_network
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.arrays import Array
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 from figures.rooms import OUT
 
 SCORING_SEED = 24_502
@@ -111,6 +111,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("likelihood", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)

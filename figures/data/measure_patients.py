@@ -25,7 +25,7 @@ from bgmodel.trials.files import shipped_table
 from circuits.anatomy import DEFAULT
 from circuits.errors import FitWarning
 from figures.data.measure_stimulation import SLOW_NATS
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Piece, Score
 from figures.rooms import OUT
 
 DATA = "cavanagh_2011"
@@ -213,12 +213,4 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     yield Piece("theta", "high conflict", TRIALS_OF_ALL, 300, make, of_circuit=False)
 
 
-def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the effects, and the comparisons."""
-    return {kind: (kind, table) for kind, table in made.items()}
-
-
-SCORE = Score("patients", HIERARCHY_SEED, (2,), pieces, tables, circuit=DEFAULT, partial=True)
-
-if __name__ == "__main__":
-    main(SCORE)
+SCORE = Score("patients", HIERARCHY_SEED, (2,), pieces, circuit=DEFAULT, partial=True)

@@ -29,7 +29,7 @@ from bgmodel.trials.reader import read_trials
 from bgmodel.trials.record import Trials
 from circuits.anatomy import DEFAULT
 from figures.data.measure_fits import difference, fitted_circuit
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 SLOW_NATS = 1.5
 """Noise in nats where decisions take more than a second: a wider range of thresholds."""
@@ -122,6 +122,3 @@ def _moves(cells: pd.DataFrame) -> pd.DataFrame:
 
 
 SCORE = Score("stimulation", SIMULATION_SEED, (2,), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)

@@ -18,7 +18,7 @@ from bgmodel.fitting.simulated.circuit_model import MECHANISMS, NONE, SIMULATION
 from bgmodel.trials.reader import read_trials
 from circuits.anatomy import DEFAULT, load_circuit
 from figures.data.measure_fits import PREDICTED, SECONDS, fitted, fitted_circuit, people
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 TRIALS, COARSE_TRIALS = 32_000, 400
 """Trials that a fitted circuit is simulated with, at each drift."""
@@ -79,6 +79,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 SCORE = Score(
     "urgency", SIMULATION_SEED, (2,), pieces, tables, circuit=DEFAULT, others=CIRCUITS[1:]
 )
-
-if __name__ == "__main__":
-    main(SCORE)

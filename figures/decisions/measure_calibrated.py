@@ -24,7 +24,7 @@ from bgmodel.evidence import Evidence
 from bgmodel.tactile.source import Folds, folds
 from bgmodel.tactile.task import EdgeTurn, Orientation
 from figures.decisions.kinds import gratings
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Piece, Score
 
 SCORING_SEED = 75_001
 TACTILE = (2, 4, 8)
@@ -114,12 +114,4 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
             yield Piece("criteria", f"{evidence} N = {count}", trials, 5, make)
 
 
-def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the criteria unchanged."""
-    return {name: (name, table) for name, table in made.items()}
-
-
-SCORE = Score("calibrated", SCORING_SEED, (), pieces, tables)
-
-if __name__ == "__main__":
-    main(SCORE)
+SCORE = Score("calibrated", SCORING_SEED, (), pieces)

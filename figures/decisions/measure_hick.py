@@ -31,7 +31,7 @@ from bgmodel.simulated_evidence import gaussian_evidence
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import engine_of
 from figures.decisions.measure_calibrated import TACTILE, kinds, tapped
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 SCORING_SEED = 74_001
 D_PRIME, STEP_MS, READINGS = 0.5, 50.0, 160
@@ -202,6 +202,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("hick", SCORING_SEED, (2, 4, 8), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)

@@ -25,7 +25,7 @@ from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from circuits.engines import engine_of
 from figures.decisions.kinds import SCORING_SEED, Kind, drawn, groups_of, kinds
-from figures.pieces import Made, Piece, Score, main, wide
+from figures.pieces import Made, Piece, Score, wide
 
 TIMES = 6
 """Factor on the number of cells."""
@@ -104,6 +104,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("limits", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)

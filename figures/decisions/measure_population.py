@@ -27,7 +27,7 @@ from bgmodel.simulated_evidence import gaussian_evidence
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from circuits.engines import engine_of
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 SCORING_SEED = 50_001
 OTHER_SEED, POPULATION_SEED = SCORING_SEED + 1, SCORING_SEED + 2
@@ -135,6 +135,3 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 SCORE = Score("population", SCORING_SEED, tuple(D_PRIMES), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)

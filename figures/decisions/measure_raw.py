@@ -22,7 +22,7 @@ from bgmodel.integrators.criterion import gain_of
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import engine_of
 from figures.decisions.kinds import SCORING_SEED, Kind, drawn, groups_of, kinds
-from figures.pieces import Made, Piece, Score, main, wide
+from figures.pieces import Made, Piece, Score, wide
 
 TRIALS, COARSE_TRIALS, SPIKING_TRIALS, COARSE_SPIKING = 5000, 1000, 1000, 200
 SLOW, SLOW_MS, SLOW_TRIALS = "8 orientations, 2 mm", 500.0, 1000
@@ -114,6 +114,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("raw", SCORING_SEED, (2, 4, 8), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)

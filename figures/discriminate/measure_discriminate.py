@@ -19,7 +19,7 @@ from bgmodel.discriminating.discriminate import discriminate
 from bgmodel.discriminating.information import Recording
 from bgmodel.discriminating.space import Space
 from circuits.anatomy import DEFAULT, load_circuit
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 SEARCH_SEED, CHECK_SEED = 99_101, 99_201
 """Seeds of searches and of checks; simulated experiments have the one after that of the check."""
@@ -150,6 +150,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("discriminate", CHECK_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)

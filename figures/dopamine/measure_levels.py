@@ -17,7 +17,7 @@ from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
 from bgmodel.deciding.tradeoff import MARGIN
 from bgmodel.learning.dopamine import ENGINES, LATENCY_MS, STEPS, levels_against_msprt
 from circuits.anatomy import DEFAULT
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 SCORING_SEED = 40_007
 TRIALS, COARSE_TRIALS, COARSE_EVERY = 2000, 200, 2
@@ -70,6 +70,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("levels", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)

@@ -36,7 +36,7 @@ from figures.dopamine.simon_predictions import (
     models,
     told,
 )
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 SCORING_SEED = 92_001
 """Seed of simulated people, bootstrap and shuffles."""
@@ -175,6 +175,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("medication", SCORING_SEED, (2,), pieces, tables, circuit=CIRCUIT)
-
-if __name__ == "__main__":
-    main(SCORE)

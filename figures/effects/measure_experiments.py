@@ -14,7 +14,7 @@ import pandas as pd
 from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.outcomes import beside_published, outcomes
 from circuits.anatomy import DEFAULT
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 COARSE_SHARE = 0.2
 """Of the trials in an experiment's file."""
@@ -74,6 +74,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("experiments", None, (2,), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)

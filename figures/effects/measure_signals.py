@@ -15,7 +15,7 @@ from bgmodel.experiments.experiment import Experiment, shipped
 from bgmodel.experiments.outcomes import outcomes
 from circuits.anatomy import DEFAULT
 from figures.effects.measure_experiments import COARSE_SHARE
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Piece, Score
 
 SECONDS = 0.0012
 """CPU time of a trial, about, control, manipulation and bootstrap."""
@@ -44,12 +44,4 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
         yield Piece("measures", name, trials, SECONDS * trials, make)
 
 
-def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the measures of all experiments."""
-    return {"measures": ("measures", made["measures"])}
-
-
-SCORE = Score("signals", None, (2,), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)
+SCORE = Score("signals", None, (2,), pieces, circuit=DEFAULT)

@@ -22,7 +22,7 @@ from bgmodel.experiments.models import DecisionModel, model_of
 from circuits.anatomy import CIRCUITS, DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from circuits.laws.controls import shuffled_stn
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 SEEDS = (SEED, SEED + 1, SEED + 2)
 COARSE = 0.2
@@ -245,6 +245,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 OTHERS = tuple(name for name in CIRCUITS if name != DEFAULT)
 SCORE = Score("exam", SEED, (2, 4, 8), pieces, tables, circuit=DEFAULT, others=OTHERS)
-
-if __name__ == "__main__":
-    main(SCORE)

@@ -24,7 +24,7 @@ from figures.known.fitted import (
     runs_found,
     shuffled,
 )
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 PLANNING_SEED, SCORING_SEED = 47_101, 47_201
 """Seeds of the expected factors, which give the numbers of trials, and of scored observers."""
@@ -78,6 +78,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("known", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)

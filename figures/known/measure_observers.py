@@ -15,7 +15,7 @@ import pandas as pd
 from circuits.anatomy import DEFAULT
 from figures.known.fitted import CIRCUIT, DESIGNED, LEAKY, OBSERVERS, RANDOM, TEST, preferred
 from figures.known.measure_known import SCORING_SEED
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 NEEDED = {RANDOM: 560, DESIGNED: 80}
 """Trials that the expected factors imply for those pairs of models that can be told apart, rounded
@@ -84,6 +84,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("observers", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)

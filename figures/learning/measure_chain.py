@@ -31,7 +31,7 @@ from bgmodel.tactile.task import EdgeTurn, SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Populations, Rates
 from circuits.errors import quiet
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 SCORING_SEED, SEEDS, COARSE_SEEDS = 40_011, 20, 2
 PERIODS_MM = (1.0, 1.5, 2.0, 2.5)
@@ -138,6 +138,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("chain", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)

@@ -34,7 +34,7 @@ from bgmodel.learning.value_learners import (
 )
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.arrays import Array
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Piece, Score
 
 SCORING_SEED = 45_002
 """Seed of bandits, choices and readings; it tuned nothing."""
@@ -194,12 +194,4 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
         yield Piece("loop", f"dopamine {level:g}", some * trials, 0.1 * trials, make)
 
 
-def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return each kind as a table of the pages."""
-    return {kind: (kind, made[kind]) for kind in ("bandit", "reversal", "times", "loop")}
-
-
-SCORE = Score("values", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)
+SCORE = Score("values", SCORING_SEED, (2,), pieces, circuit=DEFAULT)

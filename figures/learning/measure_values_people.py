@@ -54,7 +54,7 @@ from figures.learning.value_people import (
     rises,
     slow_errors,
 )
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 SCORING_SEED = 45_003
 """Seed of simulated people, their parameters, and posterior draws."""
@@ -223,6 +223,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("values", SCORING_SEED, (), pieces, tables, circuit="")
-
-if __name__ == "__main__":
-    main(SCORE)

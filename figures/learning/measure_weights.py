@@ -32,7 +32,7 @@ from figures.learning.tasks import (
     parts_of,
     scores,
 )
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Piece, Score
 
 AFTER = (100, 300, 1000, 3000, 10_000, 30_000)
 """Trials after which weights are scored."""
@@ -161,12 +161,4 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
         yield Piece("ratios", "2 mm", max(SHOWN_AFTER), 5, ratios_over_trials)
 
 
-def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the tables unchanged."""
-    return {kind: (kind, table) for kind, table in made.items()}
-
-
-SCORE = Score("weights", SCORING_SEED, (), pieces, tables, circuit="")
-
-if __name__ == "__main__":
-    main(SCORE)
+SCORE = Score("weights", SCORING_SEED, (), pieces, circuit="")

@@ -22,7 +22,7 @@ from circuits.anatomy import DEFAULT, load_circuit
 from circuits.engines import Populations, Spikes
 from circuits.engines.engine import Engine
 from figures.learning.tasks import ACCURACY, SCORING_SEED, mean_se
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Piece, Score
 
 STEP_MS, READINGS = 200.0, 12
 """Time between readings, several times the circuit's latency, and readings in a trial."""
@@ -85,12 +85,4 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
             yield Piece("times", one.name, one.trials, seconds, partial(in_loop, one))
 
 
-def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the times with learned weights and with exact likelihoods."""
-    return {"times": ("times", made["times"])}
-
-
-SCORE = Score("weights_loop", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)
+SCORE = Score("weights_loop", SCORING_SEED, (2, 4), pieces, circuit=DEFAULT)

@@ -21,7 +21,7 @@ from circuits.anatomy import DEFAULT, load_circuit
 from circuits.arrays import Array
 from circuits.laws.family import shift_nats
 from figures.lesions.measure_loss import LesionTask, decided, evidence
-from figures.pieces import Made, Piece, Score, main, wide
+from figures.pieces import Made, Piece, Score, wide
 
 SCORING_SEED = 60_101
 TRIALS, COARSE_TRIALS = 4000, 400
@@ -80,6 +80,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("criterion", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)

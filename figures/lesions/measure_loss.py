@@ -29,7 +29,7 @@ from circuits.anatomy import DEFAULT, load_circuit
 from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.engines import Populations
-from figures.pieces import Made, Piece, Score, main, wide
+from figures.pieces import Made, Piece, Score, wide
 
 TUNING_SEEDS = (1011, 1012)
 SCORING_SEED = 60_001
@@ -180,6 +180,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("loss", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)

@@ -21,7 +21,7 @@ from bgmodel.simulated_evidence import gaussian_evidence
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
 from circuits.engines import Populations
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Piece, Score
 
 SCORING_SEED = 78_001
 TRIALS, COARSE_TRIALS = 5000, 200
@@ -87,12 +87,4 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     yield Piece("behaviour", "all", trials, SECONDS * trials * len(list(cases())), make)
 
 
-def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return a row per loss and posterior."""
-    return {"behaviour": ("behaviour", made["behaviour"])}
-
-
-SCORE = Score("posteriors", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)
+SCORE = Score("posteriors", SCORING_SEED, (2,), pieces, circuit=DEFAULT)

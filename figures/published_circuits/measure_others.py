@@ -31,7 +31,7 @@ from circuits.anatomy import DEFAULT, load_circuit
 from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.engines import engine_of
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Piece, Score
 
 SCORING_SEED, TUNING_SEED = 76_001, 76_002
 """Of the trials, and of those on which gains are chosen."""
@@ -279,13 +279,5 @@ def _piece(
     return Piece(kind, name, trials, 0.02 * count * trials, made)
 
 
-def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return decisions, changes and verdicts unchanged."""
-    return {name: (name, table) for name, table in made.items()}
-
-
 PUBLISHED = tuple(entrant.name for entrant in ENTRANTS if entrant.name != DEFAULT)
-SCORE = Score("others", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT, others=PUBLISHED)
-
-if __name__ == "__main__":
-    main(SCORE)
+SCORE = Score("others", SCORING_SEED, (2, 4), pieces, circuit=DEFAULT, others=PUBLISHED)

@@ -20,7 +20,7 @@ from circuits import anatomy
 from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.engines import run
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 SCORING_SEED = 77_001
 SEEDS, COARSE_SEEDS = 10, 3
@@ -137,6 +137,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 PRINTED = ("bogacz_gurney", "gpr", "humphries", "stewart")
 SCORE = Score("printed", SCORING_SEED, (4,), pieces, tables, circuit="", others=PRINTED)
-
-if __name__ == "__main__":
-    main(SCORE)

@@ -24,7 +24,7 @@ from bgmodel.integrators.baselines import Lca, LinearGpe, MaxVsNext, Race
 from bgmodel.integrators.sprt import Integrator
 from bgmodel.simulated_evidence import separated_evidence
 from circuits.anatomy import DEFAULT
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 SCORING_SEED, TUNING_SEED = 72_001, 72_002
 """Of the trials, and of those that only say about where the thresholds lie."""
@@ -117,6 +117,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("published", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)

@@ -19,7 +19,7 @@ from bgmodel.deciding.decision import first_crossing
 from bgmodel.stopping.inputs import StopSignal, closed_form, step_response
 from circuits.anatomy import DEFAULT
 from circuits.arrays import Array
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Piece, Score
 from figures.stopping.observer import (
     SHARES,
     TONES,
@@ -165,12 +165,4 @@ def _of_observer(trials: int, fewer: int) -> Iterator[Piece]:
     yield Piece("tone", "spikes", spikes // 2, 0.17 * spikes, make)
 
 
-def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return each kind as a table of the pages."""
-    return {kind: (kind, table) for kind, table in made.items()}
-
-
-SCORE = Score("stopping", SCORING_SEED, (2, 4), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)
+SCORE = Score("stopping", SCORING_SEED, (2, 4), pieces, circuit=DEFAULT)

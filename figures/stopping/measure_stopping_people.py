@@ -31,7 +31,7 @@ from bgmodel.stopping.trials import StopTrials
 from bgmodel.trials.reader import Columns
 from circuits.anatomy import DEFAULT
 from circuits.arrays import Array
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 from figures.stopping.stopped import (
     StopValues,
     counted_ssrt,
@@ -325,6 +325,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("stopping", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)

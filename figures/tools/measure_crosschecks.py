@@ -23,7 +23,7 @@ from bgmodel.deciding.decision import first_crossing
 from bgmodel.evidence import Evidence
 from bgmodel.simulated_evidence import separated_evidence
 from circuits.arrays import Array
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 from figures.tools.other_tools import (
     Accumulators,
     Ends,
@@ -199,6 +199,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("crosschecks", SCORING_SEED, (), pieces, tables, circuit="")
-
-if __name__ == "__main__":
-    main(SCORE)

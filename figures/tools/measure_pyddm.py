@@ -27,7 +27,7 @@ from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.responses import BIN_S, Grid, responded
 from bgmodel.trials.reader import read_trials
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 from figures.tools.pyddm_gaps import ByPyddm
 
 SCORING_SEED = 74_101
@@ -208,6 +208,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("pyddm", SCORING_SEED, (), pieces, tables, circuit="")
-
-if __name__ == "__main__":
-    main(SCORE)

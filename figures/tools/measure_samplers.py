@@ -31,7 +31,7 @@ from bgmodel.support.processes import local_map
 from circuits.arrays import Array
 from circuits.errors import require
 from figures.data.decided import decided_by_test, responses
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 SCORING_SEED = 70_301
 """Of people and their trials, and of the chains of NUTS and Gibbs."""
@@ -214,6 +214,3 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 
 
 SCORE = Score("samplers", SCORING_SEED, (), pieces, tables, circuit="")
-
-if __name__ == "__main__":
-    main(SCORE)
