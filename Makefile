@@ -61,7 +61,6 @@ faults: $(VENV)/test.installed
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/validation/faults.py
 
 benchmark: $(VENV)/bench.installed
-	$(BIN)/python -m benchmarks.speed.deciding
 	$(BIN)/python -m benchmarks.speed.decisions
 	$(BIN)/python -m benchmarks.speed.circuits
 	$(BIN)/python -m benchmarks.speed.sessions

@@ -265,7 +265,7 @@ def least(rows: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Measure everything; print the tables, write them and figure P1."""
+    """Measure everything; print the tables and write them."""
     OUT.mkdir(exist_ok=True)
     plan = SCALING * 2
     with tqdm(total=len(plan) + ROUNDS * (2 * len(SIDE_BY_SIDE) - 1)) as bar:
@@ -286,42 +286,12 @@ def main() -> None:
     grown = least(grown, keys).sort_values(keys)
     grown.to_csv(OUT / "circuits_scaling.csv", index=False)
     side.to_csv(OUT / "circuits.csv")
-    about = machine()
-    print(about)
+    print(machine())
     columns = ["ns_per_cell_tick", *(c for c in side if str(c).startswith("times"))]
     print(side[[*columns, "trial_s_per_cpu_s", "peak_mb"]].round(3).to_string())
     columns = [*keys, "ns_per_cell_tick", "mean_ns_per_cell_tick", "peak_mb"]
     print(grown[columns].round(3).to_string(index=False))
     print({name: round(value, 2) for name, value in processes().items()})
-    draw(side, grown, about)
-
-
-def draw(side: pd.DataFrame, grown: pd.DataFrame, about: str) -> None:
-    """Draw figure P1: the engines side by side, and how the compiled one grows."""
-    import matplotlib.pyplot as plt
-
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), width_ratios=(3, 2))
-    order = side.sort_values("ns_per_cell_tick", ascending=False)
-    left.barh(order.index, order["ns_per_cell_tick"], color="#4477aa")
-    for i, value in enumerate(order["ns_per_cell_tick"]):
-        left.text(value * 1.1, i, f"{value:.3g}", va="center")
-    left.set_xscale("log")
-    left.set_xlim(0.1, 3 * order["ns_per_cell_tick"].max())
-    left.set_xlabel("CPU time (ns per cell and tick)")
-    names = {"trials": "trials", "neurons": "neurons", "alternatives": "channels"}
-    for what, column in names.items():
-        part = grown[grown["what"] == what].sort_values(column)
-        relative = part[column] / part[column].iloc[0]
-        right.plot(relative, part["mean_ns_per_cell_tick"], "o-", label=what)
-    right.set_xscale("log")
-    right.set_ylim(0, None)
-    right.set_xlabel("times the least")
-    right.set_ylabel("CPU time (ns per cell and tick)")
-    right.legend(frameon=False)
-    figure.suptitle(about, fontsize=8)
-    figure.tight_layout()
-    for ending in ("pdf", "png"):
-        figure.savefig(OUT / f"figP1.{ending}", dpi=150)
 
 
 if __name__ == "__main__":

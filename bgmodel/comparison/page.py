@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import shown
-from bgmodel.comparison.matched import MOST_FORCED, OTHER_NOISE, equivalent
+from bgmodel.comparison.matched import OTHER_NOISE, equivalent
 from bgmodel.comparison.thresholds import MSPRT, MSPRT_AT_GAIN
 from bgmodel.deciding.tradeoff import MARGIN
 from bgmodel.integrators.at_thresholds import CIRCUIT, DECODER
@@ -54,21 +54,6 @@ UNKNOWN = {
 NO_INTERVAL = (
     "[unknown]: more than 5 % of the bootstrap's resamples have no value; give more trials"
 )
-
-
-def behaviour(table: pd.DataFrame) -> str:
-    """Return the behaviour of edited circuits at the threshold of the unedited one, as text."""
-    fixed = table[table["kind"] == "fixed"]
-    rows = fixed.drop_duplicates(["variant", "accuracy"])[["variant", "accuracy"]]
-    wide = fixed.pivot(index=["variant", "accuracy"], columns="measure", values="value")
-    wide = wide.loc[list(rows.itertuples(index=False, name=None))]
-    blind, late = wide.pop("without_evidence"), wide["forced"] > MOST_FORCED
-    ways = [NOT_REACHED, "without evidence", "mostly at the deadline"]
-    wide.insert(0, "decides", np.select([blind.isna(), blind > 0, late], ways, "by evidence"))
-    wide = wide.rename_axis(columns=None)
-    forms = {name: _plain(".0f" if name.endswith("_ms") else ".3f") for name in wide.columns[1:]}
-    legend = "mean_ms in ms; the other numbers are shares of trials"
-    return f"{wide.to_string(formatters=forms)}\n{legend}"
 
 
 def _plain(form: str) -> Callable[[float], str]:

@@ -9,7 +9,6 @@ import numpy as np
 from bgmodel.fitting import passage
 from bgmodel.fitting.design import Design
 from circuits.arrays import Array
-from circuits.errors import InputError
 
 
 class MeansFit(NamedTuple):
@@ -37,24 +36,11 @@ def fit_means(design: Design) -> MeansFit:
     Parameters
     ----------
     design : Design
-        By strength only: conditions would need separate criteria.
-
-    Raises
-    ------
-    ValueError
-        If there are conditions, or trials without a response, which a mean cannot include.
+        By strength only, with a response in every trial.
     """
     from scipy.optimize import minimize
 
-    if design.conditions:
-        raise InputError(
-            "the closed form of means knows strengths alone: leave conditions out", "conditions"
-        )
     seen = design.observed
-    if (seen.response < 0).any():
-        raise InputError(
-            "the closed form of means has no place for trials without a response", "response"
-        )
     cells = [seen.cell == cell for cell in range(design.cells)]
     mean = np.array([seen.rt_s[some].mean() for some in cells])
     error = np.array([seen.rt_s[some].std() / np.sqrt(some.sum()) for some in cells])

@@ -75,11 +75,6 @@ def share(hits: Array, name: str = "p_respond") -> dict[str, float]:
     return {name: float(hits.mean()), f"{name}_low": low, f"{name}_high": high}
 
 
-def standard_error(times_ms: Array) -> float:
-    """Return the standard error of a mean response time, ms."""
-    return float(np.nanstd(times_ms) / np.sqrt((~np.isnan(times_ms)).sum()))
-
-
 def agreement(one: Array, other: Array) -> dict[str, float]:
     """Compare which trials have a response, and the times of those that have one in both.
 
