@@ -72,7 +72,7 @@ def _numbered(groups: npt.ArrayLike, trials: int) -> npt.NDArray[np.intp]:
 def interval(values: Array) -> tuple[float, float, float]:
     """Return the first entry, the value, and the 95 % interval of the others, its resamples."""
     ends = np.full(2, np.nan)
-    if mostly_known(values):
+    if np.isfinite(values[0]) and np.isfinite(values[1:]).mean() > 0.95:
         with np.errstate(invalid="ignore"):  # between infinite resamples an end is unknown
             ends = np.nanquantile(values[1:], [0.025, 0.975])
     return float(values[0]), float(ends[0]), float(ends[1])
@@ -90,8 +90,3 @@ def check_trials(trials: int) -> None:
     """Raise ValueError if there are too few trials for an interval."""
     fewest = f"must be {FEWEST_TRIALS} or more for an interval"
     require(trials >= FEWEST_TRIALS, "trials", fewest, trials)
-
-
-def mostly_known(values: Array) -> bool:
-    """Whether a value and nearly all of its resamples are known."""
-    return bool(np.isfinite(values[0]) and np.isfinite(values[1:]).mean() > 0.95)

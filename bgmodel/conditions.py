@@ -6,7 +6,7 @@ declared and checked in one place.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
@@ -203,14 +203,18 @@ class Condition(Setup):
 
         The control is by default this condition without its edits.
         """
-        from bgmodel.integrators.criterion import check_conditions, gain_of
+        from bgmodel.integrators.criterion import check_threshold, gain_of
 
         gain_of(self.edited, self.gain)
         level = self.threshold_nats
         if control is None:
-            check_conditions(self.intact(self.hypotheses), level, self.edited, level)
+            check_threshold(self.intact(self.hypotheses), level)
         else:
-            check_conditions(control.edited, control.threshold_nats, self.edited, level)
+            check_threshold(control.edited, control.threshold_nats)
+        # An edited circuit that rests below its threshold is an outcome: it decides without
+        # evidence. A threshold beyond the range of its read-out is none.
+        if level < self.edited.readable_nats[0]:
+            check_threshold(self.edited, level)
 
     def decide(self, *, workers: int = 1) -> Decision:
         """Draw the evidence and let the circuit decide, exactly as ``bgmodel circuit run`` does.
@@ -275,11 +279,6 @@ class Observed(Condition):
         draws = stream(self.seed if seed is None else seed, SIGNALS)
         stopping = decided(self.stop, model, evidence, level, draws)
         return behaviour_of(model, evidence, level, self.foreperiod_ms, stopping)
-
-    def with_changes(self, **changes: Any) -> Observed:
-        """Return a plain Observed with some fields changed, without the fields of subclasses."""
-        kept = {f.name: getattr(self, f.name) for f in fields(Observed)}
-        return Observed(**(kept | changes))
 
 
 def circuit_seen_from(folder: Path, name: str) -> str:

@@ -20,7 +20,6 @@ from bgmodel.comparison.matched import (
     matched_measures,
     paired,
     warn_of_missed,
-    warn_of_readings,
 )
 from bgmodel.comparison.page import draw
 from bgmodel.comparison.thresholds import (
@@ -28,7 +27,6 @@ from bgmodel.comparison.thresholds import (
     references,
     tuned_thresholds,
     unreached,
-    warn_of_calibration_of,
     without_accuracies,
 )
 from bgmodel.deciding.tradeoff import Tradeoff, tradeoff
@@ -208,11 +206,8 @@ def compare(
         if intact == model.circuit:
             raise InputError(f"intact must differ: no edit changed {intact.name}", "intact")
     model.warn_beyond_range(evidence)
-    allowed = warn_of_readings(evidence, accuracies)
-    tests = references(model, evidence, accuracies)
-    warn_of_calibration_of(tests[MSPRT], evidence, accuracies)
+    tests, allowed = references(model, evidence, accuracies)
     first = next(iter(tests))
-    allowed = warn_of_missed(f"the {first}", tests[first], allowed)
     span = {"highest": max(HIGHEST, *accuracies), "lowest": min(LOWEST, *accuracies)}
     tradeoffs = decide_at_thresholds(model, evidence, tuned_thresholds(model, tests[first], **span))
     tradeoffs[CIRCUIT] = refined(model, evidence, tradeoffs[CIRCUIT], allowed)

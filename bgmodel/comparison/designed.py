@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 
 from bgmodel.bootstrap import shown
+from bgmodel.comparison.matched import row_means
 from bgmodel.deciding.decision import Decision, first_crossing
 from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence
@@ -204,7 +205,7 @@ def designed(
         _times(observed, design.evidence(readings, trials=trials, **same), levels, leader)
         for design in every
     ]
-    latency_ms = _mean(seen[0]) - start_ms
+    latency_ms = row_means(seen[0]) - start_ms
     parts = []
     for name, theory in theories(kappa).items():
         trace = theory.run(every[0].evidence(readings, **same))
@@ -221,7 +222,7 @@ def designed(
                 "value": value,
                 "low": low,
                 "high": high,
-                "observed_ms": _mean(times),
+                "observed_ms": row_means(times),
                 "latency_ms": latency_ms,
                 "theory_ms": theory_ms,
                 "theory_threshold": at_start,
@@ -294,13 +295,6 @@ def _between_readings(trace: Trace, decision: Decision, thresholds: Array) -> Ar
     return np.asarray(decision.time_ms - earlier_ms)
 
 
-def _mean(times: Array) -> Array:
-    """Return the mean over correct trials, NaN without any; (thresholds,)."""
-    known = np.isfinite(times)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.where(known, times, 0.0).sum(axis=1) / known.sum(axis=1))
-
-
 def _intervals(moved: Array) -> tuple[Array, Array, Array]:
     """Return means over trials with their 95 % intervals; one trial has no noise."""
     # Importing scipy.stats takes half a second: only when intervals are needed.
@@ -308,7 +302,7 @@ def _intervals(moved: Array) -> tuple[Array, Array, Array]:
 
     known = np.isfinite(moved)
     count = known.sum(axis=1)
-    value = np.where(count >= FEWEST_RIGHT * moved.shape[1], _mean(moved), np.nan)
+    value = np.where(count >= FEWEST_RIGHT * moved.shape[1], row_means(moved), np.nan)
     half = np.zeros(len(moved))
     if moved.shape[1] > 1:
         pairs = zip(moved, known, strict=True)

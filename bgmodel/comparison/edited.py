@@ -15,16 +15,13 @@ from bgmodel.comparison.matched import (
     checked_accuracies,
     matched_measures,
     warn_of_missed,
-    warn_of_readings,
 )
 from bgmodel.comparison.thresholds import (
-    MSPRT,
     decided_by_evidence,
     moved,
     references,
     tuned_thresholds,
     unreached,
-    warn_of_calibration_of,
     without_accuracies,
 )
 from bgmodel.deciding.tradeoff import Tradeoff, margin
@@ -83,11 +80,8 @@ def compare_edits(
         EditWarning.warn(f"{', '.join(alike)}: the edit changes nothing in this circuit")
     model = model.adapted_to(evidence)
     model.warn_beyond_range(evidence)
-    allowed = warn_of_readings(evidence, accuracies)
-    tests = references(model, evidence, accuracies)
-    warn_of_calibration_of(tests[MSPRT], evidence, accuracies)
-    first, test = next(iter(tests.items()))
-    allowed = warn_of_missed(f"the {first}", test, allowed)
+    tests, allowed = references(model, evidence, accuracies)
+    test = next(iter(tests.values()))
     lowest = min(LOWEST, *accuracies)
     levels = tuned_thresholds(model, test, max(highest, *accuracies), lowest)
     intact = decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]

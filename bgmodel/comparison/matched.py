@@ -40,12 +40,12 @@ def latency(test: tuple[Array, Array], other: tuple[Array, Array]) -> tuple[Arra
     """
     x, late = time_at(SPAN, test), time_at(SPAN, other) - time_at(SPAN, test)
     known = np.isfinite(late)
-    about = x - _row_means(np.where(known, x, np.nan))[:, None]
+    about = x - row_means(np.where(known, x, np.nan))[:, None]
     spread = np.where(known, about**2, 0).sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         slope = np.where(known, about * late, 0).sum(axis=1) / spread
     slope[known.sum(axis=1) < 3] = np.nan
-    return _row_means(late - slope[:, None] * x), slope
+    return row_means(late - slope[:, None] * x), slope
 
 
 def matched_measures(
@@ -148,7 +148,7 @@ def _measures(
     measures = {(np.nan, "offset_ms"): offset, (np.nan, "slope"): slope}
     late = np.full_like(offset, latency_ms)
     if latency_ms is None:
-        late = _row_means(time_at(SPAN, curves[1]) - time_at(SPAN, curves[0]))
+        late = row_means(time_at(SPAN, curves[1]) - time_at(SPAN, curves[0]))
     sides = [test, other, *([] if again is None else [again])]
     for accuracy in accuracies:
         matched = at_equal_accuracy(sides, accuracy)
@@ -203,7 +203,7 @@ def _gap(
     return np.array(reached) - accuracy
 
 
-def _row_means(values: Array) -> Array:
+def row_means(values: Array) -> Array:
     """Return the mean of each row ignoring NaN; NaN if all are."""
     known = np.isfinite(values)
     counts = known.sum(axis=1)

@@ -7,12 +7,14 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pandas as pd
 
-from bgmodel.comparison.matched import MOST_FORCED, listed
+from bgmodel.comparison.matched import MOST_FORCED, listed, warn_of_missed, warn_of_readings
 from bgmodel.deciding.calibration import warn_of_calibration
 from bgmodel.deciding.tradeoff import Tradeoff, curve, time_at, tradeoff
 from bgmodel.evidence import Evidence
 from bgmodel.integrators.at_thresholds import (
     CIRCUIT,
+    HIGHEST,
+    LOWEST,
     decide_at_thresholds,
     thresholds_of,
     without_noise_alone,
@@ -32,10 +34,21 @@ MSPRT_AT_GAIN, MSPRT = "MSPRT at its gain", "MSPRT"
 
 def references(
     model: BasalGanglia, evidence: Evidence, accuracies: Sequence[float]
-) -> dict[str, Tradeoff]:
-    """Return the reference tests of a circuit; without nats, only the full MSPRT."""
+) -> tuple[dict[str, Tradeoff], list[float]]:
+    """Return the reference tests of a circuit, and the accuracies that the first of them reaches.
+
+    Without nats the full MSPRT is the only one. Warns of the other accuracies, and if posteriors of
+    the full MSPRT at the highest accuracy are not the proportion correct.
+    """
+    allowed = warn_of_readings(evidence, accuracies)
     tests = msprt_tradeoffs(evidence, model.gain, accuracies)
-    return tests if model.circuit.unit == NATS else {MSPRT: tests[MSPRT]}
+    if evidence.truth is not None:
+        one = tests[MSPRT].at_accuracy(max(accuracies))
+        warn_of_calibration(one.posterior[0], one.choice[0] == evidence.truth)
+    if model.circuit.unit != NATS:
+        del tests[MSPRT_AT_GAIN]
+    first = next(iter(tests))
+    return tests, warn_of_missed(f"the {first}", tests[first], allowed)
 
 
 def msprt_tradeoffs(
@@ -49,14 +62,9 @@ def msprt_tradeoffs(
     }
 
 
-def warn_of_calibration_of(test: Tradeoff, evidence: Evidence, accuracies: Sequence[float]) -> None:
-    """Warn if the test's posteriors do not match accuracy at the highest accuracy requested."""
-    if evidence.truth is not None:
-        one = test.at_accuracy(max(accuracies))
-        warn_of_calibration(one.posterior[0], one.choice[0] == evidence.truth)
-
-
-def tuned_thresholds(model: BasalGanglia, test: Tradeoff, highest: float, lowest: float) -> Array:
+def tuned_thresholds(
+    model: BasalGanglia, test: Tradeoff, highest: float = HIGHEST, lowest: float = LOWEST
+) -> Array:
     """Return the thresholds of a circuit at which evidence decides, not noise at rest."""
     levels = thresholds_of(model.circuit, test, highest, lowest)
     quiet = without_noise_alone(model, levels)
@@ -152,12 +160,7 @@ ACCURACY = 0.9
 def swept(model: BasalGanglia, evidence: Evidence, test: Tradeoff | None = None) -> Tradeoff:
     """Return a circuit's decisions at thresholds that noise at rest hardly ever crosses."""
     test = tradeoff(Msprt(model.gain).run(evidence), evidence) if test is None else test
-    levels = without_noise_alone(model, thresholds_of(model.circuit, test))
-    if not levels.size:
-        raise InputError(
-            f"noise alone takes {model.circuit.name} below every threshold within half a second",
-            "circuit",
-        )
+    levels = tuned_thresholds(model, test)
     return decide_at_thresholds(model, evidence, levels, decoder_tau_ms=None)[CIRCUIT]
 
 

@@ -67,7 +67,7 @@ def exit_median(mean: float, variance: float, bound: float = BOUND_NATS) -> floa
     return float(np.exp(brentq(above_half, scale - 8, scale + 8)))
 
 
-def median_trials(values: Array, weights: Array, bound: float = BOUND_NATS) -> float:
+def median_trials(values: Array, weights: Array) -> float:
     """Return the median number of trials until a Bayes factor reaches its bound on either side.
 
     Small numbers are those of the exact Markov chain (``first_passage``), larger ones those
@@ -75,17 +75,18 @@ def median_trials(values: Array, weights: Array, bound: float = BOUND_NATS) -> f
     """
     mean = float(weights @ values)
     variance = float(weights @ (values - mean) ** 2)
-    about = exit_median(mean, variance, bound)
+    about = exit_median(mean, variance)
     if about > SHORT:
         return about
-    steps = walk(Empirical(values, weights), -bound, bound, t_max=int(4 * about) + 20).steps_pmf
+    end = int(4 * about) + 20
+    steps = walk(Empirical(values, weights), -BOUND_NATS, BOUND_NATS, t_max=end).steps_pmf
     assert steps is not None
     return float(np.searchsorted(np.cumsum(steps), 0.5))
 
 
-def wald_mean(nats: float, bound: float = BOUND_NATS) -> float:
+def wald_mean(nats: float) -> float:
     """Return Wald's mean number of trials: bound tanh(bound / 2) / nats, without overshoot."""
-    return float(bound * np.tanh(bound / 2) / nats)
+    return float(BOUND_NATS * np.tanh(BOUND_NATS / 2) / nats)
 
 
 def experiments(
@@ -96,7 +97,6 @@ def experiments(
     *,
     repeats: int = 200,
     most: int = 100_000,
-    bound: float = BOUND_NATS,
 ) -> tuple[Array, Array]:
     """Simulate experiments that end when the Bayes factor decides."""
     state, ended = np.zeros(repeats), np.full(repeats, np.nan)
@@ -110,7 +110,7 @@ def experiments(
             here = kind == k
             steps[here] = rng.choice(score, int(here.sum()))
         path = state[:, None] + np.cumsum(steps, axis=1)
-        over = np.abs(path) >= bound
+        over = np.abs(path) >= BOUND_NATS
         first = over.argmax(axis=1)
         new = over.any(axis=1) & np.isnan(ended)
         ended[new] = done + 1 + first[new]

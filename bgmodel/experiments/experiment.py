@@ -33,8 +33,6 @@ from bgmodel.experiments.record import (
     MANY_MISSED,
     UNCHANGED,
     ExperimentRecord,
-    python_text,
-    toml_text,
     uncalibrated,
     unchanged,
 )
@@ -105,14 +103,6 @@ class Experiment(ExperimentRecord):
             As ``from_toml``.
         """
         return toml_files.read_text(text, cls, name)
-
-    def to_toml(self) -> str:
-        """Return the experiment as the text of a file, from which ``from_text`` makes it again."""
-        return toml_text(self)
-
-    def to_python(self) -> str:
-        """Return Python code that runs the experiment and prints its measures."""
-        return python_text(self)
 
     def run(
         self,

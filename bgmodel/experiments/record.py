@@ -104,7 +104,9 @@ class ExperimentRecord(Observed):
     def condition(self, changes: Changes) -> Observed:
         """Return the control or the manipulation as a condition."""
         posterior = self.posterior if changes.posterior is None else changes.posterior
-        return self.with_changes(edits=Edits((*self.edits, *changes.edits)), posterior=posterior)
+        shared = {each.name: getattr(self, each.name) for each in fields(Observed)}
+        edits = Edits((*self.edits, *changes.edits))
+        return Observed(**shared | {"edits": edits, "posterior": posterior})
 
     @property
     def conditions(self) -> tuple[Observed, Observed]:
@@ -179,6 +181,26 @@ class ExperimentRecord(Observed):
             per_condition.append(heard(learning.learned(self.task, model, self.seed), features))
         return per_condition
 
+    def to_toml(self) -> str:
+        """Return the experiment as the text of a file, from which ``from_text`` makes it again.
+
+        Settings at their defaults are left out. Paths are written unchanged, so a relative path is
+        read from the folder of the new file.
+        """
+        import tomlkit
+
+        text = tomlkit.dumps(_plain(self))
+        return text if self.predictions else text + TO_PREDICT
+
+    def to_python(self) -> str:
+        """Return Python code that runs the experiment and prints its measures."""
+        used: set[tuple[str, str]] = set()
+        made = _code(self, used, "")
+        used.discard(("bgmodel.experiments.experiment", type(self).__name__))
+        lines = [f"from {module} import {name}" for module, name in sorted(used)]
+        imports = "\n".join(["import bgmodel as bg", *lines])
+        return f"{imports}\n\nexperiment = bg.{made}\nprint(experiment.run().summary())\n"
+
     def _check_truth(self, hypotheses: int) -> None:
         if self.truth is not None and self.truth not in range(hypotheses):
             raise InputError.of("truth", f"must be within 0..{hypotheses - 1}", self.truth)
@@ -220,28 +242,6 @@ TO_PREDICT = """
 # at_least = 0.01
 """
 """Lines that end the file of an experiment without predictions."""
-
-
-def toml_text(experiment: ExperimentRecord) -> str:
-    """Return an experiment as the text of a file; settings at their defaults are left out.
-
-    Paths are written unchanged, so a relative path is read from the folder of the new file.
-    """
-    import tomlkit
-
-    data = _plain(experiment)
-    text = tomlkit.dumps(data)
-    return text if experiment.predictions else text + TO_PREDICT
-
-
-def python_text(experiment: ExperimentRecord) -> str:
-    """Return Python code that runs an experiment and prints its measures."""
-    used: set[tuple[str, str]] = set()
-    made = _code(experiment, used, "")
-    used.discard(("bgmodel.experiments.experiment", type(experiment).__name__))
-    lines = [f"from {module} import {name}" for module, name in sorted(used)]
-    imports = "\n".join(["import bgmodel as bg", *lines])
-    return f"{imports}\n\nexperiment = bg.{made}\nprint(experiment.run().summary())\n"
 
 
 def _changed(record: Any) -> Iterator[tuple[str, Any]]:

@@ -117,10 +117,6 @@ class BasalGanglia(Facts):
             whole("seed", self.seed, 0)
         if self.centred is not None:
             check_flag("centred", self.centred)
-        self._warn_of_ignored_edits()
-
-    def _warn_of_ignored_edits(self) -> None:
-        """Warn if the engine ignores an edited number."""
         if ignored := ignored_edits(self.circuit, self.engine):
             EditWarning.warn(
                 f"the {self.engine} engine ignores these edits of {self.circuit.name}: "

@@ -169,19 +169,6 @@ def off_chance(circuit: Circuit) -> str:
     )
 
 
-def check_conditions(
-    control: Circuit, control_nats: float, manipulated: Circuit, manipulated_nats: float
-) -> None:
-    """Refuse the thresholds of a control and a manipulation, as ``check_threshold`` does.
-
-    A manipulated circuit that rests below its threshold is a valid outcome: it decides without
-    evidence. A threshold beyond the range of its read-out is refused.
-    """
-    check_threshold(control, control_nats)
-    if manipulated_nats < manipulated.readable_nats[0]:
-        check_threshold(manipulated, manipulated_nats)
-
-
 def deciding_thresholds(circuit: Circuit, thresholds_nats: Array) -> Array:
     """Return the thresholds that are below OUT at rest and within reach of the read-out."""
     low = circuit.readable_nats[0]
