@@ -14,7 +14,6 @@ from bgmodel.support.checks import (
     check_inside,
     check_positive,
     check_range,
-    checked_truth,
     is_number,
     known_truth,
     one_per_trial,
@@ -411,4 +410,8 @@ def _checked_lengths(lengths: npt.ArrayLike | None, log_likelihood: Reals) -> In
 
 
 def _truth(truth: npt.ArrayLike | None, shape: tuple[int, ...]) -> Integers | None:
-    return None if truth is None else checked_truth(truth, shape[0], shape[2])
+    if truth is None:
+        return None
+    values = one_per_trial("truth", truth, shape[0])
+    check_inside("truth", values, 0, shape[2] - 1)
+    return values

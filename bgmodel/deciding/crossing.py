@@ -125,46 +125,6 @@ def cross_all(
     return tick, choice
 
 
-@compiled
-def tally_all(
-    out: Reals, truth: Integers, first: int, level: Array, steps_at: Array, ends: Integers,
-    numbers: Integers,
-) -> tuple[npt.NDArray[np.int64], Array, npt.NDArray[np.int64]]:  # fmt: skip
-    """Return correct, steps and forced (K,), each summed over trials; thresholds in falling order.
-
-    The lowest channel of a tick decides for every threshold met at that tick. These are neighbours,
-    so sums are kept as differences between neighbours: a few operations per tick.
-    """
-    trials, channels = out.shape[0], out.shape[2]
-    count = level.shape[0]
-    correct = np.zeros(count + 1, np.int64)
-    steps = np.zeros(count + 1)
-    forced = 0 * correct
-    for n in range(trials):
-        p = 0  # thresholds before p are met
-        for t in range(ends[n]):
-            least = out[n, t, 0]
-            for i in range(1, channels):
-                least = min(least, out[n, t, i])
-            least -= ROUNDING if t >= first else -ROUNDING
-            end = p
-            while end < count and least <= level[end]:
-                end += 1
-            if t == ends[n] - 1:  # deadline: trials still undecided are forced
-                forced[end] += 1
-                end = count
-            if end > p:
-                right = lowest(out[n, t], numbers[n]) == truth[n]
-                correct[p] += right
-                correct[end] -= right
-                steps[p] += steps_at[t]
-                steps[end] -= steps_at[t]
-                p = end
-                if p == count:
-                    break
-    return np.cumsum(correct)[:count], np.cumsum(steps)[:count], np.cumsum(forced)[:count]
-
-
 @inlined
 def _first_bars(bars: Array, cells: int) -> tuple[float, Integers]:
     """Return the cells per nat, and for each cell of |Z| the number of bars certainly reached."""
@@ -184,11 +144,12 @@ def tally_odds(
     log_likelihood: Reals, start: float, truth: Integers, bars: Array, readings: Integers,
     numbers: Integers,
 ) -> tuple[npt.NDArray[np.int64], Array, npt.NDArray[np.int64]]:  # fmt: skip
-    """Return the sums of ``tally_all`` for the SPRT; bars on |Z| rise, the last is inf.
+    """Return correct, steps and forced (K,) of the SPRT, each summed over trials.
 
-    A reading counts for the bars not reached before it. For these, a choice is correct if the
-    changes of "the truth leads" sum to 1. Both are stored at the first such bar and summed at the
-    end, so the cost does not depend on how many bars a reading reaches.
+    Bars on |Z| rise, the last is inf. A reading counts for the bars not reached before it. For
+    these, a choice is correct if the changes of "the truth leads" sum to 1. Both are stored at the
+    first such bar and summed at the end, so the cost does not depend on how many bars a reading
+    reaches.
     """
     count = bars.shape[0] - 1
     correct = np.zeros(count + 1, np.int64)

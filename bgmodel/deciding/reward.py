@@ -8,18 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.deciding.decision import Decision
-from bgmodel.deciding.readout import check_early_and_late
-from bgmodel.deciding.trace import Trace, check_ended, lowest, of_test, ready, sorted_levels
 from bgmodel.support.checks import (
-    check_flag,
     check_positive,
-    checked_truth,
-    known_truth,
     one_per_trial,
 )
 from bgmodel.support.saved import Facts, span
 from circuits.arrays import Array, Integers
-from circuits.errors import require
 
 
 def reward_of(error: npt.ArrayLike, steps: npt.ArrayLike, xi: float) -> Array:
@@ -76,33 +70,3 @@ class Tally(Facts):
     def mean_steps(self) -> Array:
         """Mean decision time in readings, (K,)."""
         return self.steps / self.trials
-
-
-def tally(
-    trace: Trace, truth: Integers | None, thresholds: npt.ArrayLike, *, checked: bool = True
-) -> Tally:
-    """Count correct and forced choices at each threshold, (K,) nats, without single decisions.
-
-    Responses are forced at the deadline; ``checked`` is that of ``first_crossing``.
-    """
-    from bgmodel.deciding.crossing import ROUNDING, tally_all
-
-    check_flag("checked", checked)
-    require(np.ndim(thresholds) == 1, "thresholds", "must be (K,)", np.shape(thresholds))
-    known = known_truth(truth)
-    out, first, ends, numbers = ready(trace)
-    truth = checked_truth(known, len(out), out.shape[2])
-    order, level = sorted_levels(thresholds, out.shape[2])
-    if checked and trace.readout is not None:
-        trace.readout.check(thresholds)
-    ended = np.isnan(out[np.arange(len(out)), ends - 1, 0])
-    if ended.any():
-        check_ended(out, ends, ended & ~(lowest(out) <= level.min()))
-    steps_at = np.maximum(trace.time_ms - trace.onset_ms, 0.0) / trace.step_ms
-    correct, steps, forced = tally_all(out, truth, first, level[0], steps_at, ends, numbers)
-    if checked:
-        before = np.sort(lowest(out[:, :first])) if first else np.zeros(0)
-        early = np.searchsorted(before, level[0] - ROUNDING, side="right")
-        check_early_and_late(forced, early, len(out), level[0], forced=True, of_test=of_test(trace))
-    back = np.argsort(order[0])
-    return Tally(len(out), correct[back], steps[back], forced[back])

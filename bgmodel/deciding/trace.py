@@ -145,11 +145,6 @@ def ready(trace: Trace) -> tuple[Reals, int, npt.NDArray[np.int64], npt.NDArray[
     return out, first_reading(trace), *trace.of_trials()
 
 
-def lowest(out: Reals) -> Reals:
-    """Return the lowest OUT of each trial, ignoring NaN."""
-    return np.asarray(np.fmin.reduce(out, axis=(1, 2)))
-
-
 def check_ended(out: Reals, ends: Integers, late: Truths) -> None:
     """Refuse trials that met no threshold and were dropped before their end."""
     trials = np.flatnonzero(late)

@@ -173,7 +173,10 @@ class Msprt(Decides):
 
 
 def tally_sprt(evidence: Evidence, thresholds: npt.ArrayLike) -> Tally:
-    """Equal to ``tally(Sprt().run(evidence), evidence.truth, thresholds)``, without the trace."""
+    """Count the decisions of the SPRT at each threshold, (K,) nats, without its trace.
+
+    Responses are forced at the deadline.
+    """
     from bgmodel.deciding.crossing import tally_odds
 
     check_evidence(evidence)

@@ -75,13 +75,6 @@ def known_truth(truth: Integers | None) -> Integers:
     return truth
 
 
-def checked_truth(truth: npt.ArrayLike, trials: int, hypotheses: int) -> Integers:
-    """Return the truth (trials,); ValueError unless each is the index of a hypothesis."""
-    values = one_per_trial("truth", truth, trials)
-    check_inside("truth", values, 0, hypotheses - 1)
-    return values
-
-
 def check_flag(name: str, value: object) -> None:
     """Raise ValueError unless a value is True or False."""
     require(isinstance(value, (bool, np.bool_)), name, "must be True or False", value)

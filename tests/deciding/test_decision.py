@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.deciding.decision import any_crossing, crossing_of_each
-from bgmodel.deciding.reward import tally
 from tests.helpers import refusing, some_evidence
 
 
@@ -56,7 +55,7 @@ def test_one_pass_over_thresholds_equals_a_plain_loop(seed, ticks, channels, cou
             assert np.isnan(free.time_ms[k, n]) == (tick < 0)
 
 
-def test_tally_and_each_agree_with_first_crossing_and_tallies_of_two_halves_pool():
+def test_each_trial_at_its_own_threshold_is_decided_as_at_that_threshold():
     """In a table of unequal lengths, where each trial ends at its own last reading."""
     full, thresholds = some_evidence(steps=12), np.linspace(0.02, 1.0, 9)
     lengths = stream(3, "lengths").integers(1, 13, full.trials)
@@ -65,22 +64,11 @@ def test_tally_and_each_agree_with_first_crossing_and_tallies_of_two_halves_pool
     trace = Msprt().run(evidence)
     decision = first_crossing(trace, thresholds)
     assert decision.deadline_ms.tolist() == lengths.tolist()
-    counts = tally(trace, evidence.truth, thresholds)
-    assert counts.correct.tolist() == (decision.choice == evidence.truth).sum(axis=1).tolist()
-    assert counts.steps == pytest.approx(decision.steps.sum(axis=1))
-    assert counts.forced.tolist() == decision.forced.sum(axis=1).tolist()
     levels = thresholds[np.arange(evidence.trials) % 9]
     each = crossing_of_each(trace, levels)
     rows = np.arange(evidence.trials) % 9, np.arange(evidence.trials)
     assert (each.choice == decision.choice[rows]).all()
     assert (each.time_ms == decision.time_ms[rows]).all()
-    first, second = evidence[:150], evidence[150:]
-    pooled = tally(Msprt().run(first), first.truth, thresholds)
-    pooled += tally(Msprt().run(second), second.truth, thresholds)
-    assert pooled.trials == counts.trials
-    assert pooled.correct.tolist() == counts.correct.tolist()
-    assert pooled.forced.tolist() == counts.forced.tolist()
-    assert pooled.steps == pytest.approx(counts.steps)
 
 
 @pytest.mark.parametrize("hypotheses", [2, 3, 5])
@@ -103,8 +91,6 @@ def test_evidence_that_says_nothing_is_shared_out_equally(hypotheses, threshold)
     assert abs(neighbours - 1 / hypotheses) < 4 * sd
     part = first_crossing(Msprt().run(flat[1000:1300]), level)
     assert np.array_equal(part.choice, decision.choice[1000:1300])
-    counts = tally(trace, flat.truth, np.array([level]))
-    assert counts.correct[0] == (decision.choice == flat.truth).sum()
 
 
 GAMMA = 0x9E3779B97F4A7C15
@@ -156,13 +142,6 @@ test_thresholds_without_sense_are_refused = refusing(
     (lambda: first_crossing(TRACE, np.ones((1, 1, 3))), r"thresholds \(K, 3\)"),
     (lambda: crossing_of_each(TRACE, [0.3]), "thresholds 300 finite nats"),
     (lambda: crossing_of_each(TRACE, [np.inf] * 300), "thresholds 300 finite"),
-    (lambda: tally(TRACE, np.zeros(300, int), 0.3), r"thresholds \(K,\)"),
-    (lambda: tally(TRACE, None, [0.3]), "truth needs the truth"),
-    (lambda: tally(TRACE, np.zeros(3, int), [0.3]), "truth must"),
-    (lambda: tally(TRACE, np.full(300, 3), [0.3]), "truth must"),
-    (lambda: tally(TRACE, np.full(300, -1), [0.3]), "truth must"),
-    (lambda: tally(TRACE, np.zeros(300), [0.3]), "truth must"),
-    (lambda: tally(TRACE, ["a"] * 300, [0.3]), "truth must"),
 )
 
 

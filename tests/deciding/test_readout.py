@@ -12,7 +12,6 @@ import bgmodel as bg
 from bgmodel import BasalGanglia, Evidence, Msprt, Sprt, first_crossing, threshold_from_posterior
 from bgmodel.deciding.decision import crossing_of_each
 from bgmodel.deciding.readout import ReadOut, check_early_and_late
-from bgmodel.deciding.reward import tally
 from bgmodel.integrators.baselines import MaxVsNext
 from bgmodel.integrators.criterion import check_threshold, readout_of, rest_out
 from bgmodel.integrators.sprt import tally_sprt
@@ -41,7 +40,6 @@ def refusal(call):
 
 DECIDERS = {
     "first_crossing": lambda trace, level: first_crossing(trace, level),
-    "tally": lambda trace, level: tally(trace, EVIDENCE.truth, [level]),
     "crossing_of_each": lambda trace, level: crossing_of_each(trace, np.full(60, level)),
 }
 
@@ -138,8 +136,6 @@ def test_a_majority_that_met_no_threshold_is_warned_of_with_its_number(forced):
         assert warning.startswith("20 of 20 trials never meet the threshold")
         assert ("the deadline decides them" in warning) == forced
         assert ("they stay undecided" in warning) != forced
-    (warning,) = told(lambda: tally(Msprt(0.5).run(short), short.truth, [level]))
-    assert warning.startswith("20 of 20 trials never meet")
 
 
 def test_a_lesion_that_decides_nothing_is_warned_of_and_one_that_needs_no_evidence_refused():
@@ -179,7 +175,6 @@ def test_all_trials_before_their_first_reading_are_refused_of_a_test_alone():
     biased = some_evidence(hypotheses=2, prior=[0.2, 0.8])
     for decide in (
         lambda: first_crossing(Msprt().run(biased), posterior=0.7),
-        lambda: tally(Msprt().run(biased), biased.truth, -np.log([0.7])),
         lambda: Msprt().session(posterior=0.7, prior=[0.2, 0.8]),
     ):
         with pytest.raises(ValueError, match=r"before its first reading"):

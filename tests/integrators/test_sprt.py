@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Sprt, first_crossing, stream
-from bgmodel.deciding.reward import tally
 from bgmodel.integrators.first_passage import Empirical
 from bgmodel.integrators.sprt import tally_sprt, threshold_from_posterior
 from bgmodel.integrators.sprt_theory import sprt
@@ -124,10 +123,13 @@ def test_a_tally_without_the_trace_counts_the_same(seed, rounded, prior, gaps):
         numbers=rng.permutation(100)[:30],
     )
     thresholds = Sprt.threshold(gaps)
-    want = tally(Sprt().run(evidence), evidence.truth, thresholds, checked=False)
-    counts = tally_sprt(evidence, thresholds)
-    for name in ("trials", "correct", "steps", "forced"):
-        assert np.array_equal(getattr(counts, name), getattr(want, name))
+    decision = first_crossing(Sprt().run(evidence), thresholds, checked=False)
+    counts, halves = tally_sprt(evidence, thresholds), (evidence[:15], evidence[15:])
+    for counted in (counts, tally_sprt(halves[0], thresholds) + tally_sprt(halves[1], thresholds)):
+        assert counted.trials == 30
+        assert np.array_equal(counted.correct, (decision.choice == evidence.truth).sum(axis=1))
+        assert np.array_equal(counted.steps, decision.steps.sum(axis=1))
+        assert np.array_equal(counted.forced, decision.forced.sum(axis=1))
 
 
 def test_a_deadline_may_be_one_reading():

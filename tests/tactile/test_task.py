@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from bgmodel import Msprt, Sprt, stream
 from bgmodel.bootstrap import interval, resampled
-from bgmodel.deciding.reward import tally
+from bgmodel.deciding.decision import first_crossing
 from bgmodel.learning.gap import fold_sources
 from bgmodel.support.files import read_provenance
 from bgmodel.tactile.decoder import Training
@@ -64,7 +64,7 @@ def test_a_smooth_plate_tells_no_orientation():
     for fold in range(6):
         readings = shipped(Orientation(8, period_mm=0.0), fold)
         evidence = readings.draw(2000, 30, rng=stream(1, "smooth", fold))
-        accuracy.append(tally(Msprt().run(evidence), evidence.truth, [0.01]).accuracy[0])
+        accuracy.append(first_crossing(Msprt().run(evidence), 0.01, checked=False).accuracy)
     assert abs(np.mean(accuracy) - 1 / 8) < 0.05
     # Nor does the linear head lean with the yaw.
     smooth = TAPS[np.isclose(TAPS["period_mm"], 0)]
@@ -87,11 +87,10 @@ def test_shuffled_truth_is_at_chance():
     readings = pairs(2.5)[0]
     evidence = readings.draw(20_000, 30, rng=stream(1, "shuffled"))
     trace = Sprt().run(evidence)
-    right = tally(trace, evidence.truth, [Sprt.threshold(4.0)]).accuracy[0]
+    decision = first_crossing(trace, Sprt.threshold(4.0))
     truth = stream(2, "shuffled").permutation(evidence.truth)
-    wrong = tally(trace, truth, [Sprt.threshold(4.0)]).accuracy[0]
-    assert right > 0.98
-    assert abs(wrong - 0.5) < 0.02
+    assert decision.accuracy > 0.98
+    assert abs((decision.choice == truth).mean() - 0.5) < 0.02
 
 
 def drawn(readings, *trials):
