@@ -165,11 +165,7 @@ CELLS: dict[str, Any] = {
 def motion(raw: pd.DataFrame) -> pd.DataFrame:
     """Return one row per trial of a motion task; ValueError if the signs are not as documented.
 
-    Parameters
-    ----------
-    raw : DataFrame
-        Columns participant_id, trial, rt (s), choice (0 or 1), signed_coherence, correct (NaN at
-        0).
+    Columns participant_id, trial, rt (s), choice (0 or 1), signed_coherence, correct (NaN at 0).
     """
     # The files contain a -0, which is the same strength as 0.
     coherence = raw["signed_coherence"].astype("float64") + 0.0
@@ -198,11 +194,8 @@ def motion(raw: pd.DataFrame) -> pd.DataFrame:
 def learned_pairs(raw: pd.DataFrame) -> pd.DataFrame:
     """Return one row per trial of choices between learned items; ValueError if codes disagree.
 
-    Parameters
-    ----------
-    raw : DataFrame
-        Columns subj_idx, stim (WW, LL, WL), rt (s), response (0 or 1), theta, dbs (0 or 1), conf
-        (HC or LC).
+    Columns subj_idx, stim (WW, LL, WL), rt (s), response (0 or 1), theta, dbs (0 or 1), conf (HC or
+    LC).
     """
     high = raw["conf"].map({"HC": True, "LC": False}).astype(bool)
     if not (high == raw["stim"].isin(["WW", "LL"])).all():
@@ -226,11 +219,8 @@ def learned_pairs(raw: pd.DataFrame) -> pd.DataFrame:
 def selection(raw: pd.DataFrame) -> pd.DataFrame:
     """Return one row per trial of probabilistic selection; ValueError if columns disagree.
 
-    Parameters
-    ----------
-    raw : DataFrame
-        Columns subj_idx, response (0 or 1), cond (AB, CD, EF), rt (s), trial (of the pair, from 1,
-        with gaps) and feedback (0 or 1), in the order of presentation.
+    Columns subj_idx, response (0 or 1), cond (AB, CD, EF), rt (s), trial (of the pair, from 1, with
+    gaps) and feedback (0 or 1), in the order of presentation.
     """
     if not (raw.groupby(["subj_idx", "cond"])["trial"].diff().dropna() > 0).all():
         raise ValueError("trial must number the trials of each pair in their order")
@@ -250,11 +240,8 @@ def selection(raw: pd.DataFrame) -> pd.DataFrame:
 def stop_signal(raw: pd.DataFrame) -> pd.DataFrame:
     """Return one row per trial of a stop-signal task; ValueError if columns disagree.
 
-    Parameters
-    ----------
-    raw : DataFrame
-        Columns participant_id, trial (from 1), trial_type (go, stop), stimulus, response, rt_s and
-        ssd_s (s).
+    Columns participant_id, trial (from 1), trial_type (go, stop), stimulus, response, rt_s and
+    ssd_s (s).
     """
     stop = raw["trial_type"].map({"go": False, "stop": True}).astype(bool)
     if not (stop == raw["ssd_s"].notna()).all():
@@ -276,13 +263,10 @@ def stop_signal(raw: pd.DataFrame) -> pd.DataFrame:
 def simon(raw: pd.DataFrame) -> pd.DataFrame:
     """Return one row per trial of a Simon task and of the test after it; ValueError if they differ.
 
-    Parameters
-    ----------
-    raw : DataFrame
-        Columns participant_id, group (ctl, pd), session, medication (on, off, none), phase
-        (training, test), congruency, item, pair, response (left, right), correct (0, 1), rt_s (s)
-        and reward (0, 1). In a pair the left item comes first; correct is 1 where the item that
-        comes first in the alphabet is chosen.
+    Columns participant_id, group (ctl, pd), session, medication (on, off, none), phase (training,
+    test), congruency, item, pair, response (left, right), correct (0, 1), rt_s (s) and reward (0,
+    1). In a pair the left item comes first; correct is 1 where the item that comes first in the
+    alphabet is chosen.
     """
     if not (raw["response"].notna() == raw["rt_s"].notna()).all():
         raise ValueError("response and rt_s must be given in the same trials")

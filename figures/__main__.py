@@ -27,13 +27,7 @@ def scores(some: list[Room]) -> list[Score]:
 def main(
     arguments: list[str] | None = None, folder: Path = FOLDER, results: Path = pages.RESULTS
 ) -> None:
-    """Check the rooms, then measure, draw and write pages.
-
-    Raises
-    ------
-    InputError
-        If a figure, a table or a column lacks its caption, metadata or meaning.
-    """
+    """Check the rooms (InputError for what is missing), then measure, draw and write pages."""
     every = {room.name: room for room in rooms(folder)}
     parser = argparse.ArgumentParser()
     parser.add_argument("what", nargs="*", choices=[*STEPS, *every, []], metavar="STEP or ROOM")

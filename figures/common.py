@@ -130,11 +130,8 @@ def begin() -> None:
 def make(script: str, step: str, inputs: Sequence[str], output: str, fast: bool) -> None:
     """Make a table or a picture by running a step of a script.
 
-    Raises
-    ------
-    RuntimeError
-        If the step failed (stderr has the details), or tried to end its process, which other steps
-        share.
+    RuntimeError if the step failed (stderr has the details), or tried to end its process, which
+    other steps share.
     """
     try:
         module = script.removesuffix(".py").replace("/", ".")
@@ -196,24 +193,10 @@ def bars(
     across: bool = False,
     **style: Any,
 ) -> None:
-    """Draw values with their intervals.
+    """Draw values, over ``unit``, with their intervals at positions on the other axis.
 
-    Parameters
-    ----------
-    ax : Axes
-        Axes to draw on.
-    at : array
-        Positions on the other axis.
-    rows : DataFrame
-        Columns value, low and high; or NAME, NAME_low and NAME_high.
-    name : str
-        The column to draw.
-    unit : float
-        Divisor of the values.
-    across : bool
-        Whether values run along the horizontal axis.
-    **style :
-        Options of ``Axes.errorbar``.
+    Columns of the rows are value, low and high, or NAME, NAME_low and NAME_high. Values run
+    upwards, or ``across``; the style is that of ``Axes.errorbar``.
     """
     value, away = rows[name] / unit, off(rows, name) / unit
     if across:
@@ -223,19 +206,7 @@ def bars(
 
 
 def key(figure: Figure, *axes: Any, more: Sequence[Artist] = (), **style: Any) -> None:
-    """Put one legend below all panels.
-
-    Parameters
-    ----------
-    figure : Figure
-        The figure.
-    *axes : Axes
-        Panels whose labels it shows, each label once.
-    more : sequence of Artist
-        Further marks, with their labels.
-    **style :
-        Options of ``Figure.legend``.
-    """
+    """Put one legend below all panels: labels of some of them, each once, and ``more`` marks."""
     shown: dict[Any, Any] = {}
     for ax in axes:
         handles, labels = ax.get_legend_handles_labels()
@@ -250,15 +221,7 @@ OLDER = "table made with an older circuit"
 
 
 def older(table: Path) -> bool:
-    """Whether a score's table was made with a circuit other than the present default.
-
-    If it names several circuits, whether any of them has changed.
-
-    Parameters
-    ----------
-    table : path
-        A table of a room.
-    """
+    """Whether any circuit that a table of a room was made with is not the present one."""
     made_with = origin(table)["parameters"]["circuits"]
     today = {key: ([DEFAULT, *key.split()][-2], int(key.split()[-1])) for key in made_with}
     return any(identity(load_circuit(*today[key])) != each for key, each in made_with.items())

@@ -42,13 +42,7 @@ def main() -> None:
 
 
 def shrink(drawn: Path, kept: Path) -> None:
-    """Write a small copy of a picture with the same stamp.
-
-    Raises
-    ------
-    ValueError
-        If the picture has no stamp.
-    """
+    """Write a small copy of a picture with its stamp; ValueError if it has none."""
     stamp = read_stamp(drawn)
     if stamp is None:
         raise ValueError(f"{drawn} does not say which version drew it: draw it again")

@@ -49,10 +49,7 @@ def written_numbers(text: str) -> list[str]:
 def rendered(template: Path, place: Callable[[str], Path] = table_path) -> str:
     """Return the page of a template; ``place`` finds a table by its name.
 
-    Raises
-    ------
-    ValueError
-        If a table is missing, can't be read, or lacks a value used by the template.
+    ValueError if a table is missing, can't be read, or lacks a value used by the template.
     """
     environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, keep_trailing_newline=True, trim_blocks=True

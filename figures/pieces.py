@@ -203,19 +203,10 @@ def main(*scores: Score, arguments: Sequence[str] | None = None) -> None:
 
 
 def wide(table: pd.DataFrame, index: Sequence[str]) -> pd.DataFrame:
-    """Return a table with one row per index and one column per measure.
+    """Return a table with one row per index, in their order, and one column per measure.
 
-    Parameters
-    ----------
-    table : DataFrame
-        The columns of the index, measure, value, low and high.
-    index : names
-        What tells rows apart; their order stays.
-
-    Returns
-    -------
-    DataFrame
-        The index, and per measure its value, ``<measure>_low`` and ``<measure>_high``.
+    From the columns of the index, measure, value, low and high, each measure gets its value,
+    ``<measure>_low`` and ``<measure>_high``.
     """
     order = table[list(index)].drop_duplicates()
     by = table.pivot(index=list(index), columns="measure", values=["value", "low", "high"])

@@ -82,10 +82,7 @@ class Room:
     def captions(self, numbers: dict[str, str]) -> dict[str, Caption]:
         """Return the caption of each figure, with numbers of a run filled in.
 
-        Raises
-        ------
-        InputError
-            If a figure has no caption, or a caption no figure.
+        InputError if a figure has no caption, or a caption no figure.
         """
         written = self.about.get("figures", {})
         for name in {*self.figures()} ^ {*written}:
@@ -117,12 +114,8 @@ class Room:
         """Return the meaning of the columns of each table, by its name.
 
         A column without a meaning whose name is that of another one with ``_low`` or ``_high``
-        appended is a bound of its 95 % interval, and is left out.
-
-        Raises
-        ------
-        InputError
-            If a column has no meaning, or a meaning belongs to no column.
+        appended is a bound of its 95 % interval, and is left out. InputError if another column has
+        no meaning, or a meaning belongs to no column.
         """
         general, special = self.about.get("columns", {}), self.about.get("tables", {})
         unused = {("columns", name) for name in general}
@@ -163,13 +156,7 @@ def rooms(folder: Path = FOLDER) -> list[Room]:
 
 
 def table_path(name: str, folder: Path = FOLDER) -> Path:
-    """Return the path of a table in any room.
-
-    Raises
-    ------
-    InputError
-        If no room, or more than one, has it.
-    """
+    """Return the path of a table in any room; InputError if no room, or more than one, has it."""
     paths = [*folder.glob(f"*/tables/{name}.csv")]
     if len(paths) != 1:
         raise InputError(f"the table {name} is in {len(paths)} rooms, not in one", "table", name)
@@ -186,10 +173,7 @@ def read_metadata(folder: Path) -> dict[str, dict[str, Any]]:
 def origin(path: Path) -> dict[str, Any]:
     """Return the parameters, seed and versions that a table of a room was made from.
 
-    Raises
-    ------
-    InputError
-        If its room does not say so.
+    InputError if its room does not say so.
     """
     entry = read_metadata(path.parent).get(path.stem)
     if entry is None:

@@ -50,17 +50,10 @@ class Stamp:
 
 
 def stamp_of(script: Path, inputs: Iterable[Path], settings: object) -> Stamp:
-    """Return the stamp of a picture that is about to be drawn.
+    """Return the stamp of a picture that is about to be drawn with the settings of a run.
 
-    Parameters
-    ----------
-    script : Path
-        The figure's script; the modules of rooms that it imports count as well.
-    inputs : iterable of Path
-        Tables that it draws. Those of rooms count; intermediate tables are computed by the script
-        itself.
-    settings : Settings
-        The numbers of the run.
+    The modules of rooms that the script imports count as well, and the tables of rooms that it
+    draws; intermediate tables are computed by the script itself.
     """
     script = script.resolve()
     modules = sorted(set(IMPORTED.findall(script.read_text(encoding="utf-8"))))
@@ -81,15 +74,7 @@ def read_stamp(picture: Path) -> Stamp | None:
 
 
 def outdated(picture: Path, settings: object) -> str:
-    """Return a sentence if a picture is not what the present code draws, or an empty text.
-
-    Parameters
-    ----------
-    picture : Path
-        A PNG file.
-    settings : Settings
-        The present numbers of a full run.
-    """
+    """Return a sentence if a PNG file is not what the present code draws in a full run, or ""."""
     stamp = read_stamp(picture)
     if stamp is None:
         return "It is not known which version drew this picture."

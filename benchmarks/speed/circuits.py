@@ -245,13 +245,7 @@ def side_by_side(bar: tqdm) -> pd.DataFrame:
 
 
 def held_to_spikes(rounds: pd.DataFrame) -> pd.DataFrame:
-    """Return each engine's cost in those of the spikes engine just before and after it.
-
-    Parameters
-    ----------
-    rounds : DataFrame
-        As from ``side_by_side``.
-    """
+    """Return each engine's cost in those of the spikes engine just before and after it."""
     cost = rounds["ns_per_cell_tick"]
     ratio = 2 * cost / (cost.shift(1) + cost.shift(-1))
     others = rounds["what"] != rounds["what"].iloc[0]

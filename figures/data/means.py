@@ -31,12 +31,8 @@ def fit_means(design: Design) -> MeansFit:
 
     Trials are binomial, and the mean time of each strength is Gaussian with its observed standard
     error (Palmer, Huk & Shadlen 2005). Times of both responses are pooled, because the closed form
-    predicts that they are identically distributed.
-
-    Parameters
-    ----------
-    design : Design
-        By strength only, with a response in every trial.
+    predicts that they are identically distributed. The design is by strength only, with a response
+    in every trial.
     """
     from scipy.optimize import minimize
 

@@ -148,12 +148,9 @@ def tactile(evidence: str, alternatives: int, trials: int) -> pd.DataFrame:
 def lines(times: pd.DataFrame) -> pd.DataFrame:
     """Return lines of time over ln N, weighted by the intervals, and how well they fit.
 
-    Returns
-    -------
-    DataFrame
-        Columns decider, accuracy, of (``time_ms`` or ``longer_ms``), counts (how many numbers of
-        alternatives), intercept_ms and slope_ms (per unit of ln N) with standard errors, pearson_r,
-        chi2_p (of the scatter about the line, if it is that of the intervals).
+    Columns decider, accuracy, of (``time_ms`` or ``longer_ms``), counts (how many numbers of
+    alternatives), intercept_ms and slope_ms (per unit of ln N) with standard errors, pearson_r,
+    chi2_p (of the scatter about the line, if it is that of the intervals).
     """
     rows = []
     some = times[times["evidence"].str.startswith("Gaussian") & times["accuracy"].isin(HICK)]

@@ -51,15 +51,7 @@ SHUFFLES, COARSE_SHUFFLES = 200, 20
 
 
 def of_deadline(trials: pd.DataFrame, who: str) -> pd.DataFrame:
-    """Return the trials of some people, by the deadlines of their sessions.
-
-    Parameters
-    ----------
-    trials : DataFrame
-        Columns participant_id, session, phase and rt (s).
-    who : str
-        A name in ``WHO``.
-    """
+    """Return the trials of some people, one of ``WHO``, by the deadlines of their sessions."""
     require(who in WHO, "who", f"must be one of {', '.join(WHO)}", who)
     training = trials[trials["phase"] == "training"]
     late = training.groupby(["participant_id", "session"])["rt"].max() > DEADLINE_S
@@ -75,15 +67,7 @@ def measured(who: str) -> pd.DataFrame:
 
 
 def found(each: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
-    """Return all contrasts of people with 95 % intervals over people.
-
-    Parameters
-    ----------
-    each : DataFrame
-        As from ``of_people``, with medication on, off and none.
-    rng : numpy.random.Generator
-        Random numbers of the bootstrap.
-    """
+    """Return all contrasts of people, as from ``of_people``, with 95 % intervals over people."""
     names = named(each)
     off, on, controls = (each[each["medication"] == m][names] for m in ("off", "on", "none"))
     patients = each[each["medication"] != "none"]

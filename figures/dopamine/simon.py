@@ -32,13 +32,7 @@ FEWEST = 20
 
 
 def measures(trials: pd.DataFrame) -> dict[str, float]:
-    """Return the measures of one session, named as in the table of results; NaN if too few trials.
-
-    Parameters
-    ----------
-    trials : DataFrame
-        Columns phase, congruency, pair, rt (s) and response (1, 0 or empty).
-    """
+    """Return the measures of a session, named as in the table of results; NaN if too few trials."""
     answered = trials[trials["rt"].notna()]
     training = answered[answered["phase"] == "training"]
     parts = [training[training["congruency"] == name] for name in BOTH]
@@ -100,10 +94,7 @@ def _of_test(test: pd.DataFrame) -> Iterator[tuple[str, float]]:
 def of_people(trials: pd.DataFrame) -> pd.DataFrame:
     """Return one row per person and session: participant_id, medication, session, measures.
 
-    Raises
-    ------
-    ValueError
-        If a column is missing, or a session has two states of medication.
+    ValueError if a column is missing, or a session has two states of medication.
     """
     missing = [name for name in (*COLUMNS, "response") if name not in trials]
     require(not missing, "trials", f"must have the columns {', '.join(missing)}", list(trials))
@@ -119,19 +110,8 @@ def of_people(trials: pd.DataFrame) -> pd.DataFrame:
 def within(each: pd.DataFrame, column: str, one: object, other: object) -> pd.DataFrame:
     """Return the differences of people measured twice, one minus other, a row per person.
 
-    Parameters
-    ----------
-    each : DataFrame
-        As from ``of_people``.
-    column : str
-        medication or session.
-    one, other : object
-        Its two values; people without both are left out.
-
-    Raises
-    ------
-    ValueError
-        If nobody has both.
+    They are two values of a column, medication or session, of ``of_people``; people without both
+    are left out. ValueError if nobody has both.
     """
     sides = [each[each[column] == value].set_index("participant_id") for value in (one, other)]
     both = sides[0].index.intersection(sides[1].index)
@@ -165,16 +145,8 @@ def by_order(
 ) -> pd.DataFrame:
     """Return the mean over two orders, each order weighing the same, as ``means`` does.
 
-    In differences of sessions the effect of what was given first then cancels.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        Differences, a row per person.
-    first : bool array (people,)
-        Whether the person has the first order.
-    rng : numpy.random.Generator
-        Random numbers of the bootstrap, which draws within orders.
+    In differences of sessions, a row per person, the effect of what was given ``first`` (people,)
+    then cancels. The bootstrap draws within orders.
     """
     parts = [rows[first], rows[~first]]
     weights = [resampled(len(part), RESAMPLES, rng) for part in parts]
@@ -196,12 +168,8 @@ def _weighted(values: pd.Series, weights: Array) -> Array:
 def _summary(drawn: dict[str, Array], people: pd.Series, drawn_from: pd.Series) -> pd.DataFrame:
     """Return value, interval and number of people of each measure.
 
-    Parameters
-    ----------
-    drawn : dict
-        By measure, its value and then its resamples.
-    people, drawn_from : Series
-        Number of people by measure, and of those in the smallest group that is resampled.
+    Its value and then its resamples are ``drawn``, from ``drawn_from`` people in the smallest
+    group.
     """
     rows = []
     for name, values in drawn.items():

@@ -124,18 +124,8 @@ def simulated(
 ) -> pd.DataFrame:
     """Return the trials of simulated people, with the columns of the shipped set.
 
-    The evidence and the noise are the same at every level of dopamine.
-
-    Parameters
-    ----------
-    simon : Simon
-        Parameters of the task.
-    dopamine : float
-        Level of dopamine, 1 if normal.
-    people, seed : int
-        Their number, and the seed of evidence and noise.
-    tested : bool
-        Whether the test follows the training.
+    The evidence and the noise are the same at every level of dopamine. The test follows the
+    training if ``tested``.
     """
     model = circuit_at(dopamine, seed)
     level = float(threshold_from_posterior(simon.posterior, 2))

@@ -160,10 +160,7 @@ def models(simon: Simon, people: int, seed: int, *, tested: bool) -> dict[float,
 def contrasts(by_level: Mapping[float, pd.DataFrame]) -> pd.DataFrame:
     """Return the circuit's value of each contrast by level, with its error over simulated people.
 
-    Returns
-    -------
-    DataFrame
-        Columns contrast, dopamine (off medication), measure, value, error.
+    Columns contrast, dopamine (off medication), measure, value, error.
     """
     names = named(by_level[NORMAL])
     rows = [_row(CONTROLS, NORMAL, by_level[NORMAL][names])]

@@ -106,29 +106,14 @@ def verdict(fits: Mapping[str, Fitted]) -> str:
     return first if min(low) > STRONG_NATS else UNKNOWN
 
 
-def trials_needed(
-    log_ratio: npt.ArrayLike, more_parameters: int = 0, *, least: float = STRONG_NATS
-) -> float:
+def trials_needed(log_ratio: npt.ArrayLike, more_parameters: int = 0) -> float:
     """Return the number of trials at which a true model is preferred with probability 0.95.
 
-    The sum of log ratios over n trials is about Gaussian with mean n m and standard deviation
-    s sqrt(n); BIC subtracts k ln(n) / 2. The answer is the least n with
-    ``n m - 1.64 s sqrt(n) - k ln(n) / 2 >= least``.
-
-    Parameters
-    ----------
-    log_ratio : array (trials,), nats
-        Log likelihood of each trial under the true model minus that under a rival, both at the
-        parameters that fit many trials best.
-    more_parameters : int
-        Parameters of the true model minus those of the rival.
-    least : float, nats
-        Log Bayes factor to be exceeded.
-
-    Returns
-    -------
-    float
-        Infinite if the mean is not above 0 by two standard errors: the two are not told apart.
+    The log ratio of each trial (trials,), nats, is that of the true model over a rival, both at the
+    parameters that fit many trials best; the true model has k ``more_parameters``. The sum over n
+    trials is about Gaussian with mean n m and standard deviation s sqrt(n); BIC subtracts k ln(n) /
+    2. The answer is the least n with ``n m - 1.64 s sqrt(n) - k ln(n) / 2 >= STRONG_NATS``,
+    infinite if m is not above 0 by two standard errors: the two are not told apart.
     """
     values = np.asarray(log_ratio, dtype=np.float64)
     mean, spread = float(values.mean()), float(values.std(ddof=1))
@@ -136,7 +121,7 @@ def trials_needed(
         return np.inf
     count: Array = np.unique(np.round(np.geomspace(10, 1e6, 4000)))
     sure = mean * count - SURE * spread * np.sqrt(count) - more_parameters * np.log(count) / 2
-    enough = count[sure >= least]
+    enough = count[sure >= STRONG_NATS]
     return float(enough[0]) if len(enough) else np.inf
 
 

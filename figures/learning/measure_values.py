@@ -112,11 +112,9 @@ def reversals(runs: int) -> pd.DataFrame:
 
 
 def since_reversal(values: Array) -> tuple[Array, Array]:
-    """Return means by trial since the last reversal, the first block left out, and their errors.
+    """Return means of values (trials, runs) by trial since the last reversal, and their errors.
 
-    Parameters
-    ----------
-    values : array (trials, runs)
+    The first block is left out.
     """
     blocks = values.reshape(-1, EVERY, values.shape[1])[1:]
     of_run = blocks.mean(axis=0)

@@ -43,14 +43,8 @@ def mean_and_error(values: Sequence[float] | Array) -> tuple[float, float]:
 def predicted(fit: Optimum, seed: int, name: str) -> tuple[Array, Array, Array]:
     """Return a fit's predictions for every trial, given all earlier ones.
 
-    Returns
-    -------
-    drift : array (trials,)
-        Drift towards the better item, 1/sqrt(s).
-    better : array (trials,)
-        Probability of choosing it.
-    rt_s : array (DRAWN, trials)
-        Simulated response times, s.
+    The drift towards the better item (trials,), 1/sqrt(s), the probability of choosing it, and
+    simulated response times (DRAWN, trials), s.
     """
     fitted, trials = fit.likelihood, trials_of(fit)
     assert isinstance(fitted, ValueLikelihood)

@@ -78,12 +78,9 @@ def share(hits: Array, name: str = "p_respond") -> dict[str, float]:
 def agreement(one: Array, other: Array) -> dict[str, float]:
     """Compare which trials have a response, and the times of those that have one in both.
 
-    Returns
-    -------
-    dict
-        same with its interval; same_chance, the agreement of independent trials of the same
-        proportions; same_corrected, the share of the possible excess over it; times_r, the
-        correlation of response times, and times_ms, their mean difference, ``one - other``.
+    Returns same with its interval; same_chance, the agreement of independent trials of the same
+    proportions; same_corrected, the share of the possible excess over it; times_r, the correlation
+    of response times, and times_ms, their mean difference, ``one - other``.
     """
     a, b = ~np.isnan(one), ~np.isnan(other)
     chance = float(a.mean() * b.mean() + (1 - a.mean()) * (1 - b.mean()))

@@ -53,16 +53,9 @@ def raced(
 ) -> StopTrials:
     """Return the trials of a race, with delays from two staircases in random order.
 
-    Parameters
-    ----------
-    go_ms : array (trials,), ms
-        Time at which a response would be made; infinite for none.
-    stop : bool array (trials,)
-        Which trials have a stop signal.
-    ssrt_ms, failure : array (stop trials,)
-        Stop-signal reaction time; whether the signal triggers nothing.
-    rng : Generator
-        For the order of staircases.
+    Of each trial, the time at which a response would be made, ms (infinite for none), and whether
+    it has a stop signal; of each stop trial, its stop-signal reaction time, ms, and whether the
+    signal triggers nothing.
     """
     stops = np.flatnonzero(stop)
     failed = (go_ms[stops] <= DELAYS[:, None] + ssrt_ms) | (failure & np.isfinite(go_ms[stops]))
@@ -140,12 +133,7 @@ def counted_ssrt(trials: StopTrials) -> float:
 def slopes(people: Mapping[str, StopTrials], rng: np.random.Generator | None = None) -> Array:
     """Return the slope of responding over the delay of each participant, per 100 ms.
 
-    Parameters
-    ----------
-    people : mapping from names to StopTrials
-        Trials.
-    rng : Generator, optional
-        Shuffles the delays of each participant's stop trials: a negative control.
+    A generator shuffles the delays of each participant's stop trials: a negative control.
     """
     fitted = []
     for trials in people.values():
@@ -208,23 +196,11 @@ def mean_and_error(values: pd.Series | Array) -> tuple[float, float, int]:
 def predictions(
     fit: GroupFit, likelihoods: Mapping[str, StopLikelihood], left: Mapping[str, Integers]
 ) -> dict[str, pd.DataFrame]:
-    """Return a fit's predictions of held-out stop trials of the same people.
+    """Return a fit's predictions of stop trials, ``left`` out of it, of the same people.
 
-    Parameters
-    ----------
-    fit : GroupFit
-        Fit to the other trials.
-    likelihoods : mapping of str to StopLikelihood
-        Likelihood of all trials of each person.
-    left : mapping of str to int array
-        Places of the stop trials to predict.
-
-    Returns
-    -------
-    dict of str to DataFrame
-        By decile of the delay, predicted and observed p(respond) with the standard error of their
-        difference (``deciles``); quantiles of the times of failed stops (``times``); and their
-        differences (``halves``).
+    By decile of the delay, predicted and observed p(respond) with the standard error of their
+    difference (``deciles``); quantiles of the times of failed stops (``times``); and their
+    differences (``halves``).
     """
     parts, times = [], []
     for k, (who, each) in enumerate(likelihoods.items()):

@@ -57,12 +57,8 @@ def readings_needed(d: float, theta: float) -> int:
 def exact(d: float, theta: float, start: float) -> Ends:
     """Return the discrete walk by Nystrom's solution, the mean over both hypotheses.
 
-    Parameters
-    ----------
-    d : float
-        Separation of the means, sd of a reading.
-    theta, start : float
-        Bounds at +-theta, and where Z starts, nats.
+    The means are ``d`` sd of a reading apart, bounds are at +-theta, and Z starts at ``start``,
+    nats.
     """
     last = readings_needed(d, theta)
     first, second = (walk(x, -theta, theta, start=start, t_max=last) for x in gaussian_pair(d))
@@ -77,14 +73,8 @@ def by_pyddm(
 ) -> Ends:
     """Return the diffusion by PyDDM's analytic solution, the mean over both hypotheses.
 
-    Parameters
-    ----------
-    d, theta, start :
-        As for ``exact``.
-    overshoot : float
-        Distance in d by which the bounds are moved out; 0 is Wald's approximation.
-    drift : float
-        Factor on the drift; other than 1 for a control.
+    The bounds are moved out by ``overshoot`` times d; 0 is Wald's approximation. The factor on the
+    drift is other than 1 for a control.
     """
     from pyddm import BoundConstant, DriftConstant, ICPoint, Model, NoiseConstant
 
@@ -172,15 +162,9 @@ class Accumulators:
         """Return the name of ssm-simulators' model, and its parameters at a time step of 1.
 
         Their accumulators cannot fall below 0: the start and the bound are raised by ``floor``, and
-        the drift by what leak and inhibition take there. A time step subtracts
-        g x_i + b sum_{j != i} x_j; g and b are chosen so that both modes decay as ours do.
-
-        Parameters
-        ----------
-        floor : float
-            Height of the start above their floor; 0, their default, for a control.
-        drift : float
-            Factor on the drift; other than 1 for a control.
+        the drift by what leak and inhibition take there. A time step subtracts g x_i + b sum_{j !=
+        i} x_j; g and b are chosen so that both modes decay as ours do. A floor of 0, their default,
+        and a factor on the drift other than 1 are controls.
         """
         n = self.alternatives
         together, apart = (-float(np.expm1(-k)) for k in self.decays)

@@ -28,18 +28,7 @@ def solved(
 ) -> Array:
     """Return the densities of both decisions that PyDDM finds at one drift, (2, times), 1/s.
 
-    Parameters
-    ----------
-    gap : Gap
-        The gap between both bounds as a function of time.
-    values : mapping
-        Its parameters, ``bound`` and ``start``.
-    drift : float
-        Drift, 1/sqrt(s).
-    step : float
-        PyDDM's step of time, s, and of evidence.
-    seconds : float
-        Largest time.
+    The drift is in 1/sqrt(s); ``step`` is that of time, s, and of evidence.
     """
     from pyddm import Bound, Model
     from pyddm.models import DriftConstant, ICPointRatio, NoiseConstant, OverlayNone
@@ -86,11 +75,8 @@ class ByPyddm:
     def each(self, values: Mapping[str, float]) -> Array:
         """Return the log likelihood of each trial, nats.
 
-        Parameters
-        ----------
-        values : mapping
-            ``sensitivity``, ``bound``, ``start``, ``drift_sd``, the gap's own, and ``t0_s``,
-            ``t0_sd_s`` and ``lapse``.
+        Values are ``sensitivity``, ``bound``, ``start``, ``drift_sd``, the gap's own, and ``t0_s``,
+        ``t0_sd_s`` and ``lapse``.
         """
         likelihood, inside = np.empty(len(self.rt_s)), np.empty(len(self.rt_s))
         # The non-decision time is averaged over each step.
