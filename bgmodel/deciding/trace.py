@@ -100,10 +100,7 @@ class Trace(Facts):
     def of_trials(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """Return the number of ticks of each trial, and the number used to break its ties.
 
-        Raises
-        ------
-        ValueError
-            If either is not one per trial, or a trial has no tick or more ticks than OUT.
+        ValueError if either is not one per trial, or a trial has no tick or more ticks than OUT.
         """
         trials, ticks = np.shape(self.out_nats)[:2]
         ends = np.full(trials, ticks) if self.ends is None else self.ends

@@ -106,25 +106,12 @@ class Information:
 def information(
     true: list[Recorded], other: list[Recorded], shares: list[float]
 ) -> tuple[Information, list[Partition]]:
-    """Return the divergence of one model's trials from another's.
+    """Return the divergence of one model's trials from another's, and the bins of each kind.
 
-    Parameters
-    ----------
-    true, other : list of Recorded
-        Trials of each kind by both models. Trial t of both has the same evidence and noise, and is
-        left out of both by the jackknife, so that what they have in common does not count as error.
-    shares : list of float
-        Share of each kind.
+    Probabilities of a kind of trials are its share times those within it. Trial t of both models
+    has the same evidence and noise, and is left out of both by the jackknife, so that what they
+    have in common does not count as error.
 
-    Returns
-    -------
-    information : Information
-        Of a trial of any kind: probabilities of a kind are its share times those within it.
-    partitions : list of Partition
-        The bins of each kind.
-
-    Notes
-    -----
     Estimated probabilities differ by chance, so that the divergence is too large by about
     (bins - 1) / trials for independent models, less with common random numbers. The jackknife
     removes the term of order 1 / trials whatever the dependence (Quenouille 1956).

@@ -325,12 +325,8 @@ def _mean_of(values: Array) -> Estimate:
 
 @measure()
 def hick_slope(results: Results, tasks: str) -> Estimate:
-    """Return the slope of the mean time over ln N, ms."""
-    return slope_over(results, [name.strip() for name in tasks.split(",")])
-
-
-def slope_over(results: Results, names: list[str]) -> Estimate:
     """Return the slope of the mean times of tasks over the logarithm of their alternatives, ms."""
+    names = [name.strip() for name in tasks.split(",")]
     x = np.log([results.tasks[name].channels for name in names])
     if not np.ptp(x):
         raise NotApplicable("a slope needs tasks with different numbers of alternatives")

@@ -12,7 +12,7 @@ from bgmodel.comparison import designed as designs
 from bgmodel.comparison.compare import with_other_noise
 from bgmodel.comparison.matched import matched_measures
 from bgmodel.deciding.tradeoff import curve, time_at, tradeoff
-from bgmodel.exam.measures import Estimate, Results, check_cells, measure, slope_over
+from bgmodel.exam.measures import Estimate, Results, check_cells, hick_slope, measure
 from bgmodel.exam.numbers import READINGS
 from bgmodel.exam.simulation import Simulation, drawn
 from bgmodel.exam.tables import Failed, NotApplicable, rows_of
@@ -189,8 +189,8 @@ def time_correlation(results: Results, channels: float, accuracy: float) -> Esti
 @measure("ms")
 def extra_time(results: Results, channels: float, accuracy: float) -> Estimate:
     """Return the mean decision time less that of the MSPRT at equal accuracy, ms."""
-    value, se = _measured(compared(results.simulation, int(channels), accuracy), "extra_ms")
-    return Estimate(value, se, COMPARED)
+    table = compared(results.simulation, int(channels), accuracy)
+    return Estimate(*_measured(table, "extra_ms"), COMPARED)
 
 
 @measure("ms")
@@ -220,11 +220,10 @@ def designed(results: Results, channels: float, accuracy: float) -> Estimate:
 @measure()
 def hick_ratio(results: Results, tasks: str) -> Estimate:
     """Return the slope of the mean time over ln N, divided by that of the MSPRT."""
-    names = [name.strip() for name in tasks.split(",")]
-    slope = slope_over(results, names)
+    slope = hick_slope(results, tasks)
     x, best = [], []
-    for name in names:
-        task = results.tasks[name]
+    for name in tasks.split(","):
+        task = results.tasks[name.strip()]
         evidence = drawn(task, task.trials, results.seed)
         swept = tradeoff(Msprt().run(evidence), evidence)
         once = np.ones((1, evidence.trials))

@@ -56,15 +56,12 @@ def scored(number: Number, included: str, estimate: Estimate | Exception) -> dic
 
 
 def totals(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the totals of each domain.
+    """Return the totals of each domain, one row each.
 
-    Returns
-    -------
-    DataFrame
-        One row per domain: domain, numbers, agrees, disagrees, "left open", fails, "not answered"
-        (counts), predicted_agrees (of those, how many were not set by the number), share (weight of
-        those that agree over that of all that agree, disagree or fail; NaN without any), median_z
-        (of the sizes of z).
+    Columns domain, numbers, agrees, disagrees, "left open", fails, "not answered" (counts),
+    predicted_agrees (of those, how many were not set by the number), share (weight of those that
+    agree over that of all that agree, disagree or fail; NaN without any), median_z (of the sizes of
+    z).
     """
     rows = []
     for domain, part in table.groupby("domain", sort=False):

@@ -146,11 +146,8 @@ class Expected:
     def z(self, value: float, below: float, above: float) -> float:
         """Return the difference of an estimate from the value, in standard errors of both.
 
-        Parameters
-        ----------
-        value, below, above : float
-            The estimate, and its standard error on either side. Of two asymmetric intervals the
-            sides count that point to each other, as of independent samples (Zou & Donner 2008).
+        The estimate has one below and one above. Of two asymmetric intervals the sides count that
+        point to each other, as of independent samples (Zou & Donner 2008).
         """
         apart = value - self.middle
         error = float(np.hypot(below if apart > 0 else above, self.error(value)))
@@ -205,6 +202,9 @@ def forest(
     measures: pd.DataFrame, verdicts: pd.DataFrame, published: pd.DataFrame, title: str
 ) -> Figure:
     """Draw the change of each measure with its interval."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
     by = {name: rows.set_index("measure") for name, rows in measures.groupby("condition")}
     change = by["change"].join(
         verdicts.set_index("measure")[["direction", "at_least", "outcome"]], how="left"
@@ -228,24 +228,18 @@ def forest(
         ax.set_xlabel(label, labelpad=1)
     _beside(axes[0, 0], -0.95, "Control → manipulation", "Verdict" if len(verdicts) else "")
     shown = [k for k in LOOKS if k in set(change["outcome"].fillna(""))]
-    handles = [_entry(ls="", label=k.capitalize() or "No prediction", **LOOKS[k]) for k in shown]
+    handles: list[Any] = [
+        Line2D([], [], ls="", label=k.capitalize() or "No prediction", **LOOKS[k]) for k in shown
+    ]
     if len(verdicts):
-        from matplotlib.patches import Patch
-
         handles.append(Patch(fc="0.88", ec=GREY, label="Predicted"))
     if len(effects):
-        handles.append(_entry(ls="", marker="D", ms=4, color=GREY, mfc="w", label="Published"))
+        style: Look = {"marker": "D", "ms": 4, "color": GREY, "mfc": "w"}
+        handles.append(Line2D([], [], ls="", label="Published", **style))
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), handlelength=1.2)
     axes[0, 0].set_title(" ")  # room for the headings
     figure.suptitle(textwrap.fill(title, TITLE), x=0.01, ha="left")
     return figure
-
-
-def _entry(**style: Any) -> Any:
-    """Return an entry of the legend."""
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], **style)
 
 
 def _beside(ax: Axes, y: float, *texts: str) -> None:

@@ -73,27 +73,15 @@ UNITS = (
 
 
 def outcomes(experiment: ExperimentRecord, table: pd.DataFrame) -> pd.DataFrame:
-    """Compare the results with the predictions.
+    """Compare the measures, as in ``Outcome``, with the predictions, one row per prediction.
 
-    Parameters
-    ----------
-    experiment : ExperimentRecord
-        The experiment with its predictions.
-    table : DataFrame
-        The measures, as in ``Outcome``.
+    Columns measure, direction, at_least, value, low, high (of the change), outcome, reason,
+    control_trials and manipulation_trials (the numbers of trials behind it). The outcome is
+    "agrees" if the whole interval is beyond at_least in the direction (within +-at_least for
+    "none"), "disagrees" if none of it is, otherwise "left open"; "decides without evidence",
+    regardless of the prediction, if most manipulated trials decide before their first reading or
+    most foreperiods end in a response within half a second.
 
-    Returns
-    -------
-    DataFrame
-        One row per prediction: measure, direction, at_least, value, low, high (of the change),
-        outcome, reason, control_trials and manipulation_trials (the numbers of trials behind it).
-        The outcome is "agrees" if the whole interval is beyond at_least in the direction (within
-        +-at_least for "none"), "disagrees" if none of it is, otherwise "left open"; "decides
-        without evidence", regardless of the prediction, if most manipulated trials decide before
-        their first reading or most foreperiods end in a response within half a second.
-
-    Notes
-    -----
     A verdict based on decided trials is left open, with the reason, unless it holds whatever
     the missed trials would have been, alike in both conditions. For the accuracy, verdicts on
     ``accuracy_all`` and ``accuracy_best``, the two ends, must be the same; for the mean time that

@@ -25,7 +25,7 @@ MAX_PLACES = 128  # to this many places of Z
 HEAVY = 2e-3  # two lighter atoms bring fewer than one walk in 250 000 to the same spot
 
 
-def check_size(states: float, lower: float, upper: float) -> None:
+def check_size(states: float, upper: float) -> None:
     """Raise ValueError if the bounds would need more than MAX_STATES states."""
     allowed = f"closer to lower, or t_max given and smaller, for at most {MAX_STATES} states"
     require(states <= MAX_STATES, "upper", f"must be {allowed}", upper)
@@ -100,7 +100,7 @@ def empirical_chain(
     n = 0
     if top > bottom and not exact:
         n = 2 * int(np.ceil(max(cells, 4 * (top - bottom) / x.sd) / 2))
-        check_size(n, lower, upper)
+        check_size(n, upper)
     edges = np.linspace(bottom, top, n + 1)
     rows = [_from_places(x, places, edges, (lower, upper), tol)]
     if n:
@@ -292,7 +292,7 @@ def gaussian_chain(
         top = min(upper, start + max(x.mean, 0) * t_max + reach)
     # Four nodes per sd resolve a Gaussian to rounding; multiples of 16 let widths share nodes.
     count = 16 * np.ceil((4 * (top - bottom) / x.sd + 32) / 16)
-    check_size(count, lower, upper)
+    check_size(count, upper)
     unit, weights = _legendre(int(count) if top > bottom else 0)
     nodes = bottom + (top - bottom) * (unit + 1) / 2
     states = np.concatenate([[start], nodes])

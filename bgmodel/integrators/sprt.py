@@ -88,11 +88,10 @@ class Decides:
     ) -> Session:
         """Return a session that decides as readings come; options as for ``Session``."""
         count = whole("hypotheses", hypotheses, 2)
-        known = self.run(Evidence(np.zeros((1, 1, count)), prior=prior)).readout  # type: ignore[arg-type]
-        assert known is not None
-        level = known.one(threshold, posterior, count)
-        nothing = Evidence(np.zeros((1, 1, count)), prior=prior)  # type: ignore[arg-type]
-        if (self.run(nothing).out_nats[0, 0] < level).any():
+        before = self.run(Evidence(np.zeros((1, 1, count)), prior=prior))  # type: ignore[arg-type]
+        assert before.readout is not None
+        level = before.readout.one(threshold, posterior, count)
+        if (before.out_nats[0, 0] < level).any():
             reason = f"the prior is past the threshold of {level:.3g} already{meant(level)}"
             raise InputError(
                 f"a session would decide before its first reading: {reason}", "threshold"

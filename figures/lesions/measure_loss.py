@@ -31,7 +31,6 @@ from circuits.circuit import Circuit
 from circuits.engines import Populations
 from figures.pieces import Made, Piece, Score, wide
 
-TUNING_SEEDS = (1011, 1012)
 SCORING_SEED = 60_001
 TRIALS, COARSE_TRIALS = 2000, 400
 STEP_MS = 50.0
