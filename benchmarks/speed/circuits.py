@@ -191,13 +191,18 @@ SCALING: list[tuple[str, str, dict[str, Any]]] = [
 
 def measure(kind: str, options: dict[str, Any]) -> dict[str, float]:
     """Measure once, in a separate process; add its peak memory, MB."""
-    command = [sys.executable, "-m", "benchmarks.speed.circuits", kind, json.dumps(options)]
+    return alone("benchmarks.speed.circuits", kind, json.dumps(options))
+
+
+def alone(module: str, *arguments: str) -> dict[str, float]:
+    """Return what a module measures in a process of one thread; RuntimeError if it fails."""
+    command = [sys.executable, "-m", module, *arguments]
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
     done = subprocess.run(
         command, capture_output=True, text=True, env=os.environ | threads, check=False
     )
     if done.returncode:
-        raise RuntimeError(f"{kind} {options} failed:\n{done.stderr[-2000:]}")
+        raise RuntimeError(f"{' '.join(arguments)} failed:\n{done.stderr[-2000:]}")
     return json.loads(done.stdout.splitlines()[-1])
 
 

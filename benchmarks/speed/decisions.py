@@ -11,9 +11,7 @@ posterior, in steps of 1 ms; they have no circuit.
 from __future__ import annotations
 
 import json
-import os
 import resource
-import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -22,7 +20,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.speed.circuits import machine
+from benchmarks.speed.circuits import alone, machine
 from benchmarks.speed.circuits import measure as measured_circuit
 from figures.rooms import OUT
 
@@ -139,33 +137,26 @@ def run(tool: str) -> dict[str, float]:
     }
 
 
-def _measured(tool: str) -> dict[str, Any]:
-    """Run a tool in a separate process; a tool that is not installed has no numbers."""
-    command = [sys.executable, "-m", "benchmarks.speed.decisions", tool]
-    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-    done = subprocess.run(
-        command, capture_output=True, text=True, env=os.environ | threads, check=False
-    )
-    if done.returncode:
-        print(f"{tool}: {done.stderr.strip().splitlines()[-1]}")
+def _measured(name: str, measure: Callable[..., dict[str, float]], *what: Any) -> dict[str, float]:
+    """Return what a tool measures; one that is not installed has no numbers."""
+    try:
+        return measure(*what)
+    except RuntimeError as error:
+        print(f"{name}: {str(error).splitlines()[-1]}")
         return {}
-    return dict(json.loads(done.stdout.splitlines()[-1]))
 
 
 def main() -> None:
     """Print and store the table."""
     rows: list[dict[str, Any]] = []
     for tool, (name, _) in TOOLS.items():
-        rows.append({"tool": name, **_measured(tool)})
+        measured = _measured(name, alone, "benchmarks.speed.decisions", tool)
+        rows.append({"tool": name, **measured})
     mean_s = rows[0]["mean_ms"] / 1000
     for name, kind, options in NETWORKS:
-        try:
-            measured = measured_circuit(kind, options)
-        except RuntimeError as error:
-            print(f"{name}: {str(error).splitlines()[-1]}")
-            continue
-        per_s = measured["trial_s_per_cpu_s"] / mean_s
-        rows.append({"tool": name, "per_cpu_s": per_s, "memory_mb": measured.get("memory_mb")})
+        if measured := _measured(name, measured_circuit, kind, options):
+            per_s = measured["trial_s_per_cpu_s"] / mean_s
+            rows.append({"tool": name, "per_cpu_s": per_s, "memory_mb": measured["peak_mb"]})
     table = pd.DataFrame(rows)
     table["million_cpu_s"] = WHOLE / table["per_cpu_s"]
     print(machine())
