@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from bgmodel.deciding.readout import check_early_and_late, check_one_given
+from bgmodel.deciding.readout import check_one_given, meant
 from bgmodel.deciding.trace import Trace, check_ended, of_test, ready, sorted_levels
 from bgmodel.support.checks import (
     check_flag,
@@ -19,7 +19,7 @@ from bgmodel.support.checks import (
 )
 from bgmodel.support.saved import Facts, span
 from circuits.arrays import Array, Integers, Reals, Truths
-from circuits.errors import InputError
+from circuits.errors import DeadlineWarning, InputError, NoiseWarning
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 UNDECIDED = -1
+MOST = 0.5
+"""Warn if more than this share of trials is decided by the deadline, or before any reading."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -283,11 +285,33 @@ def crossing_of_each(
 def check_decision(
     decision: Decision, thresholds: npt.ArrayLike, *, forced: bool, of_test: bool
 ) -> None:
-    """Refuse if no decision needed a reading; warn if most did not."""
-    late = decision.forced | (decision.choice == UNDECIDED)
-    late_counts, early = (np.atleast_1d(t.sum(axis=-1)) for t in (late, decision.premature))
-    trials = late.shape[-1]
-    check_early_and_late(late_counts, early, trials, thresholds, forced=forced, of_test=of_test)
+    """Refuse if all decisions of a test came before any reading; warn if most did, or never came.
+
+    ``of_test``: OUT has no noise, so that before evidence it is the same in each trial.
+    """
+    unmet = decision.forced | (decision.choice == UNDECIDED)
+    late, early = (np.atleast_1d(t.sum(axis=-1)) for t in (unmet, decision.premature))
+    levels, count, trials = np.atleast_1d(thresholds), len(late), unmet.shape[-1]
+    if of_test and (early == trials).all():
+        raise InputError(
+            "every trial decides before its first reading, without evidence: the prior is past the "
+            f"threshold of {levels.flat[0]:.3g} already{meant(levels.flat[0])}",
+            "thresholds",
+        )
+    end = "the deadline decides them" if forced else "they stay undecided"
+    for wrong, kind, what, better in (
+        (early, NoiseWarning, "decide before their first reading, without evidence", "a lower "
+         "threshold (a higher posterior or separation)"),
+        (late, DeadlineWarning, f"never meet the threshold, {end}", "more readings or a higher "
+         "threshold (a lower posterior or separation)"),
+    ):  # fmt: skip
+        most = wrong > MOST * trials
+        if not most.any():
+            continue
+        who = f"{wrong[0]} of {trials} trials"
+        if count > 1:
+            who = f"at {most.sum()} of {count} thresholds most trials"
+        kind.warn(f"{who} {what}: give {better}")
 
 
 def any_crossing(out_nats: Reals, threshold_nats: float) -> Truths:

@@ -9,15 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from bgmodel.support.checks import is_number, reals, whole
-from circuits.arrays import Array, Integers
-from circuits.errors import DeadlineWarning, InputError, NoiseWarning, RangeWarning, require
+from circuits.arrays import Array
+from circuits.errors import InputError, RangeWarning, require
 
 NATS, LOG_ODDS = "nats", "nats of log odds"
 """Units of OUT from which a posterior follows: OUT = -ln P, and OUT = the log odds against."""
 POSTERIORS = (0.5, 1.0)
 """A threshold in this range that makes no sense in nats was probably meant as a posterior."""
-MOST = 0.5
-"""Warn if more than this share of trials is decided by the deadline, or before any reading."""
 
 
 @dataclass(frozen=True)
@@ -33,11 +31,6 @@ class ReadOut:
     warn_of_noise: Callable[[float], None] | None = None  # called with a threshold
     advice: str = ""  # how to change where OUT rests
     off: bool = False  # whether it rests where no posterior follows from it
-
-    @property
-    def of_test(self) -> bool:
-        """Whether this is a test, whose trace shows the resting OUT without noise."""
-        return bool(np.isinf(self.rest))
 
     def doubt(self, threshold: float, hypotheses: int) -> None:
         """Warn if a threshold was probably meant as a posterior: in nats it is a low one."""
@@ -163,41 +156,3 @@ def threshold_from_posterior(posterior: npt.ArrayLike, hypotheses: int = 2) -> A
         asked,
     )
     return -np.log(asked)
-
-
-def check_early_and_late(
-    late: Integers,
-    early: Integers,
-    trials: int,
-    thresholds: npt.ArrayLike,
-    *,
-    forced: bool,
-    of_test: bool,
-) -> None:
-    """Refuse if all decisions of a test came before any reading; warn if most did, or never came.
-
-    ``late`` and ``early`` (K,) count trials that met no threshold before their end, and that
-    responded before their first reading. ``of_test``: OUT has no noise, so that before evidence it
-    is the same in each trial.
-    """
-    levels, count = np.atleast_1d(thresholds), len(late)
-    if of_test and (early == trials).all():
-        raise InputError(
-            "every trial decides before its first reading, without evidence: the prior is past the "
-            f"threshold of {levels.flat[0]:.3g} already{meant(levels.flat[0])}",
-            "thresholds",
-        )
-    end = "the deadline decides them" if forced else "they stay undecided"
-    for wrong, kind, what, better in (
-        (early, NoiseWarning, "decide before their first reading, without evidence", "a lower "
-         "threshold (a higher posterior or separation)"),
-        (late, DeadlineWarning, f"never meet the threshold, {end}", "more readings or a higher "
-         "threshold (a lower posterior or separation)"),
-    ):  # fmt: skip
-        most = wrong > MOST * trials
-        if not most.any():
-            continue
-        who = f"{wrong[0]} of {trials} trials"
-        if count > 1:
-            who = f"at {most.sum()} of {count} thresholds most trials"
-        kind.warn(f"{who} {what}: give {better}")

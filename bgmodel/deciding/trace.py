@@ -112,8 +112,8 @@ class Trace(Facts):
 
 
 def of_test(trace: Trace) -> bool:
-    """Whether a trace is that of a test, which adds no noise."""
-    return trace.readout is not None and trace.readout.of_test
+    """Whether a trace is that of a test, which shows the resting OUT without noise."""
+    return trace.readout is not None and bool(np.isinf(trace.readout.rest))
 
 
 def check_trace(trace: Trace) -> None:

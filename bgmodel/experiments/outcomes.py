@@ -154,7 +154,7 @@ def _verdict(
     verdict = judged(measure)
     if measure not in OF_DECIDED or verdict == OPEN:
         return verdict, ""
-    if _few(table):
+    if _both(table, "decided")[1] < FEWEST_DECIDED:
         return OPEN, f"fewer than {FEWEST_DECIDED} trials of a condition are decided"
     control, manipulation = _both(table, "missed")
     lost = f"the control misses {control:.1%} of trials, the manipulation {manipulation:.1%}"
@@ -197,10 +197,9 @@ def _no_room(prediction: Expected, control: float) -> str:
 
 def _blind(experiment: ExperimentRecord, table: pd.DataFrame) -> bool:
     """Whether the manipulated circuit decides without evidence."""
-    shares = table[table["condition"] == "manipulation"].set_index("measure")["value"]
-    return bool(
-        decides_without_evidence(shares["premature"], shares["anticipatory"], experiment.waited_ms)
-    )
+    _, premature = _both(table, "premature")
+    _, anticipatory = _both(table, "anticipatory")
+    return decides_without_evidence(premature, anticipatory, experiment.waited_ms)
 
 
 def _below_chance(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
@@ -223,12 +222,6 @@ def _channels(experiment: ExperimentRecord) -> int:
     if experiment.task.file is None:
         return experiment.task.channels
     return experiment.hypotheses
-
-
-def _few(table: pd.DataFrame) -> bool:
-    """Whether the manipulated circuit decides too few trials for a statement."""
-    chosen = (table["condition"] == "manipulation") & (table["measure"] == "decided")
-    return bool(table.loc[chosen, "value"].item() < FEWEST_DECIDED)
 
 
 def _both(table: pd.DataFrame, measure: str) -> tuple[float, float]:

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 import bgmodel as bg
 from bgmodel import BasalGanglia, Evidence, Msprt, Sprt, first_crossing, threshold_from_posterior
-from bgmodel.deciding.decision import crossing_of_each
-from bgmodel.deciding.readout import ReadOut, check_early_and_late
+from bgmodel.deciding.decision import Decision, check_decision, crossing_of_each
+from bgmodel.deciding.readout import ReadOut
 from bgmodel.integrators.baselines import MaxVsNext
 from bgmodel.integrators.criterion import check_threshold, readout_of, rest_out
 from bgmodel.integrators.sprt import tally_sprt
@@ -158,19 +158,25 @@ def test_the_highest_posterior_that_is_named_may_be_given():
         read_out.one(None, named + 0.001, 2)
 
 
+def counted(trials, late, early, of_test=True):
+    """Check decisions at 0.3 nats, some of which come late or early."""
+    forced, premature = (np.arange(trials) < count for count in (late, early))
+    times = np.zeros(trials)
+    decision = Decision(np.zeros(trials, int), times, forced, premature, STEP_MS, times)
+    check_decision(decision, 0.3, forced=True, of_test=of_test)
+
+
 @pytest.mark.parametrize(("late", "early"), [(2, 0), (3, 0), (0, 2), (0, 3)])
 def test_more_than_half_of_the_trials_are_a_majority(late, early):
-    counts = np.array([late]), np.array([early])
-    warned = told(lambda: check_early_and_late(*counts, 4, 0.3, forced=True, of_test=True))
+    warned = told(counted, 4, late, early)
     assert [one[:13] for one in warned] == ["3 of 4 trials"] * (max(late, early) > 2)
 
 
 def test_all_trials_before_their_first_reading_are_refused_of_a_test_alone():
     """A circuit has noise, so that a single early trial is a result and no error."""
-    counts = np.array([0]), np.array([1])
     with refused("thresholds every trial decides before its first reading"):
-        check_early_and_late(*counts, 1, 0.3, forced=True, of_test=True)
-    (warning,) = told(lambda: check_early_and_late(*counts, 1, 0.3, forced=True, of_test=False))
+        counted(1, 0, 1)
+    (warning,) = told(counted, 1, 0, 1, of_test=False)
     assert warning.startswith("1 of 1 trials decide before their first reading")
     biased = some_evidence(hypotheses=2, prior=[0.2, 0.8])
     for decide in (
