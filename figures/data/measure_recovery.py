@@ -35,7 +35,7 @@ from figures.data.decided import (
     responses,
 )
 from figures.data.measure_fits import COARSE_TRIALS, fitted_circuit
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score
 
 SCORING_SEED = 70_001
 """Of the data sets, of the circuit that decides them, and of the stored trials of its fits."""
@@ -155,6 +155,3 @@ def _calibration(recovery: pd.DataFrame) -> pd.DataFrame:
 
 
 SCORE = Score("recovery", SCORING_SEED, (2,), pieces, tables, circuit=DEFAULT)
-
-if __name__ == "__main__":
-    main(SCORE)
