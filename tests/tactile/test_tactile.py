@@ -108,7 +108,7 @@ def test_fields_between_phases_and_forces_are_those_of_the_solver(library):
     for period, phase, force in ((5.0, 0.31, 1.35), (2.0, 0.31, 1.35), (5.0, 0.94, 1.7)):
         exact = dataclasses.replace(PLAN, forces_n=(force, 1.9), periods_mm=(period,))
         fields = press(exact, period, phase)[None]
-        alone = dataclasses.replace(library, plan=exact, fields={0.0: fields}, _splines={})
+        alone = dataclasses.replace(library, plan=exact, fields={0.0: fields})
         wanted = alone.sample(0.0, np.zeros(1), np.array([force]), points, 1.5)
         sampled = library.sample(period, np.array([phase]), np.array([force]), points, 1.5)
         # In the root mean square well below the 9.5 um of a marker.
