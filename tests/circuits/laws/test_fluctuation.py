@@ -133,7 +133,7 @@ def test_power_of_rates_is_what_spikes_show(at_rest, name):
 
 @pytest.mark.parametrize("level", [pytest.param(1.0, marks=pytest.mark.validate), 0.5])
 def test_beta_of_cells_that_differ_is_what_spikes_show(level):
-    """With four times the cells: of its own number of them, cortex has a seventh less power."""
+    """With four times the cells: the law is for small noise, and few cells have less power."""
     table = anatomy.macaque().dopamine(level)
     assert table.population("STN").heterogeneity
     for row in table.populations:
