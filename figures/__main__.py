@@ -1,7 +1,7 @@
 """Run rooms: ``python -m figures [measure|draw|page] [ROOM...] [--fast] [--only NAME]``.
 
 Without a step all three are run, in this order; without a room all of them. Options are those of
-``figures.pieces`` and of ``bgmodel figures``.
+``figures.pieces.measure`` and of ``bgmodel figures``.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from importlib import import_module
 from pathlib import Path
 
 from bgmodel.commands.pictures import figures as draw
-from figures import pages, pieces
-from figures.pieces import Score
+from figures import pages
+from figures.pieces import Score, measure
 from figures.rooms import FOLDER, Room, rooms
 
 STEPS = ("measure", "draw", "page")
@@ -40,8 +40,7 @@ def main(
     for room in some:
         room.check(measured="measure" not in steps)
     if "measure" in steps:
-        more = ["--only", options.only, "--workers", str(options.workers)]
-        pieces.main(*scores(some), arguments=more + ["--fast"] * options.fast)
+        measure(*scores(some), fast=options.fast, only=options.only, workers=options.workers)
         for room in some:
             room.check()
     if "draw" in steps:

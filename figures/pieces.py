@@ -8,7 +8,6 @@ coarse form, with fewer trials, stored in ``benchmarks/out/fast``.
 
 from __future__ import annotations
 
-import argparse
 import inspect
 import io
 import re
@@ -176,21 +175,19 @@ def write_tables(score: Score, pieces: Sequence[tuple[Piece, pd.DataFrame]], fas
         print(f"\n{path.name}\n{rows.round(3).to_string(index=False)}", flush=True)
 
 
-def main(*scores: Score, arguments: Sequence[str] | None = None) -> None:
-    """Print the expected time, then compute the remaining pieces of some scores."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--fast", action="store_true", help="the coarse form: fewer trials")
-    parser.add_argument("--only", default="", help="pieces whose file's name contains this")
-    parser.add_argument("--workers", type=int, default=2)
-    options = parser.parse_args(arguments)
-    folder = OUT / "fast" if options.fast else OUT
-    every = {score: list(score.pieces(options.fast, options.workers)) for score in scores}
+def measure(*scores: Score, fast: bool = False, only: str = "", workers: int = 2) -> None:
+    """Print the expected time, then compute the remaining pieces of some scores.
+
+    ``fast`` is the coarse form; ``only``, a part of the names of files, selects pieces.
+    """
+    folder = OUT / "fast" if fast else OUT
+    every = {score: list(score.pieces(fast, workers)) for score in scores}
     left = [
         piece.seconds
         for score, pieces in every.items()
         for piece in pieces
-        for entry in [score.entry(piece, folder, options.fast)]
-        if options.only in entry.title and entry.get() is None
+        for entry in [score.entry(piece, folder, fast)]
+        if only in entry.title and entry.get() is None
     ]
     print(
         f"{len(left)} of {sum(map(len, every.values()))} pieces are left: about "
@@ -199,7 +196,7 @@ def main(*scores: Score, arguments: Sequence[str] | None = None) -> None:
     )
     for score, pieces in every.items():
         if pieces:
-            run(score, pieces, folder, options.fast, options.only)
+            run(score, pieces, folder, fast, only)
 
 
 def wide(table: pd.DataFrame, index: Sequence[str]) -> pd.DataFrame:

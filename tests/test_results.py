@@ -1,7 +1,6 @@
 """Pages of results: every number from a table, every table from today's circuits or said so."""
 
 import re
-import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -124,7 +123,6 @@ def score(tmp_path, monkeypatch):
             yield Piece("kind", name, trials, 60, lambda name=name: make(name))
 
     monkeypatch.setattr(pieces, "OUT", tmp_path / "out")
-    monkeypatch.setattr(sys, "argv", ["scores"])
     small = Score(
         "test", 1, (2,), those, lambda made: {"all": ("kind", made["kind"])}, room=tmp_path
     )
@@ -144,7 +142,7 @@ def test_a_piece_is_made_again_where_its_arguments_changed(score, arguments, aga
     one, _, _ = score
     for given in ({}, arguments):
         of = partial(make, **{"size": 1, "workers": 2} | given)
-        pieces.main(replace(one, pieces=lambda *_, of=of: [Piece("kind", "one", 10, 1, of)]))
+        pieces.measure(replace(one, pieces=lambda *_, of=of: [Piece("kind", "one", 10, 1, of)]))
     assert len(made) == 1 + again
 
 
@@ -160,12 +158,12 @@ def test_only_pieces_of_a_circuit_are_made_again_where_it_changes(score, of_circ
 def test_a_score_goes_on_where_it_was_stopped(score, capsys):
     one, computed, folder = score
     with pytest.raises(KeyboardInterrupt):
-        pieces.main(one)
+        pieces.measure(one)
     assert capsys.readouterr().out.startswith("2 of 2 pieces are left: about 2 minutes of CPU.")
     assert not (folder / "tables").exists()
-    pieces.main(one)
+    pieces.measure(one)
     assert capsys.readouterr().out.startswith("1 of 2 pieces are left: about 1 minutes of CPU.")
-    pieces.main(one)
+    pieces.measure(one)
     assert computed == ["one", "two", "two"]
     assert read_table(folder / "tables" / "test_all.csv")["name"].tolist() == ["one", "two"]
 
@@ -173,7 +171,7 @@ def test_a_score_goes_on_where_it_was_stopped(score, capsys):
 def test_a_piece_of_another_circuit_or_seed_is_not_finished(score):
     one, computed, folder = score
     computed.append("before")
-    pieces.main(one)
+    pieces.measure(one)
     piece, place = next(iter(one.pieces(False, 1))), folder / "out"
     assert one.entry(piece, place, False).get() is not None
     for other in ({"seed": 2}, {"channels": (4,)}):

@@ -25,7 +25,7 @@ from bgmodel.fitting.simulated.network import LikelihoodNetwork, read_network
 from bgmodel.integrators.basal_ganglia import ROUNDING_NATS, BasalGanglia
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.errors import RangeWarning
-from figures.pieces import Made, Piece, Score, main
+from figures.pieces import Made, Piece, Score, measure
 
 DATA_SEED = 24_503
 SAMPLING_SEED = 24_504
@@ -129,4 +129,4 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
 SCORE = Score("hssm", DATA_SEED, (2,), pieces, tables, circuit=DEFAULT)
 
 if __name__ == "__main__":
-    main(SCORE)
+    measure(SCORE)
