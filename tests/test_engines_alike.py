@@ -209,7 +209,7 @@ def edited(number):
 )
 def test_an_edit_leaves_the_spiking_engines_with_the_same_spikes(circuit):
     walk = np.random.default_rng(2).normal(0, 0.4, (8, 2, circuit.channels)).cumsum(axis=1)
-    names = tuple(row.name for row in circuit.populations if row.spiking)
+    names = circuit.spiking()
     options = {"step_ms": 30, "settle_ms": 0, "seed": 1, "spikes": names}
     fast = run(circuit, walk, engine="spikes", **options)
     plain = run(circuit, walk, engine="brian2", **options)

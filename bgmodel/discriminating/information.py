@@ -196,7 +196,7 @@ class Recording:
 
     def check(self, circuit: Circuit) -> None:
         """Raise ValueError unless the nucleus has cells in a circuit."""
-        spiking = [row.name for row in circuit.populations if row.spiking]
+        spiking = circuit.spiking()
         if self.nucleus not in spiking:
             known = ", ".join(spiking) or "it has no cells"
             must = f"must be a nucleus of {circuit.name} with spikes: {known}"

@@ -73,10 +73,10 @@ class Shown:
 
 def one_trial(condition: Observed, evidence: Evidence, trial: int) -> Shown:
     """Run a trial of a condition, without a stop signal."""
-    spiking = [row.name for row in condition.edited.populations if row.spiking]
+    spiking = condition.edited.spiking()
     engine = SPIKES if spiking else WITHOUT_SPIKES
     model = replace(condition, engine=engine).model(evidence.hypotheses).adapted_to(evidence)
-    model = replace(model, engine=model.engine.recording(tuple(spiking)))
+    model = replace(model, engine=model.engine.recording(spiking))
     level = condition.threshold_at(evidence.hypotheses)
     until = model.until(level - ROUNDING_NATS, rates=True)
     one = evidence[trial : trial + 1]

@@ -415,7 +415,7 @@ class BasalGanglia(Facts):
 
     def with_spikes(self) -> BasalGanglia:
         """Return the model whose activity has the spikes of all cells, if its engine has any."""
-        names = tuple(row.name for row in self.circuit.populations if row.spiking)
+        names = self.circuit.spiking()
         return replace(self, engine=self.engine.recording(names))
 
     def _checked(self, evidence: Evidence) -> BasalGanglia:

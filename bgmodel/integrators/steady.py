@@ -106,7 +106,7 @@ def resting_activity(
     interval_cv is the coefficient of variation of inter-spike intervals, mean over cells with ten
     or more in a trial (NaN if none).
     """
-    names = tuple(row.name for row in circuit.populations if row.spiking)
+    names = circuit.spiking()
     model = BasalGanglia(circuit, Spikes(spikes=names), seed=seed)
     # The first second is left out: the circuit settles.
     activity = model.run_drive(np.zeros((trials, seconds + 1, circuit.channels)), step_ms=1000.0)

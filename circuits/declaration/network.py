@@ -121,8 +121,10 @@ class Network(Mapping[str, "Population | Projection"]):
         left = p.intact_by_channel or (1.0,) * self.channels_of(p.target)
         return p.intact * np.array(left, dtype=np.float64)
 
-    def spiking(self, names: Iterable[str]) -> tuple[str, ...]:
-        """Return the names as a tuple; ValueError for a population whose cells do not spike."""
+    def spiking(self, names: Iterable[str] | None = None) -> tuple[str, ...]:
+        """Return populations whose cells spike: all, or the named, else ValueError."""
+        if names is None:
+            return tuple(row.name for row in self.populations if row.spiking)
         for name in (chosen := tuple(names)):
             if not self.population(name).spiking:
                 raise InputError(f"{name} has no cells that spike", name)

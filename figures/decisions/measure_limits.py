@@ -35,7 +35,7 @@ AS_IT_IS = "as_it_is"
 
 def cases(table: Circuit) -> Iterator[tuple[str, str, Circuit]]:
     """Yield name, engine and circuit of each case."""
-    spiking = [row.name for row in table.populations if row.spiking]
+    spiking = table.spiking()
     others = [name for name in spiking if name != table.input]
     yield AS_IT_IS, "population", table
     yield "more_cells_outside_cortex", "population", with_cells(table, others)

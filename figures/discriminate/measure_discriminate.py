@@ -31,7 +31,7 @@ LOST = ("lesion STN 100%", "compensate")
 WHOLE, TWO, NO_EDITS, NO_SIGNALS = "whole", "N = 2", "no manipulation", "no signal to STN"
 """Parts of the shipped space."""
 CELLS = (1, 10)
-NUCLEI = tuple(row.name for row in load_circuit(DEFAULT, 2).populations if row.spiking)
+NUCLEI = load_circuit(DEFAULT, 2).spiking()
 """Nuclei that are recorded, and numbers of cells."""
 
 

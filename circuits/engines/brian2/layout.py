@@ -42,9 +42,9 @@ class Layout:
         return self.scheme.wiring
 
     @cached_property
-    def populations(self) -> list[str]:
+    def populations(self) -> tuple[str, ...]:
         """Populations of cells, one group each."""
-        return [row.name for row in self.wiring.circuit.populations if row.spiking]
+        return self.wiring.circuit.spiking()
 
     def is_own(self, p: Projection) -> bool:
         """Whether each target cell sums this pathway separately."""

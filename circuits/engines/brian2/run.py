@@ -54,7 +54,7 @@ def network_of(
 ) -> BrianNetwork:
     """Return the network of a run; without an engine, the spikes of all cells are recorded."""
     if engine is None:
-        cells = tuple(row.name for row in circuit.populations if row.spiking)
+        cells = circuit.spiking()
         engine = Brian2(spikes=cells)
     drive = checked_drive(circuit, drive)
     noise.stream_key(seed, first_trial, "")  # says at once if they are out of range

@@ -44,10 +44,6 @@ def small():
     )
 
 
-def cells_of(circuit):
-    return tuple(row.name for row in circuit.populations if row.spiking)
-
-
 def assert_same(a, b):
     assert spike_set(a) == spike_set(b)
     for name, table in b.spikes.items():
@@ -60,7 +56,7 @@ def assert_same(a, b):
 
 
 def both(circuit, drive=DRIVE, **options):
-    arguments = STEPS | {"seed": 5, "spikes": cells_of(circuit)} | options
+    arguments = STEPS | {"seed": 5, "spikes": circuit.spiking()} | options
     fast = run_brian2(circuit, drive, **arguments)
     arguments.pop("explicit", None)
     return fast, run_plain(circuit, drive, **arguments)

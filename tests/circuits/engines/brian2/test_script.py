@@ -41,7 +41,7 @@ CIRCUITS = {
 
 
 def engine_of(circuit):
-    cells = tuple(row.name for row in circuit.populations if row.spiking)
+    cells = circuit.spiking()
     return Brian2(spikes=cells, settle_ms=SETTLE_MS)
 
 
