@@ -154,10 +154,8 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals 
         )
     track = _tracker(rest_mm / scale + centre)
     moved, counts = zip(*map(track, taps), strict=True)
-    if (few := min(counts)) < len(rest_mm) / 2:
-        scale_of = "" if rest is None else f"; is mm_per_px, {mm_per_px:g}, that of the layout?"
-        of_all = f"only {few} of {len(rest_mm)} pins were detected{scale_of}"
-        raise ValueError(f"{images[counts.index(few)]}: {of_all}")
+    few = int(np.argmin(counts))
+    _check_enough(images[few], counts[few], rest_mm, None if rest is None else mm_per_px)
     labels["markers_found"] = counts
     return Taps((np.stack(moved) * scale).astype(np.float32), rest_mm, labels, stimulus)
 
@@ -172,7 +170,7 @@ class Tracker:
         if not 0 < mm_per_px < np.inf:
             raise InputError.of("mm_per_px", "must be a positive number", mm_per_px)
         self.rest_mm, self.stimulus = np.asarray(rest_mm, dtype=np.float64), stimulus
-        self.scale = mm_per_px * np.array([1, -1])
+        self.mm_per_px, self.scale = mm_per_px, mm_per_px * np.array([1, -1])
         self.shape: tuple[int, ...] | None = None
 
     def read(self, path: Path) -> Taps:
@@ -182,11 +180,17 @@ class Tracker:
             centre = (np.array(self.shape[::-1]) - 1) / 2
             self._track = _tracker(self.rest_mm / self.scale + centre)
         moved, pins = self._track(_detect(path, self.shape))
-        if pins < len(self.rest_mm) / 2:
-            raise ValueError(f"{path}: only {pins} of {len(self.rest_mm)} pins were detected")
+        _check_enough(path, pins, self.rest_mm, self.mm_per_px)
         labels = pd.DataFrame({"image": [path], "markers_found": [pins]})
         still = (moved[None] * self.scale).astype(np.float32)
         return Taps(still, self.rest_mm, labels, self.stimulus)
+
+
+def _check_enough(path: Path, pins: int, rest_mm: Array, mm_per_px: float | None) -> None:
+    """Raise ValueError for a tap with fewer than half of the pins, which a wrong scale causes."""
+    if pins < len(rest_mm) / 2:
+        scale = "" if mm_per_px is None else f"; is mm_per_px, {mm_per_px:g}, that of the layout?"
+        raise ValueError(f"{path}: only {pins} of {len(rest_mm)} pins were detected{scale}")
 
 
 def pins_found(taps: Taps, pins: int | None = None) -> str:
