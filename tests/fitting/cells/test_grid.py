@@ -7,6 +7,7 @@ import pytest
 from scipy.special import ndtr
 from scipy.stats import norm, poisson
 
+from bgmodel.fitting.cells import grid
 from bgmodel.fitting.cells.encoding import ENCODINGS, encoding_of
 from bgmodel.fitting.cells.grid import chosen, moved, noise_grid, p_right, passed
 from bgmodel.fitting.cells.model import SHARED
@@ -185,3 +186,18 @@ def test_a_grid_resolves_steps_that_are_small_beside_the_noise_at_the_onset():
     n = noise_grid(data, values)
     step = np.sqrt(moved(values["leak_per_s"], values["noise"], BIN_S)[1])
     assert n[1] - n[0] < 1.3 * step or len(n) == 160
+
+
+def test_noise_at_the_onset_alone_is_one_integral_on_a_fine_grid(monkeypatch):
+    monkeypatch.setattr(grid, "MOST", 1600)  # later steps are as wide as the grid resolves
+    data, encoding, cells = session(), ENCODINGS["exponential"], numbers(2, 0.1)
+    values = one_sum(TWO | {"noise": 1e-6, "start_noise": 1.0, "leak_per_s": 1.0})
+    sums = data.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
+    onset, each = np.linspace(-6, 6, 241), []
+    for n in onset:
+        spikes = poisson_log(data, cells, encoding, sums[:, :-1] + n * np.exp(-data.middles_s))
+        mean = sums[:, -1] + n * np.exp(-data.end_s) + values["bias"]
+        right = 0.95 * ndtr(mean / values["choice_noise"]) + 0.025
+        each.append(norm.pdf(n) * np.exp(spikes) * np.where(data.choice == 1, right, 1 - right))
+    exact = np.log(np.trapezoid(each, onset, axis=0))
+    assert np.allclose(passed(data, values, cells, encoding).log_density, exact, atol=5e-4)
