@@ -1,5 +1,6 @@
 """Activity: totals, decoded rates, spectra, and drives that do not fit."""
 
+import re
 from dataclasses import replace
 
 import matplotlib.pyplot as plt
@@ -101,6 +102,13 @@ def test_rates_are_drawn_a_panel_per_nucleus_and_a_line_per_channel(activity):
     assert (drawn["STN"].lines[1].get_ydata() == activity.rates_hz["STN"][1, :, 1]).all()
     assert (drawn["OUT\n(nats)"].lines[0].get_ydata() == activity.output_nats[1, :, 0]).all()
     plt.close(figure)
+
+
+def test_activity_in_words_and_as_a_page_holds_its_size_and_mean_rates(activity):
+    assert f"2 trials x {len(activity.time_ms)} ticks x 2 channels" in repr(activity)
+    page = activity._repr_html_()
+    for name, rates in activity.rates_hz.items():
+        assert re.search(rf"<th>{name}</th>\s*<td>{rates[:, :, 0].mean():.4g}</td>", page)
 
 
 def test_smoothing_keeps_a_constant_and_what_is_unknown():

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from bgmodel import Evidence, Msprt, Trace, first_crossing, stream
 from bgmodel.deciding.decision import any_crossing, crossing_of_each
-from tests.helpers import refusing, some_evidence
+from tests.helpers import refused, refusing, some_evidence
 
 
 def plain_crossing(out, thresholds, first):
@@ -177,3 +177,13 @@ def test_an_undecided_trial_is_neither_right_nor_wrong_in_the_table():
     assert correct.tolist()[:2] == [True, False]
     assert correct.isna().tolist() == [False, False, True]
     assert correct.mean() == decision.accuracy == 0.5
+
+
+def test_a_trace_is_drawn_up_to_the_end_of_its_trial_from_the_onset_of_evidence():
+    out = np.arange(24.0).reshape(2, 4, 3)
+    trace = Trace(out, np.arange(4) * 10.0, onset_ms=20.0, ends=np.array([4, 3]))
+    lines = trace.plot(1).axes[0].lines[:3]
+    assert [line.get_xdata().tolist() for line in lines] == [[-20, -10, 0]] * 3
+    assert [line.get_ydata().tolist() for line in lines] == out[1, :3].T.tolist()
+    with refused("trial must be"):
+        trace.plot(2)
