@@ -146,12 +146,12 @@ LATE_MS = 10.0
 """A missing delay may lie this far before the response, because screens and keys have delays."""
 
 
-def restored_delays(trials: Trials, *, use_times: bool = True) -> Trials:
+def restored_delays(trials: Trials) -> Trials:
     """Return trials in which delays recorded as 0 are those of the participant's staircases.
 
     Two interleaved staircases are assumed, one step up after a successful stop and down after a
-    failed one. The path with the fewest contradictions (recorded delays that neither has or, with
-    ``use_times``, restored ones before the response) is found; many are warned of.
+    failed one. The path with the fewest contradictions (recorded delays that neither has, or
+    restored ones before the response) is found; many are warned of.
     """
     if trials.ssd_s is None:
         raise InputError("must have stop-signal delays", "ssd")
@@ -161,7 +161,7 @@ def restored_delays(trials: Trials, *, use_times: bool = True) -> Trials:
         missing = (ssd_s[stops] == 0) & ~np.isnan(rt_ms[stops])
         if not missing.any():
             continue
-        path, contradictions = _path(1000 * ssd_s[stops], rt_ms[stops], missing, use_times)
+        path, contradictions = _path(1000 * ssd_s[stops], rt_ms[stops], missing)
         if contradictions > len(stops) / 10:
             DataWarning.warn(
                 f"{contradictions:.0f} of {len(stops)} stop trials of {who} contradict two "
@@ -171,13 +171,13 @@ def restored_delays(trials: Trials, *, use_times: bool = True) -> Trials:
     return replace(trials, ssd_s=ssd_s)
 
 
-def _path(ssd: Array, rt: Array, missing: Truths, use_times: bool) -> tuple[Integers, float]:
+def _path(ssd: Array, rt: Array, missing: Truths) -> tuple[Integers, float]:
     """Return each stop trial's step of a staircase, and the contradictions, by Viterbi's method."""
     levels = int(np.ceil(ssd.max() / STEP_MS)) + 4
     steps = np.arange(levels)
     after = np.clip(steps + np.where(np.isnan(rt), 1, -1)[:, None], 0, levels - 1)
     wrong = np.abs(ssd[:, None] - steps * STEP_MS) > STEP_MS / 2
-    early = use_times & (steps * STEP_MS + LATE_MS < rt[:, None])
+    early = steps * STEP_MS + LATE_MS < rt[:, None]
     cost = np.where(missing[:, None], early, wrong).astype(float)
     to_come, first = np.zeros((levels, levels)), np.zeros((len(ssd), levels, levels), bool)
     for k in range(len(ssd) - 1, -1, -1):

@@ -48,7 +48,7 @@ def draw(settings: Settings, functions: Path, people: Path, tones: Path, *, outp
     axes[1, 1].axhline(0, color="0.8", lw=0.8, zorder=0)
     axes[1, 1].set(xlim=(-1.6, 1.8), ylabel="failed stops minus go (ms)")
     letter(axes[1, 1], "e  failed stops of people")
-    _tones(axes[1, 2], where(tone, engine="population"))
+    _tones(axes[1, 2], tone)
     letter(axes[1, 2], "f  four alternatives")
     key(figure, axes[0, 0], axes[1, 0], axes[1, 2], ncols=4)
     say_if_older(figure, functions, tones)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from time import process_time
 
 import numpy as np
 import pandas as pd
@@ -20,14 +19,7 @@ from bgmodel.stopping.inputs import StopSignal, closed_form, step_response
 from circuits.anatomy import DEFAULT
 from circuits.arrays import Array
 from figures.pieces import Piece, Score
-from figures.stopping.observer import (
-    SHARES,
-    TONES,
-    by_tone,
-    decisions,
-    observed,
-    paired,
-)
+from figures.stopping.observer import SHARE, by_tone, decisions, observed, paired
 from figures.stopping.relative import people
 from figures.stopping.runs import (
     POSTERIOR,
@@ -93,15 +85,13 @@ def inhibition(trials: int) -> pd.DataFrame:
     race takes the circuit's go times and one stop-signal reaction time, the circuit's own.
     """
     evidence, model = evidence_of("inhibition", trials), model_of()
-    begun = process_time()
     went = go_times(model, evidence)
-    held = [stop_times(model, evidence, ssd, StopSignal(amount_nats=1.0)) for ssd in DELAYS_MS]
-    seconds = process_time() - begun
-    parts = [by_delay("circuit, 1 nat", went, held).assign(cpu_s=seconds)]
-    for amount in (0.3, 0.5):
+    parts = []
+    for amount in (1.0, 0.3):
         signal = StopSignal(amount_nats=amount)
         stopped = [stop_times(model, evidence, ssd, signal) for ssd in DELAYS_MS]
-        parts.append(by_delay(f"circuit, {amount:g} nats", went, stopped))
+        unit = "nat" if amount == 1 else "nats"
+        parts.append(by_delay(f"circuit, {amount:g} {unit}", went, stopped))
     late = parts[0].loc[parts[0]["ssd_ms"] >= 200, "ssrt_ms"].mean()
     beaten = [np.where(went < ssd + late, went, np.nan) for ssd in DELAYS_MS]
     parts.append(by_delay("race", went, beaten))
@@ -132,16 +122,16 @@ def by_delay(decider: str, went: Array, stopped: list[Array]) -> pd.DataFrame:
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Yield the closed form, the inhibition functions and the rest, by populations and in spikes.
+    """Yield the closed form in spikes, the inhibition functions by populations, and the rest.
 
     Estimates are CPU times; the number of workers changes nothing.
     """
     fewer = 10 if fast else 1
-    for engine, trials in (("population", 4000 // fewer), ("spikes", 2000 // fewer)):
-        for channels in (2, 4):
-            each = 0.09 * channels if engine == "spikes" else 0.003
-            make = partial(closed_forms, channels, engine, trials)
-            yield Piece("closed_form", f"N = {channels}, {engine}", trials, each * trials, make)
+    trials = 2000 // fewer
+    for channels in (2, 4):
+        make = partial(closed_forms, channels, "spikes", trials)
+        name = f"N = {channels}, spikes"
+        yield Piece("closed_form", name, trials, 0.09 * channels * trials, make)
     few = 4000 // fewer
     yield Piece("inhibition", "delays", few, 0.012 * few, partial(inhibition, few))
     yield from _of_observer(few, fewer)
@@ -151,18 +141,11 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 def _of_observer(trials: int, fewer: int) -> Iterator[Piece]:
     """Yield the pieces with the ideal observer."""
     spikes = 1000 // fewer
-    for channels in (2, 4):
-        for prior in SHARES:
-            make = partial(paired, channels, "population", prior, trials)
-            name = f"N = {channels}, share {prior:g}, population"
-            yield Piece("paired", name, trials, 0.0005 * channels * trials, make)
-    make = partial(paired, 2, "spikes", SHARES[0], spikes)
-    yield Piece("paired", f"N = 2, share {SHARES[0]:g}, spikes", spikes, 0.1 * spikes, make)
+    make = partial(paired, 2, "spikes", SHARE, spikes)
+    yield Piece("paired", f"N = 2, share {SHARE:g}, spikes", spikes, 0.1 * spikes, make)
     yield Piece(
         "tone", "population", trials, 0.004 * trials, partial(by_tone, "population", trials)
     )
-    make = partial(by_tone, "spikes", spikes // 2, TONES[::3])
-    yield Piece("tone", "spikes", spikes // 2, 0.17 * spikes, make)
 
 
 SCORE = Score("stopping", SCORING_SEED, (2, 4), pieces, circuit=DEFAULT)

@@ -4,8 +4,7 @@ The 126 healthy adults of the shipped set are analysed twice: with delays as rec
 of 0 means that the signal was never given because the response came first, and with these delays
 restored from the staircases. A stop process is fitted to all, by the test and by the circuit, and
 to odd and even stop trials to predict the other half. Simulated participants, for whom the model is
-right, give the size of each measure that would be expected; others have a known stop-signal
-reaction time.
+right, give the size of each measure that would be expected.
 """
 
 from __future__ import annotations
@@ -18,13 +17,11 @@ from functools import cache, partial
 import numpy as np
 import pandas as pd
 
-from bgmodel import stream
 from bgmodel.fitting.hierarchy.chains import MOST
 from bgmodel.fitting.hierarchy.group_fit import GroupFit, fit_group
 from bgmodel.fitting.optimum import optimum
 from bgmodel.fitting.stop_process import FEWEST_GO, go_process, laid
 from bgmodel.fitting.stop_race import STRENGTH, StopLikelihood, StopRace, likelihood, stop_model
-from bgmodel.stopping.estimates import estimate_ssrt
 from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.people import AFTER, estimates_of, read_people, slowing_of, violations_of
 from bgmodel.stopping.trials import StopTrials
@@ -32,47 +29,30 @@ from bgmodel.trials.reader import Columns
 from circuits.anatomy import DEFAULT
 from circuits.arrays import Array
 from figures.pieces import Made, Piece, Score
-from figures.stopping.stopped import (
-    StopValues,
-    counted_ssrt,
-    known_people,
-    late_delays,
-    like,
-    mean_and_error,
-    predictions,
-    sequence,
-    slopes,
-)
+from figures.stopping.stopped import StopValues, like, mean_and_error, predictions
 
 SCORING_SEED = 91_001
 """Seed of simulated participants."""
 COARSE = 20
 """Number of participants in the coarse form."""
-KINDS = ("recorded", "restored", "simulated")
-"""Delays as in the set, restored, and those of simulated participants."""
 NUMBERS = ("ssrt_ms", "ssrt_sd_ms", "failures")
 """Parameters of a fit."""
 FITS = {"test": (), "test, same in all": NUMBERS, "test, same after stops": (), "circuit": ()}
 """Models, and the parameters that people share in addition to the standard deviation of SSRT."""
-STRENGTHS, MULTIPLES = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0), (1.1, 1.25, 1.5, 2.0, 2.5, 3.0)
-"""Strengths of the stop signal that are tried: quantiles of people's thresholds and, since the
-latency of a circuit depends on it, multiples of the largest."""
+STRENGTHS = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0)
+"""Strengths of the stop signal that are tried: quantiles of people's thresholds."""
 FALL_NATS, ALIKE_NATS = 1.92, 0.01
 """Fall of the log likelihood at the end of a 95 % interval (half of chi-squared, 1 d.f.), and how
 close those of strengths are that count as alike: the strongest of them is reported."""
-KNOWN = StopValues(220.0, 0.0, 20.0, 0.0, 0.0)
-"""The stop process of simulated participants whose stop-signal reaction time is known."""
 SETS = 4
 """Number of simulated sets of participants to which the fit is repeated."""
 MOST_DRAWS = 1000
 """Largest number of draws of each chain from which the other half of the trials is predicted."""
-SIMULATED, GO, STOPS = 40, 300, 100
-"""Their number, and the numbers of go and stop trials."""
 
 
 @cache
 def people_of(kind: str, people: int) -> dict[str, StopTrials]:
-    """Return the first participants, with delays of a kind."""
+    """Return the first participants, with delays as recorded, restored or simulated."""
     if kind == "simulated":
         return simulated(people, SCORING_SEED)
     columns = Columns(restore_delays=kind == "restored")
@@ -109,26 +89,10 @@ def estimates(kind: str, people: int) -> pd.DataFrame:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         table = estimates_of(chosen)
-    ssrt = table["ssrt_ms"].dropna()
-    again = [counted_ssrt(chosen[who]) for who in table.loc[ssrt.index, "participant_id"]]
-    names = ("go_ms", "failed_ms", "ssd_ms", "p_respond", "omissions", "ssrt_ms", "ssrt_mean_ms")
-    rows = [(name, *mean_and_error(table[name])) for name in names]
-    rows.append(("failed_minus_go_ms", *mean_and_error(table["failed_ms"] - table["go_ms"])))
-    spread = float(ssrt.std())
-    rows.append(("ssrt_sd_ms", spread, spread / np.sqrt(2 * len(ssrt) - 2), len(ssrt)))
-    apart = float(np.abs(ssrt.to_numpy() - again).max())
-    rows.append(("ssrt_apart_ms", apart, np.nan, len(ssrt)))
-    rows.append(("refused", (table["refusal"] != "").sum(), np.nan, len(table)))
+    rows = [(name, *mean_and_error(table[name])) for name in ("go_ms", "ssrt_ms")]
     zero = sum(((t.ssd_ms == 0) & t.responded).sum() for t in chosen.values())
     rows.append(("delays_of_zero", zero, np.nan, len(table)))
-    if kind == "recorded":
-        rows.append(("late_delays", *mean_and_error(late_delays(chosen))))
-    rows.append(("inhibition_slope", *mean_and_error(slopes(chosen))))
-    shuffled = slopes(chosen, stream(SCORING_SEED, "shuffled"))
-    rows.append(("inhibition_slope_shuffled", *mean_and_error(shuffled)))
     rows += slowing_of(chosen).itertuples(index=False, name=None)
-    order = sequence(chosen)
-    rows += [(str(name), *mean_and_error(order[name])) for name in order]
     summary = pd.DataFrame(rows, columns=["measure", "value", "error", "people"])
     return summary.assign(delays=kind)
 
@@ -187,8 +151,8 @@ def fitted(name: str, kind: str, people: int) -> pd.DataFrame:
          "low": np.quantile(drawn, 0.025), "high": np.quantile(drawn, 0.975)}
         for each, drawn in draws_of(fit).items()
     ]  # fmt: skip
-    if kind == "restored" and name in ("test", "circuit"):
-        rows.append(strength(name, people))
+    if name == "test":
+        rows.append(strength(people))
     most = np.array([MOST_NATS])
     every = likelihoods_of(name, kind, people).values()
     latency = float(np.median([each.model.latency_ms(most)[0] for each in every]))
@@ -200,25 +164,22 @@ def fitted(name: str, kind: str, people: int) -> pd.DataFrame:
     )  # fmt: skip
 
 
-def strength(name: str, people: int) -> dict[str, float | str]:
+def strength(people: int) -> dict[str, float | str]:
     """Return the strength of the stop signal from its profile: the best of each person's trials."""
     chosen = people_of("restored", people)
-    races = [each.model for each in likelihoods(name, chosen, people, 0.0).values()]
-    known = np.array([race.threshold for race in races])
-    tried = np.quantile(known, STRENGTHS)
-    if name == "circuit":
-        tried = np.append(tried, np.array(MULTIPLES) * tried[-1])
+    races = [each.model for each in likelihoods("test", chosen, people, 0.0).values()]
+    tried = np.quantile([race.threshold for race in races], STRENGTHS)
     tried = np.unique([0.0, *tried[tried < MOST_NATS], MOST_NATS])[::-1]
     log = np.array([
-        sum(optimum(each).log_likelihood for each in likelihoods(name, chosen, people, at).values())
+        sum(
+            optimum(each).log_likelihood
+            for each in likelihoods("test", chosen, people, at).values()
+        )
         for at in tried.tolist()
     ])  # fmt: skip
     inside = tried[log > log.max() - FALL_NATS]
     best = tried[np.argmax(log > log.max() - ALIKE_NATS)]
-    return {
-        "parameter": STRENGTH, "value": best, "low": inside.min(), "high": inside.max(),
-        "threshold_median": np.median(known), "threshold_most": known.max(),
-    }  # fmt: skip
+    return {"parameter": STRENGTH, "value": best, "low": inside.min(), "high": inside.max()}
 
 
 @cache
@@ -233,7 +194,7 @@ def _grouped(name: str, each: dict[str, StopLikelihood], most: int = MOST) -> Gr
 
 
 def predicted(name: str, kind: str, people: int) -> pd.DataFrame:
-    """Return the predictions of each half of the stop trials from the other, in three parts."""
+    """Return the predictions of each half of the stop trials from the other, in two parts."""
     every, rows = likelihoods_of(name, kind, people), []
     for first, half in enumerate(("odd", "even")):
         stops = {who: np.flatnonzero(np.isfinite(one.trials.ssd_s)) for who, one in every.items()}
@@ -265,59 +226,35 @@ def refitted(people: int, sets: int) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def recovered(failures: float, people: int) -> pd.DataFrame:
-    """Return the bias of estimators for participants with a known stop-signal reaction time."""
-    values = StopValues(KNOWN.ssrt_ms, 0.0, KNOWN.ssrt_trial_sd_ms, failures, 0.0)
-    by_method: dict[str, list[float]] = {"integration": [], "mean": [], "likelihood": []}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        for trials in known_people(SCORING_SEED, people, GO, STOPS, values).values():
-            estimate = estimate_ssrt(trials, checked=False)
-            by_method["integration"].append(estimate.ssrt_ms)
-            by_method["mean"].append(estimate.ssrt_mean_ms)
-            fit = optimum(likelihood(StopRace(slowing_ms=(0.0, 0.0)), trials.to_trials()))
-            by_method["likelihood"].append(fit.values["ssrt_ms"])
-    rows = []
-    for method, each in by_method.items():
-        mean, error, count = mean_and_error(np.array(each))
-        apart = {"bias_ms": mean - KNOWN.ssrt_ms, "error": error, "sd_ms": float(np.std(each))}
-        rows.append({"failures": failures, "method": method, **apart, "people": count})
-    return pd.DataFrame(rows)
-
-
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Yield the analyses of people, fits, predictions and simulated participants."""
     people = COARSE if fast else 126
     trials = 128 * people
-    for kind in KINDS:
+    for kind in ("recorded", "restored"):
         make = partial(estimates, kind, people)
         yield Piece("people", kind, trials, 3, make, of_circuit=False)
+    for kind in ("restored", "simulated"):
         make = partial(violated, kind, people)
         yield Piece("delays", kind, trials, 2, make, of_circuit=False)
-    for name, kind in (*((name, "restored") for name in FITS), ("test", "recorded")):
-        make = partial(fitted, name, kind, people)
-        yield Piece("fits", f"{name} {kind}", trials, 100, make, name == "circuit")
-    for name, kind in (*((name, "restored") for name in FITS), ("test", "simulated")):
-        make = partial(predicted, name, kind, people)
-        yield Piece("predicted", f"{name} {kind}", trials, 200, make, name == "circuit")
+    for name in FITS:
+        make = partial(fitted, name, "restored", people)
+        yield Piece("fits", f"{name} restored", trials, 100, make, name == "circuit")
+    for name in FITS:
+        make = partial(predicted, name, "restored", people)
+        yield Piece("predicted", f"{name} restored", trials, 200, make, name == "circuit")
     make = partial(refitted, people, 2 if fast else SETS)
     yield Piece("refitted", "test", trials, 1500, make, of_circuit=False)
-    some = COARSE if fast else SIMULATED
-    for failures in (0.0, 0.1):
-        make = partial(recovered, failures, some)
-        name = f"failures {failures:g}"
-        yield Piece("simulated", name, some * (GO + STOPS), 20, make, of_circuit=False)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return the tables of pages."""
     kinds = {"people": "people", "people_delays": "delays", "people_fits": "fits",
-             "people_simulated": "simulated", "people_refitted": "refitted"}  # fmt: skip
+             "people_refitted": "refitted"}  # fmt: skip
     every = {name: (kind, made[kind]) for name, kind in kinds.items()}
     fits = made["fits"]
     same = fits["model"].eq("test, same in all") & fits["parameter"].str.contains("people_sd")
     every["people_fits"] = ("fits", fits[~same])
-    for part in ("halves", "deciles", "times"):
+    for part in ("halves", "deciles"):
         rows = made["predicted"]
         rows = rows[rows["part"] == part].dropna(axis=1, how="all").drop(columns="part")
         every[f"people_{part}"] = ("predicted", rows)

@@ -39,14 +39,14 @@ STOP_D_PRIME = 0.6
 """d' of one reading of the stop signal, assumed."""
 STOP_POSTERIOR = 0.95
 """Probability of a stop trial at which the observer withholds the response for good."""
-SHARES, SIMULATED = (0.1, 0.25), 0.5
-"""Shares of stop trials that the observer expects in the comparison, and the share there is."""
-EXPECTED_MS = np.arange(50.0, 351.0, 50.0)
-"""Delays that the observer expects, N = 2."""
-PAIRED_MS = {2: EXPECTED_MS, 4: np.arange(400.0, 1001.0, 100.0)}
-"""Delays of the comparison on the same evidence."""
+SHARE, SIMULATED = 0.1, 0.5
+"""Share of stop trials that the observer expects in the comparison, and the share there is."""
+PAIRED_MS = np.arange(50.0, 351.0, 50.0)
+"""Delays of the comparison on the same evidence, N = 2."""
 TONES, TONE_SSD_MS, TONE_NATS = (0.0, 1.0, 2.0, 3.0), 800.0, 1.0
-"""Input common to all channels, nats; delay and size of the stop signal of that comparison."""
+ALTERNATIVES = 4
+"""Input common to all channels, nats; delay and size of the stop signal, and number of alternatives
+of that comparison."""
 
 
 def observed(go: Evidence, ssd_ms: Array, prior: float, name: str, expected: Array) -> StopEvidence:
@@ -68,17 +68,16 @@ def commitments(decision: Decision, responses: int) -> Array:
 
 
 def paired(channels: int, engine: str, prior: float, trials: int) -> pd.DataFrame:
-    """Compare the circuit with the observer, the rival, and itself under other noise."""
-    go, delays = evidence_of("paired", trials, channels), PAIRED_MS[channels]
-    ssd = drawn_delays(trials, delays, SIMULATED, stream(SCORING_SEED, "paired delays"))
-    shown = observed(go, ssd, prior, f"paired, N = {channels}", delays)
+    """Compare the circuit with the observer, and with itself under other noise."""
+    go = evidence_of("paired", trials, channels)
+    ssd = drawn_delays(trials, PAIRED_MS, SIMULATED, stream(SCORING_SEED, "paired delays"))
+    shown = observed(go, ssd, prior, f"paired, N = {channels}", PAIRED_MS)
     circuit = model_of(channels, engine)
-    ideal, rival = (decisions(shown, circuit.gain, extra) for extra in (False, True))
+    ideal = decisions(shown, circuit.gain)
     held = commitments(ideal, channels)
     runs = [_with_input(model_of(channels, engine, noise), shown, held) for noise in (0, 1)]
     others = {
         "ideal observer": response_times(ideal, channels),
-        "extra channel": response_times(rival, channels),
         "the circuit, other noise": runs[1],
     }
     rows: list[dict[str, Any]] = []
@@ -88,10 +87,7 @@ def paired(channels: int, engine: str, prior: float, trials: int) -> pd.DataFram
                "stop_trials": int(stop.sum()), "p_respond": (~np.isnan(runs[0][stop])).mean(),
                "p_compared": (~np.isnan(times[stop])).mean()}  # fmt: skip
         same = agreement(runs[0][stop], times[stop])
-        went = agreement(runs[0][~stop], times[~stop])
-        kept = {k: v for k, v in same.items() if k.startswith("same")}
-        both = int((~np.isnan(runs[0][~stop]) & ~np.isnan(times[~stop])).sum())
-        rows.append(row | kept | _of_go(went, both))
+        rows.append(row | {k: v for k, v in same.items() if k.startswith("same")})
     return pd.DataFrame(rows)
 
 
@@ -100,13 +96,6 @@ def _with_input(model: BasalGanglia, evidence: StopEvidence, held_ms: Array) -> 
     circuit = replace(model, circuit=model.circuit.with_inputs("STN"))
     times = go_times(circuit, with_observed_stop(evidence))
     return np.where(times < held_ms, times, np.nan)
-
-
-def _of_go(went: dict[str, float], trials: int) -> dict[str, float]:
-    """Return r of go times with its interval (Fisher's z), and the mean difference."""
-    low, high = np.tanh(np.arctanh(went["times_r"]) + np.array([-1.96, 1.96]) / np.sqrt(trials - 3))
-    names = ("go_r", "go_r_low", "go_r_high", "go_later_ms")
-    return dict(zip(names, (went["times_r"], low, high, went["times_ms"]), strict=True))
 
 
 def with_tone(evidence: Evidence, nats: float) -> Evidence:
@@ -127,21 +116,19 @@ def abrupt(go: Evidence, ssd_ms: float, odds: float) -> StopEvidence:
     return StopEvidence(go, ratio, np.full(go.trials, ssd_ms), 0.5, begins)
 
 
-def by_tone(
-    engine: str, trials: int, tones: tuple[float, ...] = TONES, channels: int = 4
-) -> pd.DataFrame:
+def by_tone(engine: str, trials: int) -> pd.DataFrame:
     """Return p(respond) with rising common input, of circuit, observer and rival.
 
     All add ``TONE_NATS`` to OUT where S has its mean at the delay; the rival's log odds are set
     for it. As S rises by the tone, circuit and observer do not change in theory, and the
     rival adds only ``ln(1 + exp(odds - S))``.
     """
-    model, plain = model_of(channels, engine), evidence_of("tone", trials, channels)
+    model, plain = model_of(ALTERNATIVES, engine), evidence_of("tone", trials, ALTERNATIVES)
     at = round(TONE_SSD_MS / STEP_MS)
     s = float(np.logaddexp.reduce(model.gain * plain.own_totals[:, at], axis=1).mean())
     odds = float(np.log(np.expm1(TONE_NATS)))
     rows = []
-    for tone in tones:
+    for tone in TONES:
         go = with_tone(plain, tone / model.gain)
         tests = {
             "ideal observer": (StopMsprt(model.gain), odds),
@@ -149,12 +136,12 @@ def by_tone(
         }
         row = {"engine": engine, "common_nats": tone, "s_nats": s + tone, "trials": trials}
         went = Msprt(model.gain).decide(go, posterior=POSTERIOR, forced=False)
-        went_ms = response_times(went, channels)
+        went_ms = response_times(went, ALTERNATIVES)
         for name, (test, at_odds) in tests.items():
             made = test.decide(abrupt(go, TONE_SSD_MS, at_odds), POSTERIOR, 1 - 1e-12)
             added = TONE_NATS if "ideal" in name else float(np.logaddexp(0, odds - tone))
             known = {"compared": name, "added_nats": added}
-            rows.append(row | known | _both(response_times(made, channels), went_ms))
+            rows.append(row | known | _both(response_times(made, ALTERNATIVES), went_ms))
         stopped = stop_times(model, go, TONE_SSD_MS, StopSignal(amount_nats=TONE_NATS))
         known = {"compared": "circuit", "added_nats": TONE_NATS}
         rows.append(row | known | _both(stopped, go_times(model, go)))

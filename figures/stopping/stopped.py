@@ -1,4 +1,4 @@
-"""Simulated participants of the stop-signal task, with staircases, and simple checks."""
+"""Simulated participants of the stop-signal task, with staircases, and predictions of trials."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from bgmodel.fitting.stop_process import StopData, laid
 from bgmodel.fitting.stop_race import StopLikelihood
 from bgmodel.stopping.task import walk
 from bgmodel.stopping.trials import StopTrials
-from bgmodel.trials.events import LATE_MS, restored_delays
 from circuits.arrays import Array, Integers, Truths
 
 DELAYS = np.arange(0.0, 1201.0, 50.0)
@@ -70,25 +69,6 @@ def raced(
     return StopTrials(rt_ms, ssd_ms)
 
 
-def known_people(
-    seed: int, people: int, go: int, stops: int, values: StopValues
-) -> dict[str, StopTrials]:
-    """Return participants of a race whose stop-signal reaction time is known.
-
-    Go times are 380 ms plus a gamma variate of shape 2 and mean 100 ms.
-    """
-    simulated = {}
-    for who in range(people):
-        rng = stream(seed, "known", str(who))
-        trials = go + stops
-        stop = np.zeros(trials, bool)
-        stop[rng.choice(trials, stops, replace=False)] = True
-        ssrt, failure = _stop_processes(values, stops, rng)
-        times = 380 + rng.gamma(2.0, 50.0, trials)
-        simulated[f"{who}"] = raced(times, stop, ssrt, failure, rng)
-    return simulated
-
-
 def like(
     people: Mapping[str, StopTrials], data: Mapping[str, StopData], values: StopValues, seed: int
 ) -> dict[str, StopTrials]:
@@ -121,71 +101,6 @@ def _stop_processes(
     return ssrt, rng.random(stops) < share
 
 
-def counted_ssrt(trials: StopTrials) -> float:
-    """Return the integration estimate by sorting and counting, without the package's functions."""
-    slowest = max(t for t in trials.rt_ms[~trials.stop] if t == t)
-    go = sorted(slowest if t != t else t for t in trials.rt_ms[~trials.stop])
-    stop = [t == t for t in trials.rt_ms[trials.stop]]
-    n = -(-sum(stop) * len(go) // len(stop))
-    return float(go[n - 1] - sum(trials.ssd_ms[trials.stop]) / len(stop))
-
-
-def slopes(people: Mapping[str, StopTrials], rng: np.random.Generator | None = None) -> Array:
-    """Return the slope of responding over the delay of each participant, per 100 ms.
-
-    A generator shuffles the delays of each participant's stop trials: a negative control.
-    """
-    fitted = []
-    for trials in people.values():
-        ssd, failed = trials.ssd_ms[trials.stop], trials.responded[trials.stop].astype(float)
-        ssd = ssd if rng is None else rng.permutation(ssd)
-        apart = ssd - ssd.mean()
-        if apart.any():
-            fitted.append(100 * (apart * failed).sum() / (apart**2).sum())
-    return np.array(fitted)
-
-
-def late_delays(people: Mapping[str, StopTrials]) -> Array:
-    """Return, per participant, the proportion of restored delays that follow the response.
-
-    They are inferred without response times, so that these are a test; NaN if none is restored.
-    """
-    shares = []
-    for trials in people.values():
-        missing = (trials.ssd_ms == 0) & trials.responded
-        restored = StopTrials.of(restored_delays(trials.to_trials(), use_times=False))
-        late = restored.ssd_ms[missing] + LATE_MS >= trials.rt_ms[missing]
-        shares.append(late.mean() if len(late) else np.nan)
-    return np.array(shares)
-
-
-def sequence(people: Mapping[str, StopTrials]) -> pd.DataFrame:
-    """Return effects of the order of trials, one row per participant.
-
-    Columns p_first, p_odd, p_even, p_after_stop, p_after_go, odd_after_stop, even_after_stop and
-    last_quarter_ms; a first stop trial is odd.
-    """
-    rows = []
-    for trials in people.values():
-        stops = np.flatnonzero(trials.stop)
-        failed, after = trials.responded[stops], np.append(False, trials.stop)[stops]
-        go, quarter = np.where(trials.stop, np.nan, trials.rt_ms), len(trials.rt_ms) // 4
-        means = [_mean(go[:quarter]), _mean(go[-quarter:])]
-        rows.append(
-            {"p_first": failed[0], "p_odd": failed[::2].mean(), "p_even": failed[1::2].mean(),
-             "p_after_stop": _mean(failed[after]), "p_after_go": _mean(failed[~after]),
-             "odd_after_stop": after[::2].mean(), "even_after_stop": after[1::2].mean(),
-             "last_quarter_ms": means[1] - means[0]}
-        )  # fmt: skip
-    return pd.DataFrame(rows).astype(float)
-
-
-def _mean(values: Array | Truths) -> float:
-    """Return the mean of the known values; NaN without any."""
-    known = values[~np.isnan(values)]
-    return float(known.mean()) if len(known) else np.nan
-
-
 def mean_and_error(values: pd.Series | Array) -> tuple[float, float, int]:
     """Return mean, standard error and number of known values."""
     known = np.asarray(values, float)
@@ -199,8 +114,7 @@ def predictions(
     """Return a fit's predictions of stop trials, ``left`` out of it, of the same people.
 
     By decile of the delay, predicted and observed p(respond) with the standard error of their
-    difference (``deciles``); quantiles of the times of failed stops (``times``); and their
-    differences (``halves``).
+    difference (``deciles``); and how far both and the times of failed stops differ (``halves``).
     """
     parts, times = [], []
     for k, (who, each) in enumerate(likelihoods.items()):
@@ -219,7 +133,6 @@ def predictions(
     observed, predicted = (
         np.nanquantile(some, QUANTILES) for some in (table["rt_ms"], np.concatenate(times))
     )
-    quantiles = {"quantile": QUANTILES, "observed_ms": observed, "predicted_ms": predicted}
     deciles, late = _deciles(table), predicted - observed
     apart = deciles["predicted"] - deciles["observed"]
     chi2 = float(((apart / deciles["error"]) ** 2).sum())
@@ -228,9 +141,7 @@ def predictions(
         "p": stats.chi2.sf(chi2, len(deciles)), "largest": apart.abs().max(),
         "late_ms": late[np.abs(late).argmax()],
     }  # fmt: skip
-    return {
-        "deciles": deciles, "times": pd.DataFrame(quantiles), "halves": pd.DataFrame([summary])
-    }  # fmt: skip
+    return {"deciles": deciles, "halves": pd.DataFrame([summary])}
 
 
 def _deciles(table: pd.DataFrame) -> pd.DataFrame:
