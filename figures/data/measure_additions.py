@@ -1,4 +1,4 @@
-"""Gains of additions to the sequential test in monkeys and people, and the misfit of errors.
+"""Gains of additions to the sequential test in monkeys and people.
 
 A bias, starts and drifts that vary across trials, and gaps that fall in three shapes are added to
 the test with a constant gap, alone and together. Every model is fitted to the same trials.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Mapping
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,8 +18,6 @@ from bgmodel.fitting.algorithms import DRIFT_SD, GAPS, SPREAD, START, STEEPNESS,
 from bgmodel.fitting.design import Design, design_of
 from bgmodel.fitting.likelihood import likelihood_of
 from bgmodel.fitting.optimum import OPTIMUM_SEED, Optimum, optimum
-from bgmodel.fitting.person_fit import cells_of
-from bgmodel.fitting.quantiles import residuals
 from bgmodel.trials.reader import read_trials
 from figures.pieces import Made, Piece, Score
 
@@ -52,8 +50,6 @@ MODELS = {
     FULL: Addition("falling_gap", BOTH, EXPONENTIAL),
 }
 """The models by their names in tables; all but the first have additions."""
-SHOWN = (CONSTANT, EXPONENTIAL, FULL)
-"""Models whose cells are in a table."""
 FAST = (CONSTANT, "start", "variable drift")
 """Models of the coarse form."""
 
@@ -70,17 +66,11 @@ def fitted(design: Design, added: Addition, smaller: Mapping[str, Optimum]) -> O
     return optimum(likelihood, starts=[np.array([begun.get(name, at) for name, at in names])])
 
 
-def missed(cells: pd.DataFrame) -> dict[str, float]:
-    """Return the mean absolute residual of quantiles of correct and of wrong times, ms."""
-    size = residuals(cells).groupby("response")["residual_ms"].agg(lambda x: x.abs().mean())
-    return {f"{name}_off_ms": float(size.get(name, np.nan)) for name in ("correct", "wrong")}
-
-
 def person(data: str, who: str, names: tuple[str, ...]) -> pd.DataFrame:
-    """Return the fits to one person: the gain of each addition, and cells."""
+    """Return the fits to one person: the gain of each addition, and its parameters."""
     choices = read_trials(data, strength="coherence", participant=who)
     made: dict[str, Optimum] = {}
-    parts = []
+    rows: list[dict[str, Any]] = []
     with warnings.catch_warnings():
         # A bias that most models lack is what is measured here.
         warnings.simplefilter("ignore")
@@ -88,18 +78,15 @@ def person(data: str, who: str, names: tuple[str, ...]) -> pd.DataFrame:
     for name in names:
         added = MODELS[name]
         made[name] = best = fitted(designs[START.name in added.free], added, made)
-        cells = cells_of(best.likelihood.design, best.density)
         gain = best.log_likelihood - made[CONSTANT].log_likelihood
         more = len(best.vector) - len(made[CONSTANT].vector)
         row = {
-            "model": name, "kind": "worth", "added": more,
+            "data": data, "participant": who, "model": name,
             "log_likelihood": best.log_likelihood, "gain_nats": gain,
             "bic_nats": gain - more * np.log(choices.trials) / 2,
         }  # fmt: skip
-        parts.append(pd.DataFrame([row | missed(cells) | best.values]))
-        if name in SHOWN:
-            parts.append(cells.assign(model=name, kind="cells"))
-    return pd.concat(parts, ignore_index=True).assign(data=data, participant=who)
+        rows.append(row | best.values)
+    return pd.DataFrame(rows)
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
@@ -113,14 +100,8 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
-    """Return the tables that pages read."""
-    people, by_name = made["people"], {}
-    for kind in ("worth", "cells"):
-        rows = people[people["kind"] == kind].drop(columns="kind")
-        who = ["data", "participant", "model"]
-        rest = [name for name in rows if name not in who and rows[name].notna().any()]
-        by_name[kind] = ("people", rows[[*who, *rest]])
-    return by_name
+    """Return the one table."""
+    return {"worth": ("people", made["people"])}
 
 
 SCORE = Score("additions", OPTIMUM_SEED, (), pieces, tables, circuit="")

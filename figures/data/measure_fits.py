@@ -27,7 +27,6 @@ from bgmodel.fitting.simulated.circuit_model import (
 from bgmodel.trials.reader import read_trials
 from circuits.anatomy import DEFAULT, load_circuit
 from circuits.circuit import Circuit
-from figures.data.means import fit_means
 from figures.pieces import Made, Piece, Score
 from figures.rooms import OUT
 
@@ -40,6 +39,11 @@ FEWER = 0.0234375
 PREDICTED = [
     "log_likelihood", "log_likelihood_simulation_error",
     "better_nats", "error_nats", "simulation_error_nats",
+]  # fmt: skip
+CELLS = [
+    "strength", "trials", "mean_s", "sd_s", "model_mean_s", "model_sd_s", "model_accuracy",
+    "model", "accuracy", "accuracy_se", "mean_se", "q10_s", "q50_s", "q90_s",
+    "model_q10_s", "model_q50_s", "model_q90_s", "data", "participant",
 ]  # fmt: skip
 
 
@@ -69,9 +73,7 @@ def models(trials: int) -> dict[str, Model]:
 def person(data: str, who: str, trials: int) -> pd.DataFrame:
     """Return the fits to one person: parameters, cells, and predictions of left-out trials."""
     design = design_of(read_trials(data, strength="coherence", participant=who))
-    means = _means(design).assign(model="closed form", kind="cells")
-    table = pd.concat([means, fitted(design, models(trials))], ignore_index=True)
-    return table.assign(data=data, participant=who)
+    return fitted(design, models(trials)).assign(data=data, participant=who)
 
 
 def fitted(design: Design, every: Mapping[str, Model]) -> pd.DataFrame:
@@ -103,20 +105,6 @@ def difference(better: Better) -> dict[str, float]:
     }  # fmt: skip
 
 
-def _means(design: Design) -> pd.DataFrame:
-    """Return the cells of Palmer's fit to accuracy and mean times, its numbers in each row."""
-    fit = fit_means(design)
-    seen = design.observed
-    rt = [seen.rt_s[seen.cell == cell] for cell in range(design.cells)]
-    columns = {
-        "strength": design.strength, "trials": design.trials,
-        "mean_s": [each.mean() for each in rt], "sd_s": [each.std() for each in rt],
-        "model_mean_s": fit.mean_s, "model_sd_s": fit.sd_s, "model_accuracy": fit.accuracy,
-        "bound": fit.bound, "sensitivity": fit.sensitivity, "t0_s": fit.t0_s,
-    }  # fmt: skip
-    return pd.DataFrame(columns)
-
-
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     """Yield the pieces of the score."""
     trials = COARSE_TRIALS if fast else TRIALS
@@ -142,9 +130,7 @@ def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
         ("predicted", PREDICTED),
     ):
         by_name[kind] = ("people", people.loc[people["kind"] == kind, [*who, *columns]])
-    cells = people[people["kind"] == "cells"]
-    empty = [name for name in cells if cells[name].isna().all()]
-    by_name["cells"] = ("people", cells.drop(columns=[*empty, "kind"]))
+    by_name["cells"] = ("people", people.loc[people["kind"] == "cells", CELLS])
     return by_name
 
 

@@ -1,9 +1,9 @@
 """Parameter recovery of fits, and the coverage of their intervals.
 
-Data sets are simulated with the test, from its density, or trial by trial with the default circuit
-and the population engine, with evidence and noise that are independent of the fit's stored trials,
-which every ten sets have anew. Parameters come from a flat prior over the range of the fits to
-people and monkeys; trials that are undecided at the deadline have no response.
+Data sets are simulated trial by trial with the default circuit and the population engine, with
+evidence and noise that are independent of the fit's stored trials, which every ten sets have anew.
+Parameters come from a flat prior over the range of the fits to people and monkeys; trials that are
+undecided at the deadline have no response.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import pandas as pd
 from scipy.stats import kstest
 
 from bgmodel import stream
-from bgmodel.fitting.algorithms import GapModel, Model
 from bgmodel.fitting.design import Design
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.optimum import optimum
@@ -27,25 +26,21 @@ from bgmodel.fitting.simulated.circuit_model import NONE
 from bgmodel.fitting.simulated.error import simulation_error
 from circuits.anatomy import DEFAULT
 from circuits.arrays import Array
-from figures.data.decided import (
-    DEADLINE_S,
-    TRIALS,
-    decided_by_circuit,
-    decided_by_test,
-    responses,
-)
+from figures.data.decided import DEADLINE_S, TRIALS, decided_by_circuit, responses
 from figures.data.measure_fits import COARSE_TRIALS, fitted_circuit
 from figures.pieces import Made, Piece, Score
 
 SCORING_SEED = 70_001
 """Of the data sets, of the circuit that decides them, and of the stored trials of its fits."""
 SETS, COARSE_SETS = 200, 8
-"""Data sets by each model."""
+"""Numbers of data sets."""
 SET_TRIALS = 1500
+CIRCUIT = "circuit"
+"""What decides: also a name of random numbers."""
 STRENGTHS = (0.032, 0.128, 0.512)
 PRIOR = {
-    "sensitivity": (8.0, 25.0), "bound": (0.45, 0.9), "threshold_nats": (0.17, 0.37),
-    "t0_s": (0.25, 0.5), "t0_sd_s": (0.03, 0.1), "lapse": (0.002, 0.03),
+    "sensitivity": (8.0, 25.0), "threshold_nats": (0.17, 0.37), "t0_s": (0.25, 0.5),
+    "t0_sd_s": (0.03, 0.1), "lapse": (0.002, 0.03),
 }  # fmt: skip
 """Range from which parameters are drawn: that of the fits to people and monkeys."""
 BATCH_SETS = 10
@@ -62,16 +57,13 @@ def drawn(names: list[str], number: int) -> Array:
 
 
 def data_set(by: str, names: list[str], number: int) -> tuple[Design, Array]:
-    """Return a data set with the parameters that it was made from."""
+    """Return a data set with the parameters that it was made from; ``by`` names its noise."""
     truth = drawn(names, number)
     values = dict(zip(names, truth.tolist(), strict=True))
     each = SET_TRIALS // len(STRENGTHS)
-    if by == "test":
-        decisions = decided_by_test(values, STRENGTHS, each, stream(SCORING_SEED, "test", number))
-    else:
-        seed = int(stream(SCORING_SEED, "circuit", number).integers(2**31))
-        rng = stream(SCORING_SEED, "within a bin", number)
-        decisions = decided_by_circuit(values, STRENGTHS, each, seed, rng)
+    seed = int(stream(SCORING_SEED, by, number).integers(2**31))
+    rng = stream(SCORING_SEED, "within a bin", number)
+    decisions = decided_by_circuit(values, STRENGTHS, each, seed, rng)
     rng = stream(SCORING_SEED, "responses", by, number)
     return responses(values, STRENGTHS, decisions, rng), truth
 
@@ -89,10 +81,8 @@ def within_prior(likelihood: Likelihood) -> Likelihood:
 
 def recovered(by: str, first: int, sets: int, trials: int) -> pd.DataFrame:
     """Return the truth, the optimum and the posterior of each parameter of some data sets."""
-    model: Model = GapModel()
-    if by == "circuit":
-        seed = int(stream(SCORING_SEED, "stored trials", first).integers(2**31))
-        model = replace(fitted_circuit(NONE, trials, DEADLINE_S), seed=seed)
+    seed = int(stream(SCORING_SEED, "stored trials", first).integers(2**31))
+    model = replace(fitted_circuit(NONE, trials, DEADLINE_S), seed=seed)
     rows = []
     for number in range(first, first + sets):
         names = [each.name for each in model.parameters if each.free]
@@ -118,21 +108,18 @@ def recovered(by: str, first: int, sets: int, trials: int) -> pd.DataFrame:
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Go through batches of data sets, by the test and by the circuit."""
+    """Go through batches of data sets."""
     trials = COARSE_TRIALS if fast else TRIALS
     sets = COARSE_SETS if fast else SETS
-    for by in ("test", "circuit"):
-        for first in range(0, sets, BATCH_SETS):
-            some = min(BATCH_SETS, sets - first)
-            make = partial(recovered, by, first, some, trials)
-            seconds = some * (4 if by == "test" else 12)
-            yield Piece("recovery", f"{by} {first}", SET_TRIALS, seconds, make)
+    for first in range(0, sets, BATCH_SETS):
+        some = min(BATCH_SETS, sets - first)
+        make = partial(recovered, CIRCUIT, first, some, trials)
+        yield Piece("recovery", f"{CIRCUIT} {first}", SET_TRIALS, 12 * some, make)
 
 
 def tables(made: Made) -> Mapping[str, tuple[str, pd.DataFrame]]:
-    """Return the tables that pages and figures read."""
-    sets = made["recovery"]
-    return {"sets": ("recovery", sets), "calibration": ("recovery", _calibration(sets))}
+    """Return the one table."""
+    return {"calibration": ("recovery", _calibration(made["recovery"]))}
 
 
 def _calibration(recovery: pd.DataFrame) -> pd.DataFrame:

@@ -62,14 +62,7 @@ def patient(recorded: Trials, who: str, trials: int) -> pd.DataFrame:
         left_out[name] = predicted(likelihood, start=made.vector)
         cells = cells_of(design, made.density)
         better = difference(better_by(left_out[name], left_out["nothing"]))
-        rows.append(
-            cells.assign(
-                participant=who, moved=name, **better,
-                log_likelihood=made.log_likelihood,
-                **{k.partition("[")[0] + ("_on" if "=on" in k else ""): v
-                   for k, v in made.values.items() if not k.startswith("sensitivity")},
-            )
-        )  # fmt: skip
+        rows.append(cells.assign(participant=who, moved=name, **better))
     return pd.concat(rows, ignore_index=True)
 
 
@@ -89,13 +82,12 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return the fitted means of each patient, and the predictions of each move for all."""
-    cells = made["patients"]
-    return {"cells": ("patients", cells), "moves": ("patients", _moves(cells))}
+    """Return the predictions of each change over people, and its effect on times."""
+    return {"moves": ("patients", _moves(made["patients"]))}
 
 
 def _moves(cells: pd.DataFrame) -> pd.DataFrame:
-    """Return the predictions of each change over people, and its effects with those in the data."""
+    """Return the predictions of each change over people, and its effect with that in the data."""
     rows = []
     for name, some in cells.groupby("moved", sort=False):
         each = some.drop_duplicates("participant")
@@ -109,11 +101,6 @@ def _moves(cells: pd.DataFrame) -> pd.DataFrame:
             wide = some.pivot(
                 index="participant", columns=["conflict", "stimulation"], values=f"{prefix}mean_s"
             )
-            for conflict in ("high", "low"):
-                for stimulation in ("off", "on"):
-                    one = wide[conflict, stimulation]
-                    row[f"{who}_{conflict}_{stimulation}_s"] = one.mean()
-                    row[f"{who}_{conflict}_{stimulation}_sem"] = one.sem()
             effect = {c: wide[c, "on"] - wide[c, "off"] for c in ("high", "low")}
             apart = effect["high"] - effect["low"]
             row |= {f"{who}_interaction_s": apart.mean(), f"{who}_interaction_sem": apart.sem()}

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from bgmodel.fitting import passage
 from bgmodel.fitting.algorithms import EXPONENTIAL
+from tests.closed_forms import accuracy, mean_time_s, sd_time_s
 from tests.drawn import with_drift
 
 DRIFT = st.floats(-6.0, 6.0)
@@ -30,18 +31,18 @@ def moments(drift, bound):
 def test_densities_of_a_constant_bound_integrate_to_the_closed_forms(drift, bound):
     mass, right, mean, sd = moments(drift, bound)
     assert mass == pytest.approx(1, abs=1e-6)
-    assert right == pytest.approx(float(passage.accuracy(drift, bound)), abs=1e-6)
-    assert mean == pytest.approx(float(passage.mean_time_s(drift, bound)), abs=1e-5 * bound**2)
-    assert sd == pytest.approx(float(passage.sd_time_s(drift, bound)), abs=1e-4 * bound**2)
+    assert right == pytest.approx(float(accuracy(drift, bound)), abs=1e-6)
+    assert mean == pytest.approx(float(mean_time_s(drift, bound)), abs=1e-5 * bound**2)
+    assert sd == pytest.approx(float(sd_time_s(drift, bound)), abs=1e-4 * bound**2)
 
 
 @given(BOUND)
 def test_closed_forms_go_over_smoothly_to_those_without_drift(bound):
     drifts = np.array([0.0, 1e-7, 1e-5, 0.0199 / bound, 0.0201 / bound])
-    assert passage.accuracy(drifts[:2], bound) == pytest.approx([0.5, 0.5], abs=1e-6)
-    assert passage.mean_time_s(drifts, bound) == pytest.approx(bound**2, rel=2e-4)
-    assert passage.sd_time_s(drifts, bound) == pytest.approx(np.sqrt(2 / 3) * bound**2, rel=4e-4)
-    near, far = passage.sd_time_s(drifts[3:], bound)
+    assert accuracy(drifts[:2], bound) == pytest.approx([0.5, 0.5], abs=1e-6)
+    assert mean_time_s(drifts, bound) == pytest.approx(bound**2, rel=2e-4)
+    assert sd_time_s(drifts, bound) == pytest.approx(np.sqrt(2 / 3) * bound**2, rel=4e-4)
+    near, far = sd_time_s(drifts[3:], bound)
     assert near == pytest.approx(far, rel=1e-5)
 
 

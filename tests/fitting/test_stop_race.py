@@ -9,7 +9,6 @@ import pytest
 from bgmodel.fitting.hierarchy.group import ALMOST
 from bgmodel.fitting.hierarchy.group_fit import fit_group
 from bgmodel.fitting.optimum import optimum
-from bgmodel.fitting.passage import accuracy
 from bgmodel.fitting.person_fit import fit_likelihood
 from bgmodel.fitting.stop_process import (
     GO,
@@ -22,6 +21,7 @@ from bgmodel.fitting.stop_process import (
 from bgmodel.fitting.stop_race import StopRace, likelihood, stop_model
 from bgmodel.stopping.inputs import MOST_NATS
 from bgmodel.stopping.trials import StopTrials, drawn_delays
+from tests.closed_forms import accuracy
 from tests.helpers import refused
 
 DELAYS = np.arange(50.0, 451.0, 50.0)

@@ -25,6 +25,7 @@ from bgmodel.learning.value_models import (
     value_differences,
 )
 from bgmodel.trials.reader import read_trials
+from tests.closed_forms import accuracy, mean_time_s, sd_time_s
 from tests.drawn import with_drift
 from tests.helpers import refused, refusing
 from tests.read import ROWS, changed, table_of, without
@@ -70,10 +71,10 @@ def test_draws_have_the_moments_of_the_closed_forms():
     uniform[2] = 1.0  # no lapses
     each = [np.full(n, x) for x in (1.2, 0.8, 0.0, 0.3)]
     response, rt_s = draw(*each, uniform)
-    p = float(passage.accuracy(1.2, 0.8))
+    p = float(accuracy(1.2, 0.8))
     assert response.mean() == pytest.approx(p, abs=4 * np.sqrt(p * (1 - p) / n))
-    sd = float(passage.sd_time_s(1.2, 0.8))
-    assert rt_s.mean() - 0.3 == pytest.approx(passage.mean_time_s(1.2, 0.8), abs=4 * sd / n**0.5)
+    sd = float(sd_time_s(1.2, 0.8))
+    assert rt_s.mean() - 0.3 == pytest.approx(mean_time_s(1.2, 0.8), abs=4 * sd / n**0.5)
     assert rt_s.std() == pytest.approx(sd, rel=0.06)
     lapses, _ = draw(*each, np.random.default_rng(2).random((4, n)))
     assert lapses.mean() < p

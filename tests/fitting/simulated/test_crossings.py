@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bgmodel.fitting import passage
 from bgmodel.fitting.responses import BIN_S, Grid, moments
 from bgmodel.fitting.simulated.crossings import (
     DRIFTS,
@@ -20,6 +19,7 @@ from bgmodel.fitting.simulated.crossings import (
 )
 from bgmodel.fitting.simulated.error import decided
 from bgmodel.integrators.first_passage import GaussianIncrements, walk
+from tests.closed_forms import accuracy
 from tests.drawn import GAIN, ideal
 
 GRID = Grid(300)
@@ -62,7 +62,7 @@ def test_a_drift_that_was_not_simulated_ends_as_the_exact_walk(stored, row, drif
     assert 1 - computed["accuracy"] == pytest.approx(wrong, abs=most)
     assert 1 - computed["answered"] == pytest.approx(forced, abs=3.5 * (forced / few) ** 0.5 + 1e-6)
     level = bound / GAIN + BEYOND_A_BOUND * np.sqrt(BIN_S)
-    assert computed["accuracy"] == pytest.approx(float(passage.accuracy(drift, level)), abs=0.003)
+    assert computed["accuracy"] == pytest.approx(float(accuracy(drift, level)), abs=0.003)
 
 
 DRIFT = st.floats(0, 16)
