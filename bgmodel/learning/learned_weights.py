@@ -11,7 +11,6 @@ from bgmodel.deciding.tradeoff import curve, time_at, tradeoff
 from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.at_thresholds import CIRCUIT, decide_at_thresholds
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.baselines import Race
 from bgmodel.integrators.criterion import deciding_thresholds
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.features import Features
@@ -124,18 +123,15 @@ class LearnedWeights(Facts):
             r[run] = both / np.sqrt(max((exact**2).mean() * (learned**2).mean(), 1e-300))
         return Calibration(slope, r)
 
-    def relative_time(
-        self, features: Features, accuracy: float = 0.9, *, stn: bool = True
-    ) -> Array:
+    def relative_time(self, features: Features, accuracy: float = 0.9) -> Array:
         """Return mean decision times at equal accuracy relative to the exact likelihoods, (runs,).
 
         Both are those of the MSPRT on the same held-out readings; NaN if weights never reach the
-        accuracy. Without ``stn``, D1 alone hears the learned drive, so that drives race; the exact
-        likelihoods always drive both.
+        accuracy.
         """
         exact = time_at_accuracy(features.exact, accuracy)
         drives = [self.to_evidence(features, run) for run in range(self.runs)]
-        times = [time_at_accuracy(drive, accuracy, stn=stn) for drive in drives]
+        times = [time_at_accuracy(drive, accuracy) for drive in drives]
         return np.array(times) / exact
 
     def plot(self, features: Features, run: int = 0, ax: Axes | None = None) -> Figure:
@@ -190,16 +186,12 @@ def counted_weights(features: Features, readings: int | None = None) -> LearnedW
     return LearnedWeights(np.array(rows)[None], features.names)
 
 
-def time_at_accuracy(evidence: Evidence, accuracy: float, *, stn: bool = True) -> float:
-    """Return the mean decision time of the MSPRT at a proportion correct, ms; NaN if not reached.
-
-    Without S, the sum over hypotheses that STN computes, ``OUT_i = -y_i``, and drives race.
-    """
+def time_at_accuracy(evidence: Evidence, accuracy: float) -> float:
+    """Return the mean decision time of the MSPRT at a proportion correct, ms; NaN if never."""
     # Leads of 0.001 to 20 nats over the others: weights that are not calibrated need a wide range.
     lead = np.geomspace(1e-3, 20.0, 300)
-    thresholds = np.log1p((evidence.hypotheses - 1) * np.exp(-lead)) if stn else -lead
-    trace = Msprt().run(evidence) if stn else Race().run(evidence)
-    swept = tradeoff(trace, evidence, thresholds)
+    thresholds = np.log1p((evidence.hypotheses - 1) * np.exp(-lead))
+    swept = tradeoff(Msprt().run(evidence), evidence, thresholds)
     # The proportion correct, because learned posteriors need not be calibrated.
     right = (swept.choice == evidence.truth).astype(np.float64)
     curves = curve(replace(swept, posterior=right), np.ones((1, evidence.trials)))

@@ -1,29 +1,25 @@
 """The whole chain, scored: taps in, reward out: make score.
 
-For 20 seeds each: the level of dopamine that a circuit learns on gratings, its accuracy in equal
-time compared with the test's, and decisions of test, populations and spikes at what reward taught
-them, on shipped taps and on recordings.
+For 20 seeds each: the level of dopamine that a circuit learns on gratings, and decisions of test,
+populations and spikes at what reward taught them, on shipped taps and on recordings.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cache, partial
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from bgmodel import stream
-from bgmodel.comparison.compare import compare
-from bgmodel.comparison.thresholds import MSPRT
 from bgmodel.evidence import Evidence
-from bgmodel.from_taps import ACCURACIES, T_MAX, chain
+from bgmodel.from_taps import T_MAX, chain
 from bgmodel.integrators.at_thresholds import CIRCUIT
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.sprt import Msprt
 from bgmodel.learning.dopamine_learner import TEST
-from bgmodel.learning.from_reward import XI, learn
+from bgmodel.learning.from_reward import learn
 from bgmodel.learning.reinforce import Learner
 from bgmodel.tactile.recordings import find_recordings
 from bgmodel.tactile.source import Folds, decoded_edges, folds, held_out_taps
@@ -39,10 +35,9 @@ CHAINS = ("1.5 mm", "2 mm", "edge, recorded")
 """Taps on which reward sets the criterion of test and circuit."""
 TURN_DEG = 5.0
 TRIALS, SPIKING, FOLDS, STEP_MS = 1200, 240, 12, 50.0
-SECONDS = {"told": 1.0, "levels": 25.0, "equal": 10.0, "learned": 60.0}
+SECONDS = {"told": 1.0, "levels": 25.0, "learned": 60.0}
 """CPU time of a seed, about."""
-BY = ["part", "taps", "who", "measure", "accuracy"]
-GIVEN: dict[str, Any] = {"who": CIRCUIT, "accuracy": np.nan}
+BY = ["part", "taps", "who", "measure"]
 
 
 @cache
@@ -65,7 +60,7 @@ def told(taps: str, seed: int) -> pd.DataFrame:
     """Return the accuracy of the test that uses all readings of a trial."""
     evidence = readings(taps).draw(TRIALS, T_MAX, rng=stream(seed, "chain, told"), step_ms=STEP_MS)
     accuracy = float(Msprt().decide(evidence, posterior=1 - 1e-9).accuracy)
-    return pd.DataFrame([{**GIVEN, "who": TEST, "measure": "accuracy", "value": accuracy}])
+    return pd.DataFrame([{"who": TEST, "measure": "accuracy", "value": accuracy}])
 
 
 def levels(taps: str, seed: int) -> pd.DataFrame:
@@ -73,24 +68,11 @@ def levels(taps: str, seed: int) -> pd.DataFrame:
     task = SameDifferent(float(taps.split()[0]), t_max=T_MAX)
     model = BasalGanglia(load_circuit(DEFAULT, 2), Rates().coarse())
     outcome = learn(task, model, seed=seed)
-    fresh = outcome.details.fresh  # type: ignore[union-attr]
     values = {
-        "gain": outcome.details.model.gain,  # type: ignore[union-attr]
         "level": outcome.learned.mean(), "best_level": outcome.best, "regret": outcome.regret,
         "start_regret": outcome.regrets.loc["start", "value"],
-        "warned": float(bool(outcome.cautions)), "at_edge": float(bool(fresh.at_edge(XI))),
     }  # fmt: skip
-    return pd.DataFrame(values.items(), columns=["measure", "value"]).assign(**GIVEN)
-
-
-def equal(taps: str, seed: int) -> pd.DataFrame:
-    """Return accuracy minus the test's in equal time, at each accuracy that is reached."""
-    source = readings(taps)
-    evidence = source.draw(TRIALS, T_MAX, rng=stream(seed, "chain, equal"), step_ms=STEP_MS)
-    table = compare(_model(evidence, seed), evidence, accuracies=ACCURACIES, seed=seed).table
-    rows = table[(table["reference"] == MSPRT) & (table["model"] == CIRCUIT)]
-    rows = rows[rows["measure"].isin(["accuracy_gap", "extra_ms"])]
-    return rows[["measure", "accuracy", "value"]].dropna().assign(who=CIRCUIT)
+    return pd.DataFrame(values.items(), columns=["measure", "value"]).assign(who=CIRCUIT)
 
 
 def learned(taps: str, seed: int) -> pd.DataFrame:
@@ -98,7 +80,7 @@ def learned(taps: str, seed: int) -> pd.DataFrame:
     source = readings(taps)
     evidence = source.draw(TRIALS, T_MAX, rng=stream(seed, "chain, learned"), step_ms=STEP_MS)
     outcome = chain(source, _model(evidence, seed), evidence, Learner(), seed, 1, SPIKING)
-    return outcome.learned.assign(accuracy=np.nan)
+    return outcome.learned
 
 
 def _model(evidence: Evidence, seed: int) -> BasalGanglia:
@@ -119,8 +101,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     seeds = COARSE_SEEDS if fast else SEEDS
     gratings = [f"{period:g} mm" for period in PERIODS_MM]
     some = gratings[1:]  # the finest holds nothing to decide by
-    wanted = {told: [*gratings, CHAINS[-1]], levels: some, equal: [*some, CHAINS[-1]],
-              learned: CHAINS}  # fmt: skip
+    wanted = {told: [*gratings, CHAINS[-1]], levels: some, learned: CHAINS}
     for make, taps in wanted.items():
         for name in taps:
             seconds = SECONDS[make.__name__] * seeds
@@ -130,7 +111,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     """Return the mean of each measure over seeds, its 95 % interval and its range."""
-    by = made["rows"].groupby(BY, sort=False, dropna=False)["value"]
+    by = made["rows"].groupby(BY, sort=False)["value"]
     means = by.agg(seeds="count", value="mean", least="min", most="max").reset_index()
     width = (1.96 * by.std() / np.sqrt(by.count())).to_numpy()
     means["value_low"], means["value_high"] = means["value"] - width, means["value"] + width

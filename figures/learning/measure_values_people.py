@@ -45,7 +45,6 @@ from bgmodel.trials.record import Trials
 from figures.learning.value_people import (
     by_difference,
     courses,
-    from_prior,
     like,
     log_ratio,
     mean_and_error,
@@ -64,8 +63,6 @@ DRAWN = "confidence, two rates"
 """The model whose predictions are compared with people's choices and times."""
 RECOVERED = ("q", "q, two rates", "confidence, two rates")
 """Models whose parameters are sought in simulated people."""
-MEASURES = ("participant_id", "model", "fitted", "log_likelihood", "bic", "left_out", "faster_ms")
-"""Columns of ``fitted`` besides the parameters."""
 CONFOUNDED = {"rate": 0.15, "scale": 2.0, "bound": 0.9, "t0_s": 0.4, "stickiness": 0.1}
 """Simulated people with one rate who repeat choices."""
 
@@ -114,18 +111,6 @@ def compared(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(summaries)
 
 
-def estimates(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return median and quartiles over people of every parameter of every model."""
-    quartiles = []
-    for model, of_model in rows.groupby("model", sort=False):
-        for name in of_model.dropna(axis="columns").columns.difference(MEASURES, sort=False):
-            low, middle, high = np.quantile(of_model[name], [0.25, 0.5, 0.75])
-            quartiles.append(
-                {"model": model, "parameter": name, "median": middle, "q25": low, "q75": high}
-            )
-    return pd.DataFrame(quartiles)
-
-
 def expected(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the ranges expected before the data were analysed, with the values obtained."""
     out = rows.pivot(index="participant_id", columns="model", values="left_out")
@@ -153,13 +138,10 @@ def expected(rows: pd.DataFrame) -> pd.DataFrame:
     return table.assign(agrees=agrees, people=people)
 
 
-def recovery(drawn: str, model: str, people: int) -> pd.DataFrame:
+def recovery(model: str, people: int) -> pd.DataFrame:
     """Return how well parameters of simulated people are found, one row per parameter and all."""
     known = MODELS[model]
-    if drawn == "like people":
-        true = like(list(fits_of(model, 28).values()), people, SCORING_SEED)
-    else:
-        true = from_prior(known, people, SCORING_SEED)
+    true = like(list(fits_of(model, 28).values()), people, SCORING_SEED)
     estimated, inside = recovered(known, true, SCORING_SEED)
     rows: list[dict[str, Any]] = []
     for k, name in enumerate(each.name for each in known.parameters):
@@ -172,7 +154,7 @@ def recovery(drawn: str, model: str, people: int) -> pd.DataFrame:
         )  # fmt: skip
     share, share_se = mean_and_error(inside.mean(axis=1))
     rows.append({"parameter": "all", "coverage": share, "coverage_se": share_se})
-    return pd.DataFrame(rows).assign(drawn=drawn, model=model, people=people)
+    return pd.DataFrame(rows).assign(model=model, people=people)
 
 
 def confounded(people: int) -> pd.DataFrame:
@@ -202,10 +184,9 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
     for kind, make in (("courses", courses), ("differences", by_difference)):
         yield Piece(kind, DRAWN, trials, 20, partial(_drawn, make, people))
     yield Piece("confound", "asymmetry", 90 * some, 0.6 * some, partial(confounded, some // 2))
-    for drawn, names in (("like people", RECOVERED), ("prior", RECOVERED[1:2])):
-        for model in names:
-            make = partial(recovery, drawn, model, some)
-            yield Piece("recovery", f"{model}, {drawn}", 180 * some, 0.5 * some, make)
+    for model in RECOVERED:
+        make = partial(recovery, model, some)
+        yield Piece("recovery", model, 180 * some, 0.5 * some, make)
 
 
 def _drawn(make: Any, people: int) -> pd.DataFrame:
@@ -217,7 +198,6 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     kinds = ("courses", "differences", "recovery", "confound")
     every = {kind: (kind, made[kind]) for kind in kinds}
     every["models"] = ("people", compared(made["people"]))
-    every["parameters"] = ("people", estimates(made["people"]))
     every["expected"] = ("people", expected(made["people"]))
     return every
 

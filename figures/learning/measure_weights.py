@@ -38,7 +38,7 @@ AFTER = (100, 300, 1000, 3000, 10_000, 30_000)
 """Trials after which weights are scored."""
 AVERAGED = 0.25
 """Share of the last trials over which weights are averaged."""
-CONFIDENCE, CHOSEN, COUNTS, D1_ALONE = "confidence", "chosen", "counts", "confidence, D1 alone"
+CONFIDENCE, CHOSEN, COUNTS = "confidence", "chosen", "counts"
 RULES: tuple[tuple[str, str | None], ...] = (
     ("confidence", None), ("chosen", None), ("confidence", "mean"), ("chosen", "mean"),
     ("reinforce", None), ("covariance", None), ("hebbian", None), ("q", None), ("opal", None),
@@ -94,9 +94,6 @@ def _part_over_trials(
         if rule == CONFIDENCE:
             counted = _counted(task, label, round(heard), runs)
             parts.append(scores(counted, task, label, rule=COUNTS, correct=np.nan, **known))
-            if len(learned.names) > 2:
-                alone = {"rule": D1_ALONE, "correct": np.nan, "stn": False}
-                parts.append(scores(then, task, label, **alone, **known))
     return pd.concat(parts)
 
 

@@ -90,16 +90,14 @@ def gratings(**options: Any) -> tuple[PooledFeatures, PooledFeatures]:
 MEASURES = ["slope", "r", "relative_time"]
 
 
-def scores(
-    learned: LearnedWeights, task: TaskReadings, name: str, *, stn: bool = True, **known: object
-) -> pd.DataFrame:
+def scores(learned: LearnedWeights, task: TaskReadings, name: str, **known: object) -> pd.DataFrame:
     """Return slope, r and relative time of each run, each on other held-out trials."""
     rows = []
     for run in range(learned.runs):
         test = task.test(f"{name} {run}")
         one = replace(learned, weights=learned.weights[run : run + 1])
         calibration = one.calibration(test)
-        time = one.relative_time(test, ACCURACY, stn=stn)
+        time = one.relative_time(test, ACCURACY)
         rows.append([calibration.slope[0], calibration.r[0], time[0]])
     return pd.DataFrame(rows, columns=MEASURES).assign(**known)
 

@@ -179,14 +179,6 @@ def like(fits: Sequence[Optimum], people: int, seed: int) -> Array:
     return middle + spread * rng.standard_normal((people, len(middle)))
 
 
-def from_prior(model: ValueModel, people: int, seed: int) -> Array:
-    """Return parameters drawn from the priors, (people, parameters), on their scales."""
-    priors = [(float(p.scaled(p.prior[0])), p.prior[1]) for p in model.parameters if p.prior]
-    middle, spread = np.array(priors).T
-    rng = stream(seed, "prior", model.name)
-    return np.asarray(middle + spread * rng.standard_normal((people, len(middle))))
-
-
 def natural(model: ValueModel, scaled: Array) -> dict[str, Array]:
     """Return parameters by name from an array (people, parameters) on their scales."""
     pairs = zip(model.parameters, scaled.T, strict=True)

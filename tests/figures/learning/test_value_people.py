@@ -10,7 +10,6 @@ from figures.learning.value_people import (
     LAST,
     by_difference,
     courses,
-    from_prior,
     like,
     log_ratio,
     natural,
@@ -54,15 +53,13 @@ def test_larger_differences_are_decided_better_and_sooner(fits):
     assert ((p > 0) & (p < 1)).all()
 
 
-def test_drawn_parameters_have_the_spread_of_the_fits_or_of_the_prior(fits):
+def test_drawn_parameters_have_the_spread_of_the_fits(fits):
     drawn = like(list(fits.values()), 2000, seed=1)
     at = np.stack([fit.likelihood.freedom.to_scale(fit.vector) for fit in fits.values()])
     middle = np.median(at, axis=0)
     spread = 1.4826 * np.median(np.abs(at - middle), axis=0)
     assert np.abs(drawn.mean(axis=0) - middle) == pytest.approx(0, abs=0.1 * spread.max())
     assert drawn.std(axis=0) == pytest.approx(spread, rel=0.1)
-    sd = [each.prior[1] for each in MODEL.parameters]
-    assert from_prior(MODEL, 2000, seed=1).std(axis=0) == pytest.approx(sd, rel=0.1)
 
 
 def test_intervals_contain_the_truth_of_most_people_and_not_another():
