@@ -153,9 +153,12 @@ def decisions(entrant: Entrant, alternatives: int, trials: int) -> pd.DataFrame:
     ).table
     row: dict[str, Any] = {"gain": model.gain}
     of = comparison[(comparison["model"] == CIRCUIT) & (comparison["accuracy"] == ACCURACY)]
-    for reference, ending in ((MSPRT, ""), (OTHER_NOISE, "_ceiling")):
+    for reference, ending, measures in (
+        (MSPRT, "", ("agreement", "agreement_chance", "extra_ms")),
+        (OTHER_NOISE, "_ceiling", ("agreement",)),
+    ):
         part = of[of["reference"] == reference].set_index("measure")
-        for measure in ("agreement", "agreement_chance", "pearson_r", "extra_ms"):
+        for measure in measures:
             known = measure in part.index
             for what, end in (("value", ""), ("low", "_low"), ("high", "_high")):
                 row[f"{measure}{ending}{end}"] = part.loc[measure, what] if known else np.nan

@@ -11,34 +11,19 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from scipy.stats import t
 
 from bgmodel import stream
 from circuits import anatomy
 from circuits.arrays import Array
-from circuits.circuit import Circuit
 from circuits.engines import run
 from figures.pieces import Made, Piece, Score
 
 SCORING_SEED = 77_001
 SEEDS, COARSE_SEEDS = 10, 3
 TRIALS, SETTLED_MS, STEP_MS, STEPS = 3, 300, 100, 10
-TONIC_HZ = 3.0
-"""Of cortex, in Humphries et al. 2006; a salience of 1 is 40 Hz more."""
-PARS, SELECTION = "authors' code, pars.m", "authors' code, batch_selection_grid_DA.m"
-
-
-def out_of(circuit: Circuit, saliences: npt.ArrayLike, seeds: int) -> Array:
-    """Return the mean output of each channel in spikes, (seeds, channels)."""
-    drive = np.tile(saliences, (TRIALS, STEPS, 1))
-    outputs = []
-    for seed in range(seeds):
-        wired = replace(circuit, wiring_seed=seed)
-        settings = {"engine": "spikes", "step_ms": STEP_MS, "seed": SCORING_SEED + seed}
-        outputs.append(run(wired, drive, **settings).output_nats[:, SETTLED_MS:].mean(axis=(0, 1)))
-    return np.array(outputs)
+PARS = "authors' code, pars.m"
 
 
 def over_seeds(values: Array) -> dict[str, float]:
@@ -48,7 +33,7 @@ def over_seeds(values: Array) -> dict[str, float]:
 
 
 def humphries(seeds: int) -> Iterator[dict[str, Any]]:
-    """Yield tonic rates, and the output of channels at the authors' threshold of selection."""
+    """Yield tonic rates."""
     circuit = anatomy.humphries(3)
     rest = np.zeros((TRIALS, STEPS, 3))
     rates: dict[str, list[float]] = {"GPe": [], "SNr": [], "STN": []}
@@ -60,26 +45,10 @@ def humphries(seeds: int) -> Iterator[dict[str, Any]]:
     for name, printed in (("GPe", "30"), ("SNr", "30"), ("STN", "12")):
         what = f"rate of {name} at rest, Hz"
         yield {"what": what, "printed": printed, "where": PARS, **over_seeds(np.array(rates[name]))}
-    one = 100 * out_of(circuit, (np.array([25.0, 3, 3]) - TONIC_HZ) / 40, seeds)
-    for k, printed in ((0, "below 5"), (1, "above 5")):
-        what = f"SNr of channel {k + 1}, inputs 25, 3, 3 Hz, Hz"
-        yield {"what": what, "printed": printed, "where": SELECTION, **over_seeds(one[:, k])}
-    inputs = (np.array([20.0, 15, 3]) - TONIC_HZ) / 40
-    for level, printed in ((0.0, "fewer than at 0.3"), (0.3, "1"), (0.8, "more than at 0.3")):
-        selected = out_of(anatomy.humphries(3, dopamine=level), inputs, seeds) < 0.05
-        what = f"channels selected of 20, 15, 3 Hz, dopamine {level:g}"
-        yield {"what": what, "printed": printed, "where": "abstract, in words"} | over_seeds(
-            selected.sum(axis=1).astype(float)
-        )
 
 
 def stewart(seeds: int) -> Iterator[dict[str, Any]]:
-    """Yield the output that nengo's test asks for, and the time until a channel is silent."""
-    outputs = -3 * out_of(anatomy.stewart(5), [0.8, 0.4, 0.4, 0.4, 0.4], seeds)
-    test = "nengo 4.1, test_actionselection.py"
-    for k, printed in ((0, "above -0.1"), (1, "below -0.8")):
-        what = f"output times -3 of channel {k + 1}, saliences 0.8, 0.4, 0.4, 0.4, 0.4"
-        yield {"what": what, "printed": printed, "where": test, **over_seeds(outputs[:, k])}
+    """Yield the time until a channel is silent."""
     drive = np.tile(np.repeat([[0.0, 0, 0], [1.0, 0, 0]], 400, axis=0), (50, 1, 1))
     late = []
     for seed in range(seeds):
