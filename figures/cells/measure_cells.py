@@ -52,7 +52,7 @@ def pieces(fast: bool, workers: int) -> Iterator[Piece]:
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return nats by model, by cell and by delay, gains, courses, and recovery."""
+    """Return nats by model and by delay, gains, courses, and recovery."""
     scores, described = made["scored"], made["regressed"]
     by_course, by_recent = (
         _by(described[described["past"] == past], "cell", "apart") for past in (False, True)
@@ -78,8 +78,6 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
         if rows["choices"].notna().any():
             row |= _against(choices[model] - choices[CHOICES_ALONE], "_choices")
         models.append(row)
-    both = pd.concat([cells.drop(columns=NO_RECENT, errors="ignore"), by_recent], axis=1)
-    each = both.drop(columns="psth").sub(by_recent["psth"], axis=0)
     delays = made["delays"].groupby("delay_s")["nats"].sum().reset_index()
     best = made["delays"].groupby("cell")["nats"].max().sum()
     z = made["recovered"].groupby("number")["z"]
@@ -90,7 +88,6 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     return {
         "regressions": ("regressed", regressions),
         "models": ("scored", pd.DataFrame(models)),
-        "each": ("scored", each.melt(var_name="model", ignore_index=False).reset_index()),
         "delays": ("delays", delays.assign(best_of_each=best)),
         "gains": ("controls", made["controls"]),
         "courses": ("courses", made["courses"][made["courses"]["cells"] >= FEWEST_CELLS]),
