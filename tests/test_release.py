@@ -51,8 +51,7 @@ def sentences():
     """Yield what the paper says of each table, from the tables."""
     table = read_table(table_path("raw_decisions"))
     row = table.query(
-        "evidence == \"Gaussian, d' 0.5, N = 4\" and engine == 'population' and given == 'raw' "
-        "and accuracy == 0.9"
+        "evidence == \"Gaussian, d' 0.5, N = 4\" and engine == 'population' and accuracy == 0.9"
     ).iloc[0]
     yield f"in {row.agreement:.1%} of {row.trials:.0f} trials".replace("%", " %")
     yield f"({row.agreement_chance:.1%} expected by chance)".replace("%", " %")

@@ -86,10 +86,6 @@ class BasalGanglia(Facts):
         outrun it: see ``adapted_to``. Required for a circuit without a default.
     seed : int, optional
         Key of the noise.
-    centred : bool, optional
-        Whether the mean over channels is subtracted from the evidence outside the circuit; by
-        default as in the table. True for a circuit that gets raw evidence is a control: it shows
-        the cost of cancelling the common input within the circuit.
 
     Raises
     ------
@@ -106,7 +102,6 @@ class BasalGanglia(Facts):
     engine: EngineOrName = EngineOrName("population")
     gain: float = None  # type: ignore[assignment]  # a number after __post_init__
     seed: int | None = 0
-    centred: bool | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "circuit", checked_circuit(self.circuit))
@@ -115,8 +110,6 @@ class BasalGanglia(Facts):
         check_positive(gain=self.gain)
         if self.seed is not None:
             whole("seed", self.seed, 0)
-        if self.centred is not None:
-            check_flag("centred", self.centred)
         if ignored := ignored_edits(self.circuit, self.engine):
             EditWarning.warn(
                 f"the {self.engine} engine ignores these edits of {self.circuit.name}: "
@@ -132,8 +125,6 @@ class BasalGanglia(Facts):
             "gain": f"{self.gain:g}" + (" or less" if self._adapts else ""),
             "seed": f"{self.seed}",
         }
-        if self.centred is not None:
-            facts["centred"] = f"{self.centred}"
         return facts | {name: f"{value}" for name, value in self.engine.changed().items()}
 
     def adapted_to(self, evidence: Evidence) -> BasalGanglia:
@@ -171,7 +162,7 @@ class BasalGanglia(Facts):
         return model.trace(model.activity(evidence), evidence)
 
     def drive(self, evidence: Evidence) -> Array:
-        """Return the drive: raw evidence, or that of ``drive_of`` if it is centred.
+        """Return the drive: raw evidence, or that of ``drive_of`` if the circuit is centred.
 
         Raises
         ------
@@ -220,7 +211,7 @@ class BasalGanglia(Facts):
     @property
     def raw(self) -> bool:
         """Whether each channel gets its own evidence, without subtraction of the mean."""
-        return not (self.circuit.centred if self.centred is None else self.centred)
+        return not self.circuit.centred
 
     def trace(self, activity: Activity, evidence: Evidence) -> Trace:
         """Return the OUT of an activity as a trace on the evidence's clock.

@@ -40,8 +40,6 @@ COUNTS = (2, 3, 4, 6, 8, 12, 20)
 SPIKING = {2: 600, 4: 600, 8: 300}
 """Trials in spikes, by alternatives."""
 TRIALS, COARSE_TRIALS, TACTILE_TRIALS = 5000, 500, 1998
-CENTRED = "population, mean subtracted"
-"""The control: the mean over channels is subtracted outside the circuit."""
 ACCURACIES = (0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 0.97)
 HICK = (0.9, 0.95)
 """Accuracies at which a line is fitted over ln N."""
@@ -133,8 +131,6 @@ def tactile(evidence: str, alternatives: int, trials: int) -> pd.DataFrame:
     """
     taps, groups = tapped(evidence, alternatives, trials, SCORING_SEED)
     by_decider = deciders(taps, 0)
-    outside = replace(model_of(taps, "population"), centred=True)
-    by_decider[CENTRED] = swept(outside, taps, by_decider[MSPRT_AT_GAIN])
     counted = {
         name: replace(one, posterior=(one.choice == taps.truth).astype(np.float64))
         for name, one in by_decider.items()

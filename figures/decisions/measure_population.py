@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.stats import ks_2samp
 
 from bgmodel import stream
 from bgmodel.deciding.tradeoff import Tradeoff
@@ -37,7 +36,6 @@ D_PRIMES = {2: (0.35, 0.5, 0.8), 4: (0.35, 0.5, 0.8), 8: (0.35, 0.5, 0.8)}
 READINGS = {0.35: 120, 0.5: 80, 0.8: 40}
 """Most readings of a trial, by d': nearly all decide."""
 SPIKES, AGAIN, POPULATION = "spikes", "spikes, another seed", "population"
-TIMES = ("mean_ms", "sd_ms")
 DECISIONS = {2: 600, 4: 300, 8: 100}
 """Trials, by alternatives: a spiking trial is of 60 000 cells a channel."""
 SECONDS = {2: 0.3, 4: 0.4, 8: 0.8}
@@ -65,28 +63,20 @@ def decided(table: Circuit, shown: Evidence, name: str, workers: int) -> Tradeof
     return decide_at_thresholds(model, shown, thresholds, decoder_tau_ms=None)[CIRCUIT]
 
 
-def _measures(swept: Tradeoff, truth: npt.NDArray[Any], k: int) -> dict[str, float]:
-    times, right = swept.time_ms[k], swept.choice[k] == truth
-    quantiles = dict(zip(("q10", "q50", "q90"), np.quantile(times, (0.1, 0.5, 0.9)), strict=True))
+def _measures(
+    swept: Tradeoff, other: Tradeoff, truth: npt.NDArray[Any], k: int
+) -> dict[str, float]:
+    times = swept.time_ms[k]
     return {
-        "accuracy": right.mean(),
+        "accuracy": (swept.choice[k] == truth).mean(),
         "forced": swept.forced[k].mean(),
         "mean_ms": times.mean(),
-        "sd_ms": times.std(),
-        **quantiles,
-    }
-
-
-def _beside(swept: Tradeoff, other: Tradeoff, k: int) -> dict[str, float]:
-    return {
-        "ks": float(ks_2samp(swept.time_ms[k], other.time_ms[k]).statistic),
-        "r": float(np.corrcoef(swept.time_ms[k], other.time_ms[k])[0, 1]),
-        "same_choice": float((swept.choice[k] == other.choice[k]).mean()),
+        "r": float(np.corrcoef(times, other.time_ms[k])[0, 1]),
     }
 
 
 def decisions(channels: int, d_prime: float, trials: int, workers: int) -> pd.DataFrame:
-    """Return accuracy and times of each engine, and its difference from spikes."""
+    """Return accuracy and times of each engine, and the correlation of times with spikes."""
     rows, shown = [], evidence(channels, d_prime, trials)
     assert shown.truth is not None
     by_engine = {
@@ -96,8 +86,7 @@ def decisions(channels: int, d_prime: float, trials: int, workers: int) -> pd.Da
         for name, swept in by_engine.items():
             of = {"channels": channels, "d_prime": d_prime}
             of |= {"posterior": float(np.exp(-threshold)), "engine": name}
-            beside = _beside(swept, by_engine[SPIKES], k)
-            rows.append(of | _measures(swept, shown.truth, k) | beside)
+            rows.append(of | _measures(swept, by_engine[SPIKES], shown.truth, k))
     return pd.DataFrame(rows)
 
 
@@ -107,15 +96,14 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     for (channels, d_prime), part in made["decisions"].groupby(["channels", "d_prime"]):
         by = part.set_index(["posterior", "engine"]).unstack("engine")
         both = [SPIKES, AGAIN]
-        off = {name: by[name][POPULATION] / by[name][both].mean(axis=1) - 1 for name in TIMES}
         wrong = by["accuracy"][POPULATION] - by["accuracy"][both].mean(axis=1)
+        off = by["mean_ms"][POPULATION] / by["mean_ms"][both].mean(axis=1) - 1
         rows.append(
-            {"channels": channels, "d_prime": d_prime, "accuracy_off": wrong.abs().max()}
-            | {f"{name}_off": values.abs().max() for name, values in off.items()}
-            | {"ks_above": (by["ks"][POPULATION] - by["ks"][AGAIN]).max()}
-            | {"r_below": (by["r"][AGAIN] - by["r"][POPULATION]).max()}
-            | {"forced": part["forced"].max()}
-        )
+            {"channels": channels, "d_prime": d_prime, "accuracy_off": wrong.abs().max(),
+             "mean_ms_off": off.abs().max(),
+             "r_below": (by["r"][AGAIN] - by["r"][POPULATION]).max(),
+             "forced": part["forced"].max()}
+        )  # fmt: skip
     return {"decisions": ("decisions", pd.DataFrame(rows))}
 
 

@@ -1,9 +1,8 @@
-"""The default circuit on raw evidence, with a control and the noise ceiling: make score.
+"""The default circuit on raw evidence, with the noise ceiling: make score.
 
-Each channel receives its own evidence. For comparison: the same circuit with the mean over channels
-subtracted outside (the control), chance, and the circuit with other noise (the noise ceiling).
-Populations decide on every kind of evidence; spikes on all but one, together with a decoder of
-their cortical spikes. Evaluated on held-out seeds.
+Each channel receives its own evidence. For comparison: chance, and the circuit with other noise
+(the noise ceiling). Populations decide on every kind of evidence; spikes on all but one, together
+with a decoder of their cortical spikes. Evaluated on held-out seeds.
 """
 
 from __future__ import annotations
@@ -32,84 +31,75 @@ LOWER = (0.8, 0.85, 0.9)
 FASTER, SLOWER = 60, 8
 """Times that populations are faster than spikes in ``kinds``, and this table is slower."""
 MEASURES = ("agreement", "within_50_ms", "pearson_r", "extra_ms")
-BESIDE = ("agreement", "within_50_ms", "pearson_r")
-"""What the decoder of cortex is shown with."""
+OF_DECODER = ("agreement", "pearson_r")
+"""What is shown of the decoder of cortex."""
 
 
 def decisions(
     kind: Kind,
     engine: str,
-    centred: bool,
     trials: int,
     workers: int,
     *,
     step_ms: float = 50.0,
     accuracies: Sequence[float] = ACCURACIES,
 ) -> pd.DataFrame:
-    """Return the comparison of the circuit on a kind of evidence, raw or centred."""
+    """Return the comparison of the circuit on a kind of evidence."""
     table = load_circuit(DEFAULT, kind.channels)
     chosen = engine_of(engine, workers=workers, sample_ms=sample_ms(step_ms))
-    model = BasalGanglia(table, chosen, gain_of(table), SCORING_SEED, centred or None)
+    model = BasalGanglia(table, chosen, gain_of(table), SCORING_SEED)
     comparison = compare(
         model,
         drawn(kind, trials, step_ms),
         seed=SCORING_SEED,
         baselines=(),
-        noise_ceiling=not centred,
+        noise_ceiling=True,
         groups=groups_of(kind.name, trials),
         accuracies=accuracies,
     ).table
     name = kind.name if step_ms == 50.0 else f"{kind.name}, every {step_ms:g} ms"
-    form = "mean subtracted" if centred else "raw"
-    return comparison.assign(evidence=name, engine=engine, given=form, trials=trials)
+    return comparison.assign(evidence=name, engine=engine, trials=trials)
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Yield populations on raw and centred evidence of every kind, and spikes on raw evidence."""
+    """Yield populations on every kind of evidence, and spikes on all but one."""
     trials = COARSE_TRIALS if fast else TRIALS
     for kind in kinds():
-        for centred in (False, True):
-            make = partial(decisions, kind, "population", centred, trials, workers)
-            name = f"{kind.name}, population{', mean subtracted' if centred else ''}"
-            # Most of it is the bootstrap.
-            seconds = kind.seconds * trials / 100 * SLOWER / FASTER + trials / 70
-            yield Piece("decisions", name, trials, seconds, make)
-            if kind.name == SLOW and not fast:
-                slow = partial(
-                    decisions, kind, "population", centred, SLOW_TRIALS, workers,
+        make = partial(decisions, kind, "population", trials, workers)
+        name = f"{kind.name}, population"
+        # Most of it is the bootstrap.
+        seconds = kind.seconds * trials / 100 * SLOWER / FASTER + trials / 70
+        yield Piece("decisions", name, trials, seconds, make)
+        if kind.name == SLOW:
+            if not fast:
+                make = partial(
+                    decisions, kind, "population", SLOW_TRIALS, workers,
                     step_ms=SLOW_MS, accuracies=LOWER,
                 )  # fmt: skip
                 seconds = 0.3 * SLOW_TRIALS
-                yield Piece("decisions", f"{name}, every 500 ms", SLOW_TRIALS, seconds, slow)
-        if kind.name != SLOW:
+                yield Piece("decisions", f"{name}, every 500 ms", SLOW_TRIALS, seconds, make)
+        else:
             few = COARSE_SPIKING if fast else SPIKING_TRIALS
-            make = partial(decisions, kind, "spikes", False, few, workers)
+            make = partial(decisions, kind, "spikes", few, workers)
             seconds = kind.seconds * few / 100 * SLOWER
             yield Piece("decisions", f"{kind.name}, spikes", few, seconds, make)
 
 
 def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
-    """Return a row per evidence, its form, engine and accuracy; and rows of the decoder."""
+    """Return a row per evidence, engine and accuracy; and rows of the decoder."""
     rows = made["decisions"]
     rows = rows[rows["accuracy"].notna()]
-    spiking = rows[(rows["engine"] == "spikes") & (rows["reference"] == MSPRT_AT_GAIN)]
-    spiking = spiking[spiking["measure"].isin(BESIDE)]
-    named = spiking["measure"].where(spiking["model"] == CIRCUIT, "decoder_" + spiking["measure"])
-    rows = rows[rows["model"] == CIRCUIT]
-    beside = (*MEASURES, *(f"{name}_chance" for name in MEASURES), "agreement_corrected")
-    kept = rows[
-        (rows["reference"] == MSPRT_AT_GAIN) & rows["measure"].isin([*beside, "r_noise_corrected"])
-    ]
-    self = rows[
-        (rows["reference"] == OTHER_NOISE)
-        & rows["measure"].isin(["agreement_corrected", "pearson_r"])
-    ]
-    self = self.assign(measure="ceiling_" + self["measure"])
-    by = ["evidence", "engine", "given", "trials", "accuracy"]
-    beside_decoder = wide(spiking.assign(measure=named), ["evidence", "trials", "accuracy"])
+    against_test = rows["reference"] == MSPRT_AT_GAIN
+    of_circuit = rows["model"] == CIRCUIT
+    decoder = rows[against_test & ~of_circuit & (rows["engine"] == "spikes")]
+    decoder = decoder[decoder["measure"].isin(OF_DECODER)]
+    decoder = decoder.assign(measure="decoder_" + decoder["measure"])
+    kept = rows[against_test & of_circuit & rows["measure"].isin([*MEASURES, "agreement_chance"])]
+    self = rows[(rows["reference"] == OTHER_NOISE) & of_circuit & (rows["measure"] == "pearson_r")]
+    both = pd.concat([kept, self.assign(measure="ceiling_pearson_r")])
     return {
-        "decisions": ("decisions", wide(pd.concat([kept, self]), by)),
-        "decoder": ("decisions", beside_decoder),
+        "decisions": ("decisions", wide(both, ["evidence", "engine", "trials", "accuracy"])),
+        "decoder": ("decisions", wide(decoder, ["evidence", "trials", "accuracy"])),
     }
 
 

@@ -321,4 +321,4 @@ def test_a_circuit_without_the_mean_over_channels_refuses_what_is_expected():
         separated_evidence(3, 4, 0.5, rng=stream(1, "x")), 3.0, 5.0, rng=stream(1, "r")
     )
     with refused("evidence ^the expectation is common to all channels"):
-        BasalGanglia(macaque(2), "algebra", gain=0.5, centred=True).run(ahead)
+        BasalGanglia(load_circuit("spiking_msprt"), "algebra", gain=0.5).run(ahead)
