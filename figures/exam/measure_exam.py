@@ -17,7 +17,7 @@ import pandas as pd
 from bgmodel.exam.exam import Exam
 from bgmodel.exam.numbers import SEED
 from bgmodel.exam.record import MOST_Z, totals
-from bgmodel.experiments.expected import AGREES, FAILS, UNANSWERED
+from bgmodel.experiments.expected import AGREES, UNANSWERED
 from bgmodel.experiments.models import DecisionModel, model_of
 from circuits.anatomy import CIRCUITS, DEFAULT, load_circuit
 from circuits.circuit import Circuit
@@ -227,15 +227,12 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     domains = pd.concat(parts, ignore_index=True)
     stable = judged(answers).rename("stability").reset_index()
     cost = answers.groupby(["examinee", "sitting"], sort=False)[["engine", "cpu_s"]].first()
-    reasons = answers[["examinee", "sitting", "id", "outcome", "reason"]].dropna(subset="reason")
-    reasons = reasons[reasons["sitting"] == SEED].drop(columns="sitting")
     return {
         "list": ("exam", pd.DataFrame(about, columns=[*names, "how"])),
         "numbers": ("exam", answers[kept]),
         "domains": ("exam", domains),
         "stability": ("exam", stable),
         "controls": ("exam", ranks(domains)),
-        "reasons": ("exam", reasons[reasons["outcome"].isin([FAILS, UNANSWERED])]),
         "cost": ("exam", cost.reset_index()),
         "games": ("games", games(made["games"], plain)),
         "mechanisms": ("mechanisms", games(made["mechanisms"], plain)),
