@@ -1,7 +1,7 @@
 """Effects of conflict and of stimulation of STN on the threshold of patients, in a hierarchy.
 
 The patients of Cavanagh et al. (2011) in a hierarchy: sensitivity differs with conflict, and the
-threshold with nothing, with stimulation, with conflict and stimulation, and with their interaction.
+threshold with stimulation, with conflict and stimulation, and with their interaction.
 Effects are coefficients of a formula, so that the group has a distribution of differences within
 people. Chains are kept, and continued where they were stopped.
 """
@@ -39,21 +39,15 @@ TERMS = {
     "interaction": f"{CONFLICT} * {STIMULATION}",
 }
 """What the threshold depends on."""
-NONE, HIGH, OFF = "Intercept", f"{CONFLICT}[S.high]", f"{STIMULATION}[S.off]"
+HIGH, OFF = f"{CONFLICT}[S.high]", f"{STIMULATION}[S.off]"
 EFFECTS = {
-    "mean": {NONE: 1.0},
-    "high, off": {NONE: 1.0, HIGH: 1.0, OFF: 1.0, f"{HIGH}:{OFF}": 1.0},
-    "high, on": {NONE: 1.0, HIGH: 1.0, OFF: -1.0, f"{HIGH}:{OFF}": -1.0},
-    "low, off": {NONE: 1.0, HIGH: -1.0, OFF: 1.0, f"{HIGH}:{OFF}": -1.0},
-    "low, on": {NONE: 1.0, HIGH: -1.0, OFF: -1.0, f"{HIGH}:{OFF}": 1.0},
-    "conflict": {HIGH: 2.0},
     "conflict, off": {HIGH: 2.0, f"{HIGH}:{OFF}": 2.0},
     "conflict, on": {HIGH: 2.0, f"{HIGH}:{OFF}": -2.0},
     "stimulation": {OFF: -2.0},
     "interaction": {f"{HIGH}:{OFF}": 4.0},
 }
-"""Thresholds in the four conditions and their differences, as sums of coefficients: high minus low
-conflict, stimulation on minus off, and by how much the former is larger without stimulation."""
+"""Differences of thresholds as sums of coefficients: high minus low conflict, stimulation on minus
+off, and by how much the former is larger without stimulation."""
 ON = "C(stimulation, contr.treatment('off'))[T.on]"
 THETA = {
     "off": {"theta": 1.0},
@@ -98,7 +92,7 @@ def kept_fit(name: str, every: Mapping[str, Likelihood], fast: bool, workers: in
 
 
 def effects(by: str, terms: str, fast: bool, workers: int) -> pd.DataFrame:
-    """Return thresholds and their differences, and the parameters of the group.
+    """Return differences of thresholds, and the parameters of the group.
 
     Columns of ("group": the mean of the distribution of patients; "patients": the mean of these;
     "parameter": a number of the fit, of the median patient), effect, median, low, high,
@@ -189,7 +183,7 @@ def compared(fits: Mapping[str, GroupFit]) -> pd.DataFrame:
 
 
 def compared_terms(by: str, fast: bool, workers: int) -> pd.DataFrame:
-    """Compare what the threshold depends on, from the kept chains."""
+    """Compare what the threshold of a model depends on, from the kept chains."""
     table = compared({terms: fitted(by, terms, fast, workers) for terms in TERMS})
     return table.rename(columns={"model": "terms"}).assign(by=by)
 
@@ -200,13 +194,15 @@ def compared_models(fast: bool, workers: int) -> pd.DataFrame:
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:
-    """Go through the models of the test, then those of the circuit."""
-    for by, seconds, of_circuit in (("test", 100, False), ("circuit", 400, True)):
-        for terms in TERMS:
-            make = partial(effects, by, terms, fast, workers)
-            yield Piece("effects", f"{by} {terms}", TRIALS_OF_ALL, seconds, make, of_circuit)
-        make = partial(compared_terms, by, fast, workers)
-        yield Piece("terms", by, TRIALS_OF_ALL, 200, make, of_circuit)
+    """Go through the effects in the test and in the circuit, and the comparisons."""
+    for by, terms, seconds in (
+        ("test", "stimulation", 100), ("test", "interaction", 100), ("circuit", "interaction", 400),
+    ):  # fmt: skip
+        make = partial(effects, by, terms, fast, workers)
+        name = f"{by} {terms}"
+        yield Piece("effects", name, TRIALS_OF_ALL, seconds, make, of_circuit=by == "circuit")
+    make = partial(compared_terms, "test", fast, workers)
+    yield Piece("terms", "test", TRIALS_OF_ALL, 200, make, of_circuit=False)
     make = partial(compared_models, fast, workers)
     yield Piece("models", "interaction", TRIALS_OF_ALL, 200, make)
     make = partial(theta, fast, workers)

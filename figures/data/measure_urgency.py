@@ -1,8 +1,7 @@
 """Fits of circuits with and without urgency to monkeys and people, for whom strength varies.
 
 The motif "urgency" lowers OUT with time by numbers that no fit moves, so that it adds no free
-parameter; the falling gap has one, and so has urgency whose size is fitted. The default circuit and
-``macaque_small`` are compared.
+parameter; the falling gap has one, and so has urgency whose size is fitted.
 """
 
 from __future__ import annotations
@@ -22,7 +21,6 @@ from figures.pieces import Made, Piece, Score
 
 TRIALS, COARSE_TRIALS = 32_000, 400
 """Trials that a fitted circuit is simulated with, at each drift."""
-CIRCUITS = (DEFAULT, "macaque_small")
 SIZED = f"{DEFAULT}, fitted urgency"
 FEWER = 0.5
 """Share of the trials where they are simulated at several sizes of urgency."""
@@ -33,12 +31,13 @@ the read-out of the circuit is exact to 2.8 nats."""
 
 def models(trials: int) -> dict[str, Model]:
     """Return the models by the names that the table has for them."""
-    every: dict[str, Model] = {"falling gap": GapModel(EXPONENTIAL), "constant gap": GapModel()}
-    for name in CIRCUITS:
-        circuit = load_circuit(name, 2)
-        for title, one in ((name, circuit), (f"{name}, urgency", circuit.edited("add urgency"))):
-            every[title] = fitted_circuit(NONE, trials, SECONDS, circuit=one)
-    return every
+    urgent = load_circuit(DEFAULT, 2).edited("add urgency")
+    return {
+        "falling gap": GapModel(EXPONENTIAL),
+        "constant gap": GapModel(),
+        DEFAULT: fitted_circuit(NONE, trials, SECONDS),
+        f"{DEFAULT}, urgency": fitted_circuit(NONE, trials, SECONDS, circuit=urgent),
+    }
 
 
 def predictions(data: str, who: str, every: Mapping[str, Model]) -> pd.DataFrame:
@@ -50,7 +49,7 @@ def predictions(data: str, who: str, every: Mapping[str, Model]) -> pd.DataFrame
 
 
 def person(data: str, who: str, trials: int) -> pd.DataFrame:
-    """Return the predictions of the tests and of circuits, of which the motif moves no number."""
+    """Return the predictions of tests and circuit, in which the motif has no free number."""
     return predictions(data, who, models(trials))
 
 
@@ -76,6 +75,4 @@ def tables(made: Made) -> dict[str, tuple[str, pd.DataFrame]]:
     return {"predicted": ("predicted", every)}
 
 
-SCORE = Score(
-    "urgency", SIMULATION_SEED, (2,), pieces, tables, circuit=DEFAULT, others=CIRCUITS[1:]
-)
+SCORE = Score("urgency", SIMULATION_SEED, (2,), pieces, tables, circuit=DEFAULT)
