@@ -57,9 +57,9 @@ def observed(go: Evidence, ssd_ms: Array, prior: float, name: str, expected: Arr
     )  # fmt: skip
 
 
-def decisions(evidence: StopEvidence, gain: float, extra_channel: bool = False) -> Decision:
-    """Return the decisions of the observer or of its rival."""
-    return StopMsprt(gain, extra_channel).decide(evidence, POSTERIOR, STOP_POSTERIOR)
+def decisions(evidence: StopEvidence, gain: float) -> Decision:
+    """Return the decisions of the observer."""
+    return StopMsprt(gain).decide(evidence, POSTERIOR, STOP_POSTERIOR)
 
 
 def commitments(decision: Decision, responses: int) -> Array:
