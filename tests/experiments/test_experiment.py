@@ -50,6 +50,7 @@ OWN = EFFECT.format("mean_ms", "own", 0)
         ('"down"', '"off"', "direction should be 'up', 'down' or 'none', got 'off'"),
         ('"mean_ms"', '"mean"', "measure must be one of accuracy, choice_0, .*got 'mean'"),
         ('name = "a lesion"', "", "the key 'name' is missing"),
+        ('name = "a lesion"', 'nam = "a lesion"', "there is no key 'nam' .*'name'"),
         ("[[pred", "[[effects]]\nvalue = 1\n[[pred", "the key 'effects.0.measure' is missing"),
         ('"nobody"', "2001-01-01", "no key takes a date or a time, got 2001-01-01"),
         ('["lesion STN 20%"]', '"STN"', r'edits = \["lesion STN 10%"\]'),

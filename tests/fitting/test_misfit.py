@@ -1,5 +1,6 @@
 """Misfit is reported for data that the model cannot fit, and not for clean data."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -181,6 +182,7 @@ def test_a_misfit_of_all_that_is_seen_in_nobody_is_found():
     misfit = group_at_truth(people(bound=0.77))
     assert {who for who, _ in misfit.beyond_chance().index} == {TOGETHER}
     assert len(misfit.cautions()) == 1
+    assert not re.search("and .* more[.]", misfit.cautions()[0])  # all are named
 
 
 def test_cells_are_summed_by_strength_whoever_lacks_one():
