@@ -6,7 +6,6 @@ and, before anything is run, the direction of each measure's change and the leas
 
 from __future__ import annotations
 
-from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,15 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.bootstrap import (
-    RESAMPLES,
-    check_resamples,
-    check_trials,
-    interval,
-    resampled,
-    weights_of,
-)
-from bgmodel.conditions import Observed, seen_from
+from bgmodel.bootstrap import check_trials, interval, weights_of
+from bgmodel.conditions import seen_from
 from bgmodel.deciding.measures import OF_DECIDED, OF_STOP, Behaviour
 from bgmodel.deciding.tradeoff import decides_without_evidence
 from bgmodel.experiments.expected import FEWEST_DECIDED, PERCENT, RELATIVE, forest
@@ -40,7 +32,6 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.support import toml_files
 from bgmodel.support.checks import path_of
 from bgmodel.support.saved import Facts
-from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
 from bgmodel.trials.named_evidence import NamedEvidence, trial_table
 from circuits.declaration.table_writer import digest
@@ -57,8 +48,8 @@ SHIPPED = Path(__file__).with_name("shipped")
 class Experiment(ExperimentRecord):
     """A control, a manipulation and predictions; all other settings are shared.
 
-    ``template()`` returns a whole file, without the optional tables ``[control]``, ``[stop]`` (stop
-    signals) and ``[learning]``.
+    ``template()`` returns a whole file, without the optional tables ``[control]`` and ``[stop]``
+    (stop signals).
     """
 
     @staticmethod
@@ -147,22 +138,17 @@ class Experiment(ExperimentRecord):
             condition.model(evidence.hypotheses, workers=workers, rates=False).adapted_to(evidence)
             for condition in both.values()
         ]
-        read = self.heard(models, named)
-        models[0].warn_beyond_range(read[0])
+        models[0].warn_beyond_range(evidence)
         models[0].warn_of_noise(control.threshold_nats)
-        groups = self.groups(evidence.trials)
-        check_resamples(RESAMPLES, groups)
         # Without the argument, keys are None and every condition is computed.
         memory = Latest(len(both)) if kept is None else kept
-        if groups is None:
-            weights = weights_of(evidence.trials, self.seed)
-        else:
-            weights = resampled(evidence.trials, RESAMPLES, stream(self.seed, "bootstrap"), groups)
+        weights = weights_of(evidence.trials, self.seed)
         per_condition: list[dict[str, Any]] = []
         trials, go = [], 0
-        for (name, condition), model, drive in zip(both.items(), models, read, strict=True):
-            key = None if kept is None else self._key(condition, model)
-            behave = partial(condition.behaviour, model, drive)
+        for (name, condition), model in zip(both.items(), models, strict=True):
+            # A circuit's file may have changed since.
+            key = None if kept is None else (condition, self.truth, digest(model.circuit))
+            behave = partial(condition.behaviour, model, evidence)
             behaviour = memory.once("behaviour", key, behave)
             _check_decided(name, behaviour, self.waited_ms)
             per_condition.append(memory.once("measures", key, partial(behaviour.measures, weights)))
@@ -181,13 +167,6 @@ class Experiment(ExperimentRecord):
             CalibrationWarning.warn(warning)
         all_trials = pd.concat(trials, ignore_index=True)
         return Outcome(self, named, tuple(models), measures, all_trials)
-
-    def _key(self, condition: Observed, model: BasalGanglia) -> Hashable:
-        """Return what the behaviour of a condition depends on; None if it is not to be kept."""
-        if self.learnings != (None, None):
-            return None
-        # A circuit's file may have changed since.
-        return condition, self.truth, digest(model.circuit)
 
 
 def shipped() -> dict[str, Experiment]:
@@ -222,8 +201,7 @@ class Outcome(Facts):
         and measure of ``MEASURES`` (and of ``OF_STOP`` with stop signals): condition, measure,
         value, low, high, trials. Low and high are
         the 95 % interval, a bootstrap over trials that keeps the two conditions of a trial
-        together, and the trials of a run of learning; trials is the number of trials behind the
-        value, for a change the smaller of two.
+        together; trials is the number of trials behind the value, for a change the smaller of two.
         Measures of decisions also have a condition "percent", the change in per cent of the
         control's value.
     trials : DataFrame

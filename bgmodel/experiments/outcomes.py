@@ -281,16 +281,8 @@ def _setting(experiment: ExperimentRecord, table: pd.DataFrame) -> str:
     return (
         f"task {experiment.task.text}; engine {experiment.engine}; {trials} trials per "
         f"condition; gain {gain:g}; posterior {experiment.stopping}; circuit "
-        f"{experiment.circuit}; {_learned(experiment)}seed {experiment.seed}"
+        f"{experiment.circuit}; seed {experiment.seed}"
     )
-
-
-def _learned(experiment: ExperimentRecord) -> str:
-    """Describe the likelihoods of each condition, learned or exact; empty if both are exact."""
-    texts = ["exact likelihoods" if one is None else one.text() for one in experiment.learnings]
-    if texts[0] == texts[1]:
-        return "" if experiment.learnings[0] is None else f"{texts[0]}; "
-    return f"{texts[0]} (control), {texts[1]}; "
 
 
 def predicted(

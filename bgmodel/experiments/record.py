@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from bgmodel.conditions import Observed
 from bgmodel.deciding.calibration import calibration
 from bgmodel.deciding.measures import OF_STOP
-from bgmodel.evidence import Evidence, needed_truth
+from bgmodel.evidence import needed_truth
 from bgmodel.experiments.expected import Expected
-from bgmodel.experiments.learning import Learning, heard
-from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.task import Gaussian, Task
 from bgmodel.trials.named_evidence import NamedEvidence
 from bgmodel.trials.task_trials import EvidenceTable
-from circuits.arrays import Integers
 from circuits.declaration.edits import Edits
-from circuits.errors import InputError, NoiseWarning, require
+from circuits.errors import InputError, require
 
 MANY_MISSED = 0.05
 """Warn if a larger share of trials has no decision in time."""
@@ -43,8 +38,6 @@ class Changes:
     """Differences from the table, one line each."""
     posterior: float | None = None
     """Stopping posterior, if it differs: models an instruction."""
-    learning: Learning | None = None
-    """Learning before the trials, if it differs."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "edits", Edits(self.edits))
@@ -72,8 +65,6 @@ class ExperimentRecord(Observed):
     """The published result as numbers, if there are any."""
     truth: int | None = None
     """The hypothesis that is true in every trial that counts; each in turn by default."""
-    learning: Learning | None = None
-    """Weights that are learned from reward before the trials; exact likelihoods by default."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -97,9 +88,6 @@ class ExperimentRecord(Observed):
             self._check_truth(self.task.channels)
         for changes in (self.control, self.manipulation):
             self.condition(changes)
-        for learning in self.learnings:
-            if learning is not None:
-                learning.check(self.task)
 
     def condition(self, changes: Changes) -> Observed:
         """Return the control or the manipulation as a condition."""
@@ -113,14 +101,6 @@ class ExperimentRecord(Observed):
         """Control and manipulation."""
         return self.condition(self.control), self.condition(self.manipulation)
 
-    @property
-    def learnings(self) -> tuple[Learning | None, Learning | None]:
-        """Learning before the trials of the control and of the manipulation."""
-        return (
-            self.control.learning or self.learning,
-            self.manipulation.learning or self.learning,
-        )
-
     def check_differs(self) -> None:
         """Raise ValueError if both conditions are alike, or a threshold is not allowed.
 
@@ -129,7 +109,6 @@ class ExperimentRecord(Observed):
         control, manipulation = self.conditions
         self.given()
         alike = control.threshold_nats == manipulation.threshold_nats
-        alike &= self.learnings[0] == self.learnings[1]
         if alike and control.edited == manipulation.edited:
             message = "the manipulation changes nothing: control and manipulation are alike"
             if self.stop is not None:
@@ -140,46 +119,11 @@ class ExperimentRecord(Observed):
 
     def given(self) -> NamedEvidence:
         """Return the evidence with the names of its hypotheses and further columns of a table."""
-        named = self._drawn()
+        named = self.drawn("experiment")
         drawn = named.evidence
         truth = needed_truth(drawn)
         self._check_truth(drawn.hypotheses)
         return named if self.truth is None else named.where(truth == self.truth)
-
-    def _drawn(self) -> NamedEvidence:
-        """Return the trials of the task with their exact likelihoods."""
-        learning = next((one for one in self.learnings if one is not None), None)
-        if learning is None:
-            return self.drawn("experiment")
-        features = learning.features(self.task, self.seed)
-        return NamedEvidence(features.exact, list(features.names))
-
-    def groups(self, trials: int) -> Integers | None:
-        """Return the run of learning of each trial, for intervals over runs, (trials,)."""
-        runs = [one.runs for one in self.learnings if one is not None]
-        if not runs:
-            return None
-        shared = math.gcd(*runs)
-        if shared == 1:
-            NoiseWarning.warn(
-                "intervals leave out the differences between runs of learning: give both "
-                "conditions the same number of runs, ten or more"
-            )
-            return None
-        return np.arange(trials) % shared
-
-    def heard(self, models: Sequence[BasalGanglia], named: NamedEvidence) -> list[Evidence]:
-        """Return the evidence on which each condition decides: exact, or as it has been learned."""
-        per_condition = []
-        for learning, model in zip(self.learnings, models, strict=True):
-            if learning is None:
-                per_condition.append(named.evidence)
-                continue
-            features = learning.features(self.task, self.seed)
-            if self.truth is not None:
-                features = features.at(np.flatnonzero(features.truth == self.truth))
-            per_condition.append(heard(learning.learned(self.task, model, self.seed), features))
-        return per_condition
 
     def to_toml(self) -> str:
         """Return the experiment as the text of a file, from which ``from_text`` makes it again.

@@ -60,12 +60,6 @@ class ExplorerState:
         trials = self.experiment.trials
         require(trials <= MOST_TRIALS, "trials", f"must be at most {MOST_TRIALS} here", trials)
         require(0 <= self.trial < trials, "trial", f"must be within 0..{trials - 1}", self.trial)
-        require(
-            not any(self.experiment.learnings),
-            "learning",
-            "must be omitted in the explorer; `bgmodel experiment` supports it",
-            "[learning]",
-        )
 
     # ---- edits
 

@@ -122,11 +122,7 @@ class Features(Facts):
 
     def draw(self, trials: int, *, rng: np.random.Generator | int) -> Features:
         """Draw whole trials with replacement, so that a table can teach any number of trials."""
-        return self.at(generator(rng).integers(self.trials, size=whole("trials", trials, 1)))
-
-    def at(self, chosen: npt.ArrayLike) -> Features:
-        """Return the features of some trials, by index (M,)."""
-        index = np.asarray(chosen)
+        index = generator(rng).integers(self.trials, size=whole("trials", trials, 1))
         of_trials = ("values", "truth", "lengths", "log_likelihood")
         known = {name: each for name in of_trials if (each := getattr(self, name)) is not None}
         return replace(self, **{name: each[index] for name, each in known.items()})

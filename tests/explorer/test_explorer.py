@@ -21,7 +21,7 @@ from tests.explorer.helpers import STEPS, small
 from tests.helpers import refused
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
-HERE_ALONE = (f"must be at most {MOST_TRIALS} here", "trial must be within", "learning must")
+HERE_ALONE = (f"must be at most {MOST_TRIALS} here", "trial must be within")
 """Parts of the refusals of the explorer that the command does not share."""
 
 

@@ -59,7 +59,7 @@ def test_a_circuit_without_times_or_nats_has_no_confidence_to_read():
 
 
 def test_noise_differs_between_runs_and_trials(gratings, counted):
-    one = gratings[1].draw(1, rng=4).at([0, 0])
+    one = gratings[1].draw(1, rng=4).draw(2, rng=5)  # the same trial twice
     weights = np.broadcast_to(counted.weights, (2, *counted.weights.shape[1:]))
     decider = InCircuit(MODEL)
     none = np.zeros((2, 2))
