@@ -79,7 +79,7 @@ BAD_USE = {
     "experiment stn --show": "file",
     "experiment no.toml": "path",
     "learn --what weights --rule hebb": "rule",
-    "learn --what weights --feedback given=0": "given",
+    "learn --what weights --learner trials=0": "trials",
     "learn --what dopamine --levels 10000000": "trials",
     "learn --task orientation channels=3": "channels",
     "learn --plot weights.txt": "plot",

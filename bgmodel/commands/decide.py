@@ -29,7 +29,7 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.integrators.baselines import BASELINES, baselines_on
 from bgmodel.integrators.sprt import Msprt, Sprt, threshold_from_posterior
 from bgmodel.learning import from_reward
-from bgmodel.learning.deciders import Feedback, WeightLearner
+from bgmodel.learning.deciders import WeightLearner
 from bgmodel.learning.dopamine_learner import LEVELS, CircuitLearned
 from bgmodel.learning.from_reward import DOPAMINE, WEIGHTS, planned
 from bgmodel.learning.reinforce import Learner, LearningStopped
@@ -208,7 +208,6 @@ def learn(
     levels: int | None = None,
     rule: str | None = None,
     learner: Annotated[tuple[str, ...], MANY] = (),
-    feedback: Annotated[tuple[str, ...], MANY] = (),
     output: Annotated[Output, FLAT] = Output(),  # noqa: B008
     **options: Any,
 ) -> None:
@@ -241,10 +240,8 @@ def learn(
         q or opal.
     learner
         Settings of the learner, name=value: of a threshold or dopamine episodes, rate,
-        half_episodes, baseline_rate, carried, last; of weights trials, rate, half_trials,
-        gain_plus, gain_minus, trace_decay, averaged, keep.
-    feedback
-        How reliable feedback is while weights are learned, name=value: right, wrong, valid, given.
+        half_episodes, baseline_rate, carried, last; of weights trials, rate, half_trials, averaged,
+        keep.
     """
     by_circuit = circuit is not None or what == DOPAMINE
     what = what or ("dopamine" if by_circuit else "threshold")
@@ -256,9 +253,8 @@ def learn(
     more: dict[str, Any] = {"learner": record_of(usual, learner)}
     if what == WEIGHTS:
         check_idle("--what weights", {"xi": from_reward.XI}, xi=options["xi"])
-        more |= {"feedback": Feedback(), "rule": "confidence"}
-    given = {"feedback": record_of(Feedback(), feedback) if feedback else None, "rule": rule,
-             "levels": LEVELS if what == DOPAMINE and levels is None else levels}  # fmt: skip
+        more |= {"rule": "confidence"}
+    given = {"rule": rule, "levels": LEVELS if what == DOPAMINE and levels is None else levels}
     more |= {name: value for name, value in given.items() if value is not None}
     model = None
     if by_circuit:

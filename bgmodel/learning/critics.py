@@ -24,7 +24,7 @@ class Trial:
     drive: Array  # (runs, hypotheses), nats, by the readings up to the decision, y
     posterior: Array  # (runs, hypotheses), softmax(y)
     read_out: Array  # (runs,), posterior of the choice by noisy OUT, exp(-OUT_c)
-    reward: Array  # (runs,), NaN without feedback
+    reward: Array  # (runs,), 1 for a correct choice and 0 for an error
     surplus: Array  # (runs, units), eligibility less its running mean
 
     def of_choice(self, values: Array) -> Array:
@@ -37,10 +37,6 @@ class Critic:
     """Base class: expected reward, and what is learned about it."""
 
     name: ClassVar[str] = ""
-    unit_rewards: ClassVar[bool] = True
-    """Whether the expected reward is a probability, so that rewards must be 0 or 1."""
-    reliable: ClassVar[bool] = True
-    """Whether it assumes that feedback is always valid."""
 
     def start(self, runs: int) -> Array:
         """Return the learned parameters, (runs, p)."""
@@ -51,7 +47,7 @@ class Critic:
         raise NotImplementedError
 
     def learn(self, state: Array, trial: Trial, error: Array) -> Array:
-        """Return the state after a trial; the error is 0 in runs without feedback."""
+        """Return the state after a trial; the error is the reward less what was expected."""
         return state
 
 
@@ -60,8 +56,6 @@ class RunningMean(Critic):
     """The running mean of rewards, whatever the confidence: a scalar baseline."""
 
     name: ClassVar[str] = "mean"
-    unit_rewards: ClassVar[bool] = False
-    reliable: ClassVar[bool] = False
     rate: float = 0.01
     """Weight of each reward."""
 
@@ -78,10 +72,9 @@ class RunningMean(Critic):
 
     def learn(self, state: Array, trial: Trial, error: Array) -> Array:
         """Move the mean towards the reward; the first rewards count equally."""
-        told = np.isfinite(trial.reward)
-        count = state[:, 1] + told
-        rate = np.maximum(self.rate, 1 / np.maximum(count, 1))
-        surprise = np.where(told, trial.reward - state[:, 0], 0.0)
+        count = state[:, 1] + 1
+        rate = np.maximum(self.rate, 1 / count)
+        surprise = trial.reward - state[:, 0]
         return np.stack([state[:, 0] + rate * surprise, count], axis=1)
 
 
@@ -128,33 +121,10 @@ class ReadOutConfidence(Critic):
 
 
 @dataclass(frozen=True)
-class Affine(Critic):
-    """``a + b P_c``, for feedback that is valid in a share v of trials and reversed in the others.
-
-    Then ``E[r] = (1 - v) + (2 v - 1) P_c``, and a learner to whom v is known stays calibrated.
-    """
-
-    name: ClassVar[str] = "affine"
-    reliable: ClassVar[bool] = False
-    valid: float = 1.0
-    """Share of valid feedback, v, 0.5..1."""
-
-    def __post_init__(self) -> None:
-        check_range(0.5, 1, valid=self.valid)
-
-    def expected(self, state: Array, trial: Trial) -> Array:
-        """Return ``(1 - v) + (2 v - 1) P_c``."""
-        v = self.valid
-        return np.asarray(1 - v + (2 * v - 1) * trial.of_choice(trial.posterior))
-
-
-@dataclass(frozen=True)
 class ActionValue(Critic):
     """The drive of the chosen channel, y_c, taken as the value of the action (Q learning)."""
 
     name: ClassVar[str] = "value"
-    unit_rewards: ClassVar[bool] = False
-    reliable: ClassVar[bool] = False
 
     def expected(self, state: Array, trial: Trial) -> Array:
         """Return y_c."""
@@ -163,7 +133,7 @@ class ActionValue(Critic):
 
 CRITICS: dict[str, Callable[[], Critic]] = {
     critic.name: critic
-    for critic in (RunningMean, ConfidenceCritic, ReadOutConfidence, Affine, ActionValue)
+    for critic in (RunningMean, ConfidenceCritic, ReadOutConfidence, ActionValue)
 }
 """Critics by name, with their default options."""
 

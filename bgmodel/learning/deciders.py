@@ -1,4 +1,4 @@
-"""Deciders, which turn features and weights into choices; feedback, and step sizes."""
+"""Deciders, which turn features and weights into choices, and step sizes."""
 
 from __future__ import annotations
 
@@ -12,16 +12,9 @@ from bgmodel.deciding.trace import Trace
 from bgmodel.evidence import Evidence, minus_log_softmax
 from bgmodel.integrators.basal_ganglia import BasalGanglia
 from bgmodel.learning.features import Features
-from bgmodel.support.checks import (
-    check_finite,
-    check_flag,
-    check_positive,
-    check_range,
-    is_number,
-    whole,
-)
-from circuits.arrays import Array, Integers, Truths
-from circuits.errors import InputError, quiet, require
+from bgmodel.support.checks import check_flag, check_positive, check_range, is_number, whole
+from circuits.arrays import Array, Integers
+from circuits.errors import quiet, require
 
 TIE = 1e-9
 """Size of the noise that breaks ties of drives, nats."""
@@ -156,41 +149,8 @@ Decider = FixedPoint | InCircuit
 
 
 @dataclass(frozen=True)
-class Feedback:
-    """The reward that a learner receives after its choice, and in which trials."""
-
-    right: float = 1.0
-    """Reward for a correct choice."""
-    wrong: float = 0.0
-    """Reward for an error."""
-    valid: float = 1.0
-    """Share of trials in which the reward is that of the choice; it is reversed in the others."""
-    given: float = 1.0
-    """Share of trials with any reward; weights change in these only."""
-
-    def __post_init__(self) -> None:
-        check_range(0.5, 1, valid=self.valid)  # below, it would teach the opposite
-        check_range(0, 1, given=self.given)
-        check_finite(right=self.right, wrong=self.wrong)
-        require(self.right > self.wrong, "right", f"must exceed wrong, {self.wrong:g}", self.right)
-        if self.given == 0:
-            raise InputError("learning needs feedback: given must be > 0", "given")
-
-    @property
-    def of_unit(self) -> bool:
-        """Whether rewards are 0 and 1."""
-        return (self.right, self.wrong) == (1.0, 0.0)
-
-    def reward(self, correct: Truths, chance: Array) -> Array:
-        """Return the reward of choices (runs,), NaN without feedback; chance (runs, 2) uniform."""
-        told = correct == (chance[:, 0] < self.valid)
-        reward = np.where(told, self.right, self.wrong)
-        return np.where(chance[:, 1] < self.given, reward, np.nan)
-
-
-@dataclass(frozen=True)
 class WeightLearner:
-    """How weights change: step size, gains of the two signs of the error, trace."""
+    """How weights change: number of trials, step size, and what is kept."""
 
     trials: int = 10_000
     """Number of trials."""
@@ -200,12 +160,6 @@ class WeightLearner:
     half_trials: float = 3_000.0
     """Trials after which the step size has halved; infinity keeps it constant, as required in a
     changing environment; tuned on seed 1."""
-    gain_plus: float = 1.0
-    """Factor on positive errors."""
-    gain_minus: float = 1.0
-    """Factor on negative errors."""
-    trace_decay: float = 1.0
-    """Factor on the trace of earlier features at each reading; 1 keeps them all."""
     averaged: float = 0.25
     """Share of the last trials over whose weights the result is averaged (Polyak & Juditsky 1992);
     0 takes the last weights."""
@@ -214,10 +168,10 @@ class WeightLearner:
 
     def __post_init__(self) -> None:
         whole("trials", self.trials, 1)
-        check_positive(rate=self.rate, gain_plus=self.gain_plus, gain_minus=self.gain_minus)
+        check_positive(rate=self.rate)
         require(is_number(self.half_trials), "half_trials", "must be a number", self.half_trials)
         require(self.half_trials > 0, "half_trials", "must be > 0", self.half_trials)
-        check_range(0, 1, trace_decay=self.trace_decay, averaged=self.averaged)
+        check_range(0, 1, averaged=self.averaged)
         whole("keep", self.keep, 1)
 
     @property
@@ -228,8 +182,3 @@ class WeightLearner:
     def step(self, number: int) -> float:
         """Return the step size of a trial."""
         return self.rate / (1 + number / self.half_trials)
-
-    def error(self, surprise: Array) -> Array:
-        """Return the error (runs,) from reward less expectation; 0 without feedback."""
-        known = np.nan_to_num(surprise, nan=0.0)
-        return np.asarray(known * np.where(known > 0, self.gain_plus, self.gain_minus))

@@ -202,7 +202,7 @@ def learn(
         Decoded taps in place of those of a tactile task.
     **more
         ``policy`` of the test's threshold; ``levels`` of dopamine or log odds; ``rule``,
-        ``critic``, ``feedback`` and ``units`` of weights, as for ``learn_weights``.
+        ``critic`` and ``units`` of weights, as for ``learn_weights``.
 
     Raises
     ------
@@ -250,7 +250,7 @@ def planned(
         model = BasalGanglia(load_circuit(DEFAULT, task.channels), "rate", seed=seed)
     source = {"taps": taps} if taps is not None else {}
     if what == WEIGHTS:
-        _know(more, "rule", "critic", "feedback", "units")
+        _know(more, "rule", "critic", "units")
         require(start is None, "start", "must be left out: weights start at 0", start)
         at = WEIGHTS_POSTERIOR if posterior is None else posterior
         learner = learner or WeightLearner()

@@ -23,8 +23,6 @@ class Rule:
     name: ClassVar[str] = ""
     critic: ClassVar[str] = "confidence"
     """Name of the default critic."""
-    unit_rewards: ClassVar[bool] = False
-    """Whether rewards must be 0 or 1, whatever the critic."""
 
     def start(self, shape: tuple[int, int, int]) -> Array:
         """Return parameters for weights of a shape (runs, hypotheses, units)."""
@@ -37,8 +35,7 @@ class Rule:
     def change(self, parameters: Array, trial: Trial, error: Array) -> Array:
         """Return the change of parameters for a step size of 1, by default at the choice alone.
 
-        ``error``, (runs,), is the reward less the critic's expectation, times the gain for its
-        sign; 0 without feedback.
+        ``error``, (runs,), is the reward less the critic's expectation.
         """
         return _outer(error[:, None] * _at_choice(trial), trial.eligibility)
 
@@ -117,15 +114,12 @@ class Hebbian(Rule):
     """
 
     name: ClassVar[str] = "hebbian"
-    unit_rewards: ClassVar[bool] = True
 
     def change(self, parameters: Array, trial: Trial, error: Array) -> Array:
         """Return the change of the chosen channel; the critic is not used."""
-        w = parameters
-        reward = np.nan_to_num(trial.reward, nan=0.5)[:, None, None]
-        told = np.isfinite(trial.reward)[:, None, None]
+        w, reward = parameters, trial.reward[:, None, None]
         push = reward * (1 + np.exp(-w)) - (1 - reward) * (1 + np.exp(w))
-        return np.asarray(told * push * _outer(_at_choice(trial), trial.eligibility))
+        return np.asarray(push * _outer(_at_choice(trial), trial.eligibility))
 
     def bounded(self, parameters: Array) -> Array:
         """Return weights within MOST_NATS."""

@@ -7,15 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bgmodel.evidence import minus_log_softmax
-from bgmodel.learning.critics import Affine, Critic, ReadOutConfidence, Trial, critic_of
-from bgmodel.learning.deciders import (
-    Decider,
-    Feedback,
-    FixedPoint,
-    InCircuit,
-    TrialOfRuns,
-    WeightLearner,
-)
+from bgmodel.learning.critics import Critic, ReadOutConfidence, Trial, critic_of
+from bgmodel.learning.deciders import Decider, FixedPoint, InCircuit, TrialOfRuns, WeightLearner
 from bgmodel.learning.feature_sources import FeatureSource, source_at
 from bgmodel.learning.features import Features, check_learnable
 from bgmodel.learning.learned_weights import LearnedWeights, WeightCourse
@@ -24,7 +17,7 @@ from bgmodel.support.checks import whole
 from bgmodel.support.processes import advance
 from bgmodel.support.seeds import stream
 from circuits.arrays import Array
-from circuits.errors import CalibrationWarning, InputError, NoiseWarning
+from circuits.errors import InputError
 
 BLOCK = 250
 """Trials drawn at a time for each run."""
@@ -43,7 +36,6 @@ class Loop:
     source: FeatureSource
     rule: Rule
     critic: Critic
-    feedback: Feedback
     learner: WeightLearner
     decider: Decider
     runs: int
@@ -55,7 +47,6 @@ class Loop:
         self.runs = whole("runs", self.runs, 1)
         sample = self.source.draw(SAMPLE, rng=stream(self.seed, self.name, "sample"))
         check_learnable(sample)
-        _check_together(self.rule, self.critic, self.feedback)
         self.names = sample.names
         self._rngs = [stream(self.seed, self.name, run) for run in range(self.runs)]
         self._state = self.critic.start(self.runs)
@@ -69,10 +60,7 @@ class Loop:
         return self.rule.weights(self._parameters)
 
     def run(self) -> WeightCourse:
-        """Run all trials of every run, learn from each, and return the course of learning.
-
-        Choices count as correct whatever the feedback.
-        """
+        """Run all trials of every run, learn from each, and return the course of learning."""
         learner, weights = self.learner, []
         kept = np.unique(np.linspace(0, learner.trials, learner.keep + 1).round().astype(int))[1:]
         correct = np.empty((self.runs, learner.trials), bool)
@@ -82,10 +70,10 @@ class Loop:
             at, self.number = k % BLOCK, k
             if at == 0:
                 self._draw()
-            part, chance = self._parts[at], self._chance[:, at]
+            part = self._parts[at]
             chosen = self.decider.choose(part, self.weights, self._noise[:, at], k)
             correct[:, k] = chosen.choice == part.truth
-            trial = self._seen(part, chosen, self.feedback.reward(correct[:, k], chance))
+            trial = self._seen(part, chosen, correct[:, k].astype(np.float64))
             self._learn(trial)
             readings[:, k] = chosen.last + 1.0
             confidence[:, k] = trial.of_choice(trial.posterior)
@@ -103,16 +91,16 @@ class Loop:
         source = source_at(self.source, self.number)
         drawn = [source.draw(BLOCK, rng=rng) for rng in self._rngs]
         self._parts = side_by_side(drawn)
-        # One number more than is used, so that results keep their bytes.
+        # More numbers than are used, so that results keep their bytes.
         shape = (BLOCK, len(self.names) + 1)
         self._noise = np.stack([r.standard_normal(shape) for r in self._rngs])[..., :-1]
-        self._chance = np.stack([r.random((BLOCK, 2)) for r in self._rngs])
+        for rng in self._rngs:
+            rng.random((BLOCK, 2))
 
     def _seen(self, part: Features, chosen: TrialOfRuns, reward: Array) -> Trial:
         """Return the trial as critic and rule see it."""
-        since = chosen.last[:, None] - np.arange(part.steps)
-        kept = np.where(since >= 0, self.learner.trace_decay ** np.maximum(since, 0), 0.0)
-        trace = np.asarray((kept[:, None, :] @ part.values)[:, 0], dtype=np.float64)
+        heard = (np.arange(part.steps) <= chosen.last[:, None]).astype(np.float64)
+        trace = np.asarray((heard[:, None, :] @ part.values)[:, 0], dtype=np.float64)
         posterior = np.exp(-minus_log_softmax(chosen.drive))
         surplus = trace - self._mean
         pace = max(RUNNING, 1 / (self.number + 1))
@@ -125,7 +113,7 @@ class Loop:
     def _learn(self, trial: Trial) -> None:
         """Change weights and critic by the reward of a trial."""
         surprise = trial.reward - self.critic.expected(self._state, trial)
-        change = self.rule.change(self._parameters, trial, self.learner.error(surprise))
+        change = self.rule.change(self._parameters, trial, surprise)
         step = self.learner.step(self.number) / np.maximum(self._variance, LEAST_VARIANCE)
         moved = self._parameters + step * change
         self._parameters = self.rule.bounded(moved)
@@ -134,8 +122,7 @@ class Loop:
                 f"the weights are no longer finite after {self.number + 1} trials: lower the rate"
             )
             raise InputError(reason, "rate", self.learner.rate)
-        known = np.nan_to_num(surprise, nan=0.0)
-        self._state = self.critic.learn(self._state, trial, known)
+        self._state = self.critic.learn(self._state, trial, surprise)
 
 
 def side_by_side(drawn: list[Features]) -> list[Features]:
@@ -155,33 +142,12 @@ def side_by_side(drawn: list[Features]) -> list[Features]:
     return by_trial
 
 
-def _check_together(rule: Rule, critic: Critic, feedback: Feedback) -> None:
-    """Refuse rewards that a rule or critic cannot use; warn of unreliable ones."""
-    for part in (rule, critic):
-        if part.unit_rewards and not feedback.of_unit:
-            raise InputError(
-                f"{part.name!r} takes rewards as 0 or 1, the outcome of a probability, got "
-                f"{feedback.wrong:g} and {feedback.right:g}: rescale them, or use the rule "
-                "'reinforce'",
-                "right",
-                feedback.right,
-            )
-    if feedback.valid < 1 and critic.reliable:
-        CalibrationWarning.warn(
-            f"the critic {critic.name!r} takes feedback as always valid, but it is so in "
-            f"{feedback.valid:.0%} of trials: weights will be too small; use the critic 'affine'"
-        )
-    if feedback.valid == 0.5:
-        NoiseWarning.warn("feedback that is valid in half of the trials tells nothing")
-
-
 def learn_weights(
     source: FeatureSource,
     *,
     seed: int,
     rule: Rule | str = "confidence",
     critic: Critic | str | None = None,
-    feedback: Feedback | None = None,
     learner: WeightLearner | None = None,
     decider: Decider | None = None,
     runs: int = 8,
@@ -191,19 +157,14 @@ def learn_weights(
 
     In each trial the weights turn features into drives, the decider (by default ``FixedPoint()``,
     which stops at a posterior of 0.9) turns these into a choice, and the rule changes the weights
-    by the reward less what the critic expected: by default, in a circuit, the posterior read from
-    SNr, up to the highest that it can express. The critic "affine" knows the share of valid
-    feedback. Warns if the critic assumes valid feedback and it is not; a unit that is never active
-    raises.
+    by the reward, 1 or 0, less what the critic expected: by default, in a circuit, the posterior
+    read from SNr, up to the highest that it can express. A unit that is never active raises.
     """
     rule = rule_of(rule)
     learner, decider = learner or WeightLearner(), decider or FixedPoint()
-    feedback = feedback or Feedback()
     if critic is None and isinstance(decider, InCircuit):
         critic = ReadOutConfidence(decider.ceiling)
     critic = critic_of(rule.critic if critic is None else critic)
-    if critic == Affine():
-        critic = Affine(valid=feedback.valid)
-    loop = Loop(source, rule, critic, feedback, learner, decider, runs, seed, name)
+    loop = Loop(source, rule, critic, learner, decider, runs, seed, name)
     course = loop.run()
     return LearnedWeights(course.final, loop.names, decider.gain, course)

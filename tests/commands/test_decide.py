@@ -129,7 +129,7 @@ def test_every_trial_of_a_run_is_written_with_what_it_was_made_with(
     about = read_provenance(out)["parameters"]
     assert len(about["summary"]["learned"]) == 2
     assert about.get("circuit", {}).get("name") == circuit
-    assert "feedback" not in about["command"]
+    assert "rule" not in about["command"]
     assert about["command"]["task"]["name"] in ("same-different", "gaussian")
 
 
