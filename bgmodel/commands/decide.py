@@ -32,7 +32,7 @@ from bgmodel.learning import from_reward
 from bgmodel.learning.deciders import WeightLearner
 from bgmodel.learning.dopamine_learner import LEVELS, CircuitLearned
 from bgmodel.learning.from_reward import DOPAMINE, WEIGHTS, planned
-from bgmodel.learning.reinforce import Learner, LearningStopped
+from bgmodel.learning.reinforce import Learner
 from bgmodel.names import MACAQUE, CircuitName, EngineName
 from bgmodel.support.checks import whole
 from bgmodel.support.files import recorded
@@ -240,8 +240,7 @@ def learn(
         q or opal.
     learner
         Settings of the learner, name=value: of a threshold or dopamine episodes, rate,
-        half_episodes, baseline_rate, carried, last; of weights trials, rate, half_trials, averaged,
-        keep.
+        half_episodes, baseline_rate, last; of weights trials, rate, half_trials, averaged, keep.
     """
     by_circuit = circuit is not None or what == DOPAMINE
     what = what or ("dopamine" if by_circuit else "threshold")
@@ -268,14 +267,8 @@ def learn(
     learns = planned(task, model, what=what, trials=task.trials, **options, **more)
     who = "the test" if model is None else f"{model.circuit.name} on {model.engine}"
     say(f"{who} learns {what}, {task.text}, in {options['runs']} runs")
-    try:
-        with quiet(LearningWarning):
-            learned = learns()
-    except LearningStopped as stop:
-        if output.save is None:
-            raise
-        output.write(stop.learned.to_dataframe(), options["seed"], **_behind(model, task, settings))
-        raise ValueError(f"{stop}; learning up to then -> {output.save}") from None
+    with quiet(LearningWarning):
+        learned = learns()
     used = learned.details.model if isinstance(learned.details, CircuitLearned) else model
     at = f", gain {used.gain:g}" if used is not None else ""
     text = "\n".join([f"{learned.verdict()}{at}", *learned.cautions])

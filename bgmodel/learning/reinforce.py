@@ -15,7 +15,7 @@ from bgmodel.deciding.trace import Trace
 from bgmodel.deciding.tradeoff import Tradeoff
 from bgmodel.evidence import Evidence, needed_truth
 from bgmodel.integrators.sprt import Sprt, tally_sprt
-from bgmodel.support.checks import check_finite, check_positive
+from bgmodel.support.checks import check_positive
 from circuits.arrays import Array, Integers, Reals, Truths
 from circuits.errors import InputError, require
 
@@ -92,9 +92,6 @@ class Learner:
     baseline_rate: float = 0.01
     """Weight of each reward in the running baseline; its inverse is the number of initial trials
     that only measure the baseline, before learning starts; assumed."""
-    carried: float = 0.0
-    """Shift of the next action by the last prediction error (as a share of the baseline), in sd of
-    exploration: models dopamine that outlasts the trial; assumed."""
     last: int = 500
     """Number of last trials whose mean is the learned value; Burguete, Griffith & Lepora 2023."""
 
@@ -111,7 +108,6 @@ class Learner:
         must = f"must be above {slow:.3g}, or no trial is left to learn from, and at most 1"
         require(slow < self.baseline_rate <= 1, "baseline_rate", must, self.baseline_rate)
         require(self.half_episodes > 0, "half_episodes", "must be > 0", self.half_episodes)
-        check_finite(carried=self.carried)
 
 
 @dataclass(frozen=True)
@@ -140,14 +136,6 @@ class Learned:
         return pd.DataFrame(columns)
 
 
-class LearningStopped(ValueError):
-    """Learning that cannot continue; ``learned`` is the course up to then."""
-
-    def __init__(self, message: str, learned: Learned) -> None:
-        super().__init__(message)
-        self.learned = learned
-
-
 Environment = Callable[[int, Array], Array]
 
 
@@ -163,25 +151,21 @@ def learn(
 
     ``environment(episode, played (runs,))`` returns rewards, (runs,): see ``trials_of`` and
     ``LevelOutcomes``. Each run has its own generator, so that runs are independent. Raises
-    ``LearningStopped`` if a value is not finite.
+    ValueError if a value is not finite.
     """
     policy, learner = policy or GaussianPolicy(), learner or Learner()
     runs, episodes = len(rngs), learner.episodes
     noise = np.stack([rng.standard_normal(episodes) for rng in rngs], axis=1)
     mu = np.broadcast_to(np.asarray(start, float), runs)
     played, mean, rewards, errors = (np.empty((runs, episodes)) for _ in range(4))
-    baseline, share = np.zeros(runs), np.zeros(runs)
+    baseline = np.zeros(runs)
     for k in range(episodes):
         mean[:, k] = mu
-        # The carry-over is not exploration and gets no credit.
-        played[:, k], _ = policy.sample(mu, noise[k] + learner.carried * share, k)
-        _, gradient = policy.sample(mu, noise[k], k)
+        played[:, k], gradient = policy.sample(mu, noise[k], k)
         r = environment(k, played[:, k])
         if not (np.isfinite(r).all() and np.isfinite(mu).all()):
             what = "a reward" if not np.isfinite(r).all() else "a learned value"
-            last = mean[:, max(k - 1, 0)]
-            done = Learned(played[:, :k], mean[:, :k], rewards[:, :k], errors[:, :k], last)
-            raise LearningStopped(f"{what} is not finite in episode {k}", done)
+            raise ValueError(f"{what} is not finite in episode {k}")
         error = r - baseline if k else np.zeros(runs)
         scale = baseline  # from earlier trials only, so that the gradient stays unbiased
         baseline = baseline + max(learner.baseline_rate, 1 / (k + 1)) * (r - baseline)
