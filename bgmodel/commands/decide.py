@@ -236,8 +236,7 @@ def learn(
     levels
         Number of levels of dopamine, or of log odds, at which the circuit decides.
     rule
-        Rule that changes weights: confidence (the default), chosen, reinforce, covariance, hebbian,
-        q or opal.
+        Rule that changes weights: confidence (the default), chosen, reinforce, hebbian or opal.
     learner
         Settings of the learner, name=value: of a threshold or dopamine episodes, rate,
         half_episodes, baseline_rate, last; of weights trials, rate, half_trials, averaged, keep.

@@ -21,11 +21,9 @@ class Trial:
 
     eligibility: Array  # (runs, units), trace of the features up to the decision
     choice: Integers  # (runs,)
-    drive: Array  # (runs, hypotheses), nats, by the readings up to the decision, y
-    posterior: Array  # (runs, hypotheses), softmax(y)
+    posterior: Array  # (runs, hypotheses), softmax of the drive by the readings up to the decision
     read_out: Array  # (runs,), posterior of the choice by noisy OUT, exp(-OUT_c)
     reward: Array  # (runs,), 1 for a correct choice and 0 for an error
-    surplus: Array  # (runs, units), eligibility less its running mean
 
     def of_choice(self, values: Array) -> Array:
         """Return the value of the chosen hypothesis (runs,) from (runs, hypotheses)."""
@@ -120,20 +118,8 @@ class ReadOutConfidence(Critic):
         return np.asarray(state + (self.rate * beyond * error)[:, None])
 
 
-@dataclass(frozen=True)
-class ActionValue(Critic):
-    """The drive of the chosen channel, y_c, taken as the value of the action (Q learning)."""
-
-    name: ClassVar[str] = "value"
-
-    def expected(self, state: Array, trial: Trial) -> Array:
-        """Return y_c."""
-        return trial.of_choice(trial.drive)
-
-
 CRITICS: dict[str, Callable[[], Critic]] = {
-    critic.name: critic
-    for critic in (RunningMean, ConfidenceCritic, ReadOutConfidence, ActionValue)
+    critic.name: critic for critic in (RunningMean, ConfidenceCritic, ReadOutConfidence)
 }
 """Critics by name, with their default options."""
 

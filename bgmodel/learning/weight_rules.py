@@ -94,18 +94,6 @@ class ReinforceRule(Rule):
 
 
 @dataclass(frozen=True)
-class Covariance(Rule):
-    """The covariance of reward and activity (Loewenstein & Seung 2006), at the chosen channel."""
-
-    name: ClassVar[str] = "covariance"
-    critic: ClassVar[str] = "mean"
-
-    def change(self, parameters: Array, trial: Trial, error: Array) -> Array:
-        """Return the change of the chosen channel."""
-        return _outer(error[:, None] * _at_choice(trial), trial.surplus)
-
-
-@dataclass(frozen=True)
 class Hebbian(Rule):
     """Reward-modulated Bayesian Hebb rule (Pfeiffer, Nessler, Douglas & Maass 2010).
 
@@ -124,14 +112,6 @@ class Hebbian(Rule):
     def bounded(self, parameters: Array) -> Array:
         """Return weights within MOST_NATS."""
         return np.clip(parameters, -MOST_NATS, MOST_NATS)
-
-
-@dataclass(frozen=True)
-class QRule(Rule):
-    """Value of actions, linear in the features: ``dw_c = (r - y_c) e``."""
-
-    name: ClassVar[str] = "q"
-    critic: ClassVar[str] = "value"
 
 
 @dataclass(frozen=True)
@@ -172,11 +152,8 @@ class OpponentActor(Rule):
 
 
 RULES: dict[str, Callable[[], Rule]] = {
-    rule.name: rule
-    for rule in (
-        ConfidenceRule, ChosenRule, ReinforceRule, Covariance, Hebbian, QRule, OpponentActor,
-    )
-}  # fmt: skip
+    rule.name: rule for rule in (ConfidenceRule, ChosenRule, ReinforceRule, Hebbian, OpponentActor)
+}
 """Rules by name, with their default options."""
 
 

@@ -106,9 +106,7 @@ class Loop:
         pace = max(RUNNING, 1 / (self.number + 1))
         self._mean += pace * surplus
         self._variance += pace * ((surplus**2).sum(axis=1)[:, None, None] - self._variance)
-        return Trial(
-            trace, chosen.choice, chosen.drive, posterior, chosen.read_out, reward, surplus
-        )
+        return Trial(trace, chosen.choice, posterior, chosen.read_out, reward)
 
     def _learn(self, trial: Trial) -> None:
         """Change weights and critic by the reward of a trial."""

@@ -41,7 +41,7 @@ AVERAGED = 0.25
 CONFIDENCE, CHOSEN, COUNTS = "confidence", "chosen", "counts"
 RULES: tuple[tuple[str, str | None], ...] = (
     ("confidence", None), ("chosen", None), ("confidence", "mean"), ("chosen", "mean"),
-    ("reinforce", None), ("covariance", None), ("hebbian", None), ("q", None), ("opal", None),
+    ("reinforce", None), ("hebbian", None), ("opal", None),
 )  # fmt: skip
 """Rules and their critics; the rule's own if None."""
 RULES_AFTER = (10_000, 40_000)

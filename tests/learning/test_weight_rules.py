@@ -32,7 +32,7 @@ def trial_of(weights, choice=None, reward=None, seed=1):
     posterior = posterior_of(drive)
     rewards = rng.integers(2, size=runs).astype(float) if reward is None else reward
     read_out = posterior[np.arange(runs), chosen]
-    return Trial(trace, chosen, drive, posterior, read_out, rewards, trace - 1)
+    return Trial(trace, chosen, posterior, read_out, rewards)
 
 
 def numerical_gradient(log_probability, weights):

@@ -38,7 +38,7 @@ def updates(weights, decider, *, rule="confidence", trials=6000):
     reward = (chosen.choice == part.truth).astype(float)
     posterior = np.exp(-minus_log_softmax(chosen.drive))
     confidence = posterior[np.arange(trials), chosen.choice]
-    trial = Trial(trace, chosen.choice, chosen.drive, posterior, confidence, reward, trace)
+    trial = Trial(trace, chosen.choice, posterior, confidence, reward)
     error = reward - (confidence if rule != "reinforce" else reward.mean())
     return rule_of(rule).change(w, trial, error)
 
@@ -142,7 +142,7 @@ test_options_out_of_range_are_refused = pytest.mark.filterwarnings("ignore:overf
         (learning(rule="none"), "rule"),
         (learning(critic="none"), "critic"),
         (learning(runs=0), "runs"),
-        (learning(rule="q", learner=WeightLearner(rate=1e4)), "rate weights are no longer finite"),
+        (learning(learner=WeightLearner(rate=1e308)), "rate weights are no longer finite"),
         (lambda: WeightLearner(trials=0), "trials"),
         (lambda: WeightLearner(rate=0), "rate"),
         (lambda: WeightLearner(averaged=1.5), "averaged"),
