@@ -29,7 +29,7 @@ from bgmodel.learning.feature_sources import UNITS as SENSORY
 from bgmodel.learning.feature_sources import GaussianFeatures, tap_features
 from bgmodel.learning.gap import LearnedGap, check_start, learn_gap, regret_of
 from bgmodel.learning.learned_weights import LearnedWeights
-from bgmodel.learning.reinforce import GaussianPolicy, Learner
+from bgmodel.learning.reinforce import Learner
 from bgmodel.learning.weight_rules import rule_of
 from bgmodel.learning.weights import learn_weights
 from bgmodel.support.checks import check_positive, whole
@@ -201,8 +201,8 @@ def learn(
     taps : DataFrame or path, optional
         Decoded taps in place of those of a tactile task.
     **more
-        ``policy`` of the test's threshold; ``levels`` of dopamine or log odds; ``rule``,
-        ``critic`` and ``units`` of weights, as for ``learn_weights``.
+        ``levels`` of dopamine or log odds; ``rule``, ``critic`` and ``units`` of weights, as for
+        ``learn_weights``.
 
     Raises
     ------
@@ -264,14 +264,14 @@ def planned(
     check_learning_memory(runs, episodes)
     same: dict[str, Any] = {"xi": xi, "runs": runs, "seed": seed, "learner": learner}
     if model is None:
-        _know(more, "policy")
+        _know(more)
         must = "must be left out: the test stops at the gap that it learns"
         require(posterior is None, "posterior", must, posterior)
         must = "must have 2 alternatives for the boundary separation of the test"
         require(task.channels == 2, "channels", must, task.channels)
         begun = START_GAP if start is None else float(start)
-        check_start(begun, "start", more.get("policy"))
-        return partial(_of_test, task, begun, source, **same, **more)
+        check_start(begun, "start")
+        return partial(_of_test, task, begun, source, **same)
     _know(more, "levels")
     must = "must be left out: it is what the circuit learns, and start is its log odds"
     require(posterior is None or what == DOPAMINE, "posterior", must, posterior)
@@ -305,27 +305,18 @@ def _check_weights(
 
 
 def _know(more: dict[str, Any], *names: str) -> None:
-    known = ", ".join(names)
+    known = f", where {', '.join(names)} may be given" if names else ""
     for name in more:
         if name not in names:
-            raise InputError(f"{name} has no effect here, where {known} may be given", name)
+            raise InputError(f"{name} has no effect here{known}", name)
 
 
-def _of_test(
-    task: Task,
-    start: float,
-    source: dict[str, Any],
-    *,
-    policy: GaussianPolicy | None = None,
-    **same: Any,
-) -> FromReward:
+def _of_test(task: Task, start: float, source: dict[str, Any], **same: Any) -> FromReward:
     """Learn the boundary separation of the test."""
     readings = _readings(task, source, same["seed"])
     main = getattr(task, "main", "")  # a table has none
     name = (getattr(task, main, 0.0), getattr(task, "fold", 0))
-    gap = learn_gap(
-        readings, name=name, start_separation=start, t_max=task.t_max, policy=policy, **same
-    )
+    gap = learn_gap(readings, name=name, start_separation=start, t_max=task.t_max, **same)
     at_start = regret_of(np.array([start]), readings, gap.optimum, same["xi"], task.t_max)
     rows = {
         "learned": _over_runs(100 * gap.regret),

@@ -33,7 +33,7 @@ from bgmodel.support.seeds import stream
 from bgmodel.tactile.source import FOLDS, Source, source
 from bgmodel.tactile.task import SameDifferent
 from circuits.arrays import Array
-from circuits.errors import InputError, RangeWarning
+from circuits.errors import InputError
 
 BLOCK = 50_000
 """Trials that are drawn at a time for an exhaustive search."""
@@ -89,29 +89,17 @@ def search_folds(
     return pd.concat(rows, ignore_index=True)
 
 
-def check_start(
-    start_separation: float, field: str = "start_separation", policy: GaussianPolicy | None = None
-) -> None:
+def check_start(start_separation: float, field: str = "start_separation") -> None:
     """Raise ValueError, naming a field, if learning can't start from this gap."""
-    low, high = SEPARATIONS if policy is None else policy.bounds
+    low, high = SEPARATIONS
     if not low <= start_separation <= high:
         raise InputError.of(field, f"must be within {low:g}..{high:g} nats", start_separation)
 
 
-def policy_for(policy: GaussianPolicy | None, optima: Sequence[OptimalThreshold]) -> GaussianPolicy:
-    """Return the policy, by default Gaussian with the best gaps inside; warn if it excludes one."""
-    gaps, (least, most) = [optimum.boundary_separation for optimum in optima], SEPARATIONS
-    best = max(gaps)
-    if policy is None:
-        return GaussianPolicy(bounds=(least, most if best < most else WIDER * best))
-    bottom, top = policy.bounds
-    if best >= top or min(gaps) <= bottom:
-        RangeWarning.warn(
-            f"the best gap, {best if best >= top else min(gaps):.2f} nats, is outside the range "
-            f"that the policy can learn, {bottom:.2f} to {top:.2f} nats: regret includes this; "
-            "give another xi or wider bounds"
-        )
-    return policy
+def policy_for(optima: Sequence[OptimalThreshold]) -> GaussianPolicy:
+    """Return a policy that can learn the best gaps."""
+    best, (least, most) = max(optimum.boundary_separation for optimum in optima), SEPARATIONS
+    return GaussianPolicy(bounds=(least, most if best < most else WIDER * best))
 
 
 def learn_sources(
@@ -123,7 +111,7 @@ def learn_sources(
     t_max: int,
     seed: int,
     name: object,
-    policy: GaussianPolicy | None = None,
+    policy: GaussianPolicy,
     learner: Learner | None = None,
 ) -> Learned:
     """Learn the gap on several sets of readings from several initial gaps.
@@ -132,7 +120,7 @@ def learn_sources(
     random-number streams, so that it is independent of the others.
     """
     for start in starts:
-        check_start(start, "starts", policy)
+        check_start(start, "starts")
     runs = list(product(range(len(sources)), starts, range(repeats)))
     draws = []
     for i, start, k in runs:
@@ -181,7 +169,7 @@ def learn_folds(
         sources,
         starts=starts,
         repeats=repeats,
-        policy=policy_for(None, optima),
+        policy=policy_for(optima),
         learner=learner,
         **options,
     )
@@ -242,14 +230,13 @@ def learn_gap(
     runs: int,
     t_max: int,
     seed: int,
-    policy: GaussianPolicy | None = None,
     learner: Learner | None = None,
 ) -> LearnedGap:
     """Learn the gap on the readings of one task and fold; compare with the exact optimum.
 
     ``name`` is the number of the stimulus and of the fold, which name random-number streams.
     """
-    check_start(start_separation, policy=policy)
+    check_start(start_separation)
     optimum = optimal_separation(*increments(readings), xi, t_max=t_max)
     learned = learn_sources(
         [readings],
@@ -259,7 +246,7 @@ def learn_gap(
         t_max=t_max,
         seed=seed,
         name=name,
-        policy=policy_for(policy, [optimum]),
+        policy=policy_for([optimum]),
         learner=learner,
     )
     regret = regret_of(learned.learned, readings, optimum, xi, t_max)

@@ -18,8 +18,6 @@ from bgmodel.learning.gap import (
 from bgmodel.learning.reinforce import GaussianPolicy, Learner, exhaustive_search
 from bgmodel.support.seeds import stream
 from bgmodel.tactile.source import held_out_taps
-from circuits.errors import RangeWarning
-from tests.helpers import unwarned
 
 TAPS = held_out_taps()
 
@@ -50,11 +48,9 @@ def test_regret_is_the_share_that_a_gap_costs_more_and_never_below_zero():
 def test_by_default_the_best_gap_is_inside_the_range_that_is_learned():
     """0 to 8 nats where that suffices, as in the paper."""
     for best in (0.0, 4.0, 7.9):
-        assert policy_for(None, [OptimalThreshold(best, 1.0)]) == GaussianPolicy()
+        assert policy_for([OptimalThreshold(best, 1.0)]) == GaussianPolicy()
     for best in (8.0, 10.6, 20.0):
-        low, high = policy_for(
-            None, [OptimalThreshold(2.0, 1.0), OptimalThreshold(best, 1.0)]
-        ).bounds
+        low, high = policy_for([OptimalThreshold(2.0, 1.0), OptimalThreshold(best, 1.0)]).bounds
         assert low == 0 < best < high
 
 
@@ -82,14 +78,3 @@ def test_every_run_of_every_fold_has_its_own_course_from_the_start_to_what_is_le
     assert (same == 1).all(axis=None)
     assert table["optimal_separation"].nunique() == 2
     assert (table["start_regret"] > 0).all()
-
-
-def test_a_policy_that_cannot_learn_the_best_gap_is_said_to():
-    policy = GaussianPolicy()
-    with pytest.warns(RangeWarning, match="the best gap, 9.00 nats"):
-        assert policy_for(policy, [OptimalThreshold(9.0, 1.0)]) is policy
-    with unwarned():
-        policy_for(policy, [OptimalThreshold(7.0, 1.0)])
-    above = GaussianPolicy(bounds=(4.0, 8.0))
-    with pytest.warns(RangeWarning, match="the best gap, 0.80 nats, .* 4.00 to 8.00 nats"):
-        policy_for(above, [OptimalThreshold(0.8, 1.0), OptimalThreshold(5.0, 1.0)])
