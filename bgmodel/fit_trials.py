@@ -571,14 +571,17 @@ def fit_all(
 ) -> Fits | GroupFits:
     """Fit every model to everyone, as ``fit``; finished fits in the folder are not repeated.
 
-    ``write`` adds tables and figures to it, by ``force`` also in place of those of another
-    question. ``note`` is called with the report of each fit, and ``stages`` with its name, for a
+    ``write`` writes tables and figures to it, by ``force`` also in place of those of other fits.
+    ``note`` is called with the report of each fit, and ``stages`` with its name, for a
     context that shows its progress.
     """
     if folder is None or not write:
         return _fitted(one, folder, workers, most_draws, chains_seed, note, stages)
     asked = one.asked
-    place = FitFolder(folder, settings_shared(asked, *one.data), one.circuits(), asked.seed)
+    # A group is fitted as a whole.
+    people = [", ".join(one.people)] if asked.hierarchical else [*one.people]
+    shared = settings_shared(asked, *one.data)
+    place = FitFolder(folder, shared, people, [*one.versions], one.circuits(), asked.seed)
     place.check(GROUP if asked.hierarchical else EACH, force, one.estimates())
     fits = _fitted(one, folder, workers, most_draws, chains_seed, note, stages)
     place.write(fits, note)

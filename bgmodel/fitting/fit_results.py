@@ -269,17 +269,19 @@ def settings_shared(asked: FitSettings, data: str, trials: str) -> dict[str, Any
 
 @dataclass(frozen=True)
 class FitFolder:
-    """A folder whose tables share settings and, for models of one name, circuits."""
+    """A folder for the tables of all fits of one command, with what they were made with."""
 
     path: Path
     shared: dict[str, Any]  # settings
+    participants: list[str]
+    models: list[str]
     circuits: dict[str, str]  # hash of the circuit of each model that has one
     seed: int = 0
 
     def check(
         self, names: tuple[str, ...], force: bool = False, estimates: pd.DataFrame | None = None
     ) -> None:
-        """Raise ValueError if it can't be written, or holds other tables, unless by force.
+        """Raise ValueError if it can't be written, or holds other fits than these, unless by force.
 
         Estimates without a model are written, if there are any.
         """
@@ -293,8 +295,9 @@ class FitFolder:
                 raise InputError(reason, "folder")
             other |= self._differing(path)
         if other and not force:
+            too = "fit it too, " if other <= {"participant", "model"} else ""
             raise InputError(
-                f"{str(self.path)!r} holds fits with another {', '.join(sorted(other))}: give "
+                f"{str(self.path)!r} holds fits with another {', '.join(sorted(other))}: {too}give "
                 "another folder, or --force to overwrite their tables",
                 "folder",
             )
@@ -302,15 +305,14 @@ class FitFolder:
             write_table(estimates, self.path / ESTIMATES, seed=self.seed, **self.shared)
 
     def write(self, fits: Fits | GroupFits, note: Callable[[str], None]) -> None:
-        """Write tables, figures and draws; rows of other fits to the same question stay."""
-        figures = fits.figures()
-        for name, table in fits.tables().items():
-            self.add(name, table)
+        """Write tables, figures and draws."""
+        tables, figures = fits.tables(), fits.figures()
         if fits.comparison is not None:
-            made = {**self.shared, "circuits": self.circuits}
-            table = fits.comparison.to_dataframe()
-            write_table(table, self.path / "comparison.csv", seed=self.seed, **made)
+            tables["comparison"] = fits.comparison.to_dataframe()
             figures["comparison"] = fits.comparison.plot
+        made = {name: getattr(self, name) for name in ("participants", "models", "circuits")}
+        for name, table in tables.items():
+            write_table(table, self.path / f"{name}.csv", seed=self.seed, **self.shared, **made)
         for name, draw in figures.items():
             try:
                 save_figure(draw(), self.path / f"{name}.png")
@@ -320,29 +322,17 @@ class FitFolder:
             for name, fit in fits.fits.items():
                 fit.to_netcdf(self.path / f"{stem(name)}.nc")
 
-    def add(self, name: str, table: pd.DataFrame) -> None:
-        """Write a table with the rows of other people and models that its file has."""
-        path, circuits = self.path / f"{name}.csv", self.circuits
-        if is_result(path) and not self._differing(path):
-            # Columns that are text in the new table stay text.
-            texts = [column for column in table if pd.api.types.is_string_dtype(table[column])]
-            none = {str(column): [""] for column in table if column not in texts}
-            before = pd.read_csv(path, dtype=dict.fromkeys(texts, str), keep_default_na=False,
-                                 na_values=none)  # fmt: skip
-            # A group is fitted as a whole.
-            who = ["participant", "model"] if name in EACH else ["model"]
-            ours = pd.MultiIndex.from_frame(table[who].astype(str))
-            others = ~pd.MultiIndex.from_frame(before[who].astype(str)).isin(ours)
-            table = pd.concat([before[others], table], ignore_index=True)
-            circuits = {**read_provenance(path)["parameters"]["circuits"], **circuits}
-        write_table(table, path, seed=self.seed, **self.shared, circuits=circuits)
-
     def _differing(self, path: Path) -> set[str]:
-        """Return the names of settings with other values in an existing table."""
+        """Return the names of settings with other values in an existing table, and of lost rows."""
         if not is_result(path):
             return set()
         before = read_provenance(path)["parameters"]
         circuits, now = before.pop("circuits", {}), provenance(**self.shared)["parameters"]
+        lost = {
+            "participant": {*before.pop("participants", [""])} - {*self.participants},
+            "model": {*before.pop("models", [""])} - {*self.models},
+            "circuit": {name for name, sha in self.circuits.items()
+                        if circuits.get(name, sha) != sha},
+        }  # fmt: skip
         names = {name for name in {*before, *now} if before.get(name) != now.get(name)}
-        changed = any(circuits.get(name, sha) != sha for name, sha in self.circuits.items())
-        return names | ({"circuit"} if changed else set())
+        return names | {name for name, some in lost.items() if some}

@@ -3,6 +3,7 @@
 import json
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -131,14 +132,18 @@ def test_each_participant_gets_a_row_per_number_and_a_figure(thorough, tmp_path,
     assert len(list(out.glob("*.png"))) == 2
 
 
-def test_names_of_participants_and_levels_stay_as_they_are_written():
-    """01 is not 1, and fits to one of them leave those to the other in the table."""
+def test_names_of_participants_and_levels_stay_as_they_are_written(capsys):
+    """01 is not 1, and a fit to one of them is not repeated with both."""
     names = {"participant_id": {"a": "01", "b/c": "1"}, "drug": {"on": "None", "off": "1.50"}}
     GOOD.replace(names).to_csv("named.csv", index=False)
     one = ["named.csv", *COHERENCE, *GAP, *QUICK, "--vary", "bound=drug"]
     assert run("fit", *one) == 0
-    for who in ("01", "1"):
-        assert run("fit", "named.csv", "again", *one[1:], "--participant", who) == 0
+    assert run("fit", "named.csv", "again", *one[1:], "--participant", "01") == 0
+    capsys.readouterr()
+    error = fails(capsys, "named.csv", "again", *one[1:], "--participant", "1")
+    assert "holds fits with another participant: fit it too, give another folder" in error
+    assert run("fit", "named.csv", "again", *one[1:]) == 0
+    assert "01, constant_gap: already done" in capsys.readouterr().out
     for table in TABLES:
         assert Path("again", table).read_bytes() == Path("fits/named", table).read_bytes()
 
@@ -161,23 +166,25 @@ def test_fits_of_another_question_are_never_written_over_unasked(capsys):
 
 
 def test_a_circuit_that_was_edited_is_another_question(tmp_path):
-    """Rows of both would have the same name; a second circuit with another name is allowed."""
+    """A second circuit with another name is a further model, which leaves none out."""
 
-    def fit(who, model, circuit, force=False):
-        """Write a table of one fit."""
-        place = FitFolder(tmp_path, {"data": "x"}, {model: circuit})
+    def fit(circuits, force=False):
+        """Write a table of one row; return the circuits in its provenance."""
+        place = FitFolder(tmp_path, {"data": "x"}, ["a"], [*circuits], circuits)
         place.check(EACH, force)
-        place.add("parameters", pd.DataFrame({"participant": [who], "model": [model]}))
-        return pd.read_csv(tmp_path / "parameters.csv").to_numpy().tolist()
+        table = pd.DataFrame({"participant": ["a"]})
+        place.write(SimpleNamespace(tables=lambda: {"parameters": table}, figures=dict,
+                                    comparison=None), print)  # fmt: skip
+        return read_provenance(tmp_path / "parameters.csv")["parameters"]["circuits"]
 
-    fit("a", "mine", "a")
-    fit("a", "other", "b")
-    assert len(fit("b", "mine", "a")) == 3
-    behind = read_provenance(tmp_path / "parameters.csv")["parameters"]
-    assert behind["circuits"] == {"mine": "a", "other": "b"}
+    fit({"mine": "a"})
+    both = {"mine": "a", "other": "b"}
+    assert fit(both) == both
+    with refused("folder holds fits with another model"):
+        fit({"other": "b"})
     with refused("folder holds fits with another circuit"):
-        fit("b", "mine", "c")
-    assert fit("b", "mine", "c", force=True) == [["b", "mine"]]
+        fit({**both, "mine": "c"})
+    assert fit({"mine": "c"}, force=True) == {"mine": "c"}
 
 
 @pytest.mark.parametrize(
