@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bgmodel.bootstrap import shown
 from bgmodel.comparison.matched import row_means
 from bgmodel.deciding.decision import Decision, first_crossing
 from bgmodel.deciding.trace import Trace
@@ -66,21 +65,17 @@ class DesignedTrial:
     held: str
     competitors: tuple[float, ...]
 
-    def evidence(
-        self, readings: int, *, trials: int = 1, kappa: float = 1.0, leader: int = 0
-    ) -> Evidence:
-        """Return copies of the trial; ``kappa`` is nats of the design per nat of evidence."""
+    def evidence(self, readings: int, *, trials: int = 1, kappa: float = 1.0) -> Evidence:
+        """Return copies of the trial; ``kappa`` is nats of the design per nat of evidence.
+
+        Channel 0 is the leader.
+        """
         count = len(self.competitors) + 1
         values = np.zeros((readings, count))
         values[0, 1:] = self.competitors
         values[:, 0] = RISE_NATS_S * STEP_MS / 1000
-        values = np.roll(values, leader, axis=1) / kappa
-        return Evidence(
-            np.repeat(values[None], trials, axis=0),
-            np.full(trials, leader),
-            step_ms=STEP_MS,
-            baseline=0.0,
-        )
+        values = np.repeat(values[None] / kappa, trials, axis=0)
+        return Evidence(values, np.zeros(trials, int), step_ms=STEP_MS, baseline=0.0)
 
 
 def designs(channels: int = CHANNELS) -> tuple[DesignedTrial, ...]:
@@ -109,7 +104,6 @@ def designed_circuit(
     thresholds: Sequence[float] = THRESHOLDS,
     *,
     trials: int = 200,
-    leader: int = 0,
 ) -> pd.DataFrame:
     """Return decision times of a circuit on designed trials minus those of theories.
 
@@ -127,7 +121,6 @@ def designed_circuit(
         kappa=kappa_of(model),
         channels=model.circuit.channels,
         trials=trials,
-        leader=leader,
     )
 
 
@@ -186,7 +179,6 @@ def designed(
     kappa: float = 1.0,
     channels: int = CHANNELS,
     trials: int = 1,
-    leader: int = 0,
 ) -> pd.DataFrame:
     """Return decision times of an integrator on designed trials minus those of theories.
 
@@ -197,21 +189,20 @@ def designed(
         raise InputError.of("observed", "must be an integrator, such as Msprt()", observed)
     settled = observed if settled is None else settled
     levels = checked_thresholds(thresholds)
-    same: dict[str, Any] = {"kappa": kappa, "leader": leader}
-    readings = readings_of(settled, levels, channels=channels, **same)
+    readings = readings_of(settled, levels, channels=channels, kappa=kappa)
     every = designs(channels)
-    start_ms = _times(settled, every[0].evidence(readings, **same), levels, leader)[:, 0]
+    start_ms = _times(settled, every[0].evidence(readings, kappa=kappa), levels)[:, 0]
     seen = [
-        _times(observed, design.evidence(readings, trials=trials, **same), levels, leader)
+        _times(observed, design.evidence(readings, trials=trials, kappa=kappa), levels)
         for design in every
     ]
     latency_ms = row_means(seen[0]) - start_ms
     parts = []
     for name, theory in theories(kappa).items():
-        trace = theory.run(every[0].evidence(readings, **same))
-        at_start = np.interp(start_ms, trace.time_ms, trace.out_nats[0, :, leader])
+        trace = theory.run(every[0].evidence(readings, kappa=kappa))
+        at_start = np.interp(start_ms, trace.time_ms, trace.out_nats[0, :, 0])
         for design, times in zip(every, seen, strict=True):
-            theory_ms = _times(theory, design.evidence(readings, **same), at_start, leader)[:, 0]
+            theory_ms = _times(theory, design.evidence(readings, kappa=kappa), at_start)[:, 0]
             moved = (times - seen[0]) - (theory_ms - start_ms)[:, None]
             value, low, high = _intervals(moved)
             columns = {
@@ -238,14 +229,13 @@ def readings_of(
     *,
     channels: int = CHANNELS,
     kappa: float = 1.0,
-    leader: int = 0,
 ) -> int:
     """Return the readings needed to cross all thresholds in all designs, plus half of them."""
     readings, levels = 32, np.asarray(thresholds, dtype=np.float64)
     while readings <= MOST_READINGS:
         with quiet(RangeWarning):  # the leader rises for longer here than in the actual trials
             last_ms = [
-                _times(settled, design.evidence(readings, kappa=kappa, leader=leader), levels)
+                _times(settled, design.evidence(readings, kappa=kappa), levels, led=False)
                 for design in designs(channels)
             ]
         if np.isfinite(last_ms).all():
@@ -259,16 +249,14 @@ def readings_of(
 
 
 def _times(
-    integrator: Integrator, evidence: Evidence, thresholds: Array, leader: int | None = None
+    integrator: Integrator, evidence: Evidence, thresholds: Array, *, led: bool = True
 ) -> Array:
-    """Return decision times (thresholds, trials), ms; NaN if the leader is not chosen."""
+    """Return decision times (thresholds, trials), ms; if ``led`` NaN for another choice."""
     parts = []
     for trace in _traces(integrator, evidence, float(thresholds.min())):
         decision = first_crossing(trace, thresholds, forced=False, checked=False)
         times = _between_readings(trace, decision, thresholds)
-        parts.append(
-            times if leader is None else np.where(decision.choice == leader, times, np.nan)
-        )
+        parts.append(np.where(decision.choice == 0, times, np.nan) if led else times)
     return np.concatenate(parts, axis=1)
 
 
@@ -331,51 +319,3 @@ def verdicts(table: pd.DataFrame) -> pd.DataFrame:
             outcome = APART
         rows.append((name, largest.max(), largest.min(), outcome))
     return pd.DataFrame(rows, columns=["theory", "largest_ms", "least_ms", "outcome"])
-
-
-def text(table: pd.DataFrame, unit: str = NATS) -> str:
-    """Return a table of designed trials as text, one column per theory, with a legend."""
-    key = ["threshold", "held", "design"]
-    rows = table.drop_duplicates(key)
-    wide = pd.DataFrame(
-        {
-            "OUT": [f"{value:g}" for value in rows["threshold"]],
-            "competitors": rows["design"].to_numpy(),
-            "held": [held or "-" for held in rows["held"]],
-            "circuit": [f"{value:.0f}" for value in rows["observed_ms"]],
-        }
-    )
-    for name, part in table.groupby("theory", sort=False):
-        wide[name] = [_cell(row) for row in part.itertuples()]
-    wide = wide.iloc[np.argsort(-rows["threshold"].to_numpy(), kind="stable")]
-    latency = rows[rows["held"] == ""]
-    late = ", ".join(
-        f"{row.latency_ms:.0f} ms at {row.threshold:g}" for row in latency.itertuples()
-    )
-    says = [
-        f"{row.theory}: {row.outcome}, at most {row.largest_ms:.0f} ms"
-        + (f", {row.least_ms:.0f} ms or more at each OUT" if row.outcome == APART else "")
-        for row in verdicts(table).itertuples()
-    ]
-    legend = [
-        f"OUT: the circuit's threshold, {unit}. circuit: its mean time, ms. Other columns: this",
-        "time, minus its latency, minus that of the theory, ms [95 % interval over trials].",
-        f"Latency: {late}; how much later than its",
-        "own fixed point it crosses with equal competitors; delays increase it, noise reduces it.",
-        "The threshold of each theory is its OUT at that time, so that with equal competitors all",
-        f"differences are 0. {LEAD}: over the closest competitor, as with equal ones: max vs next",
-        f"predicts no change of time. {AVERAGE}: of the competitors: max vs average predicts none.",
-        f"{FOLLOWS}: all intervals within {CLOSE_MS:.0f} ms; {APART}: at each OUT an interval "
-        f"beyond {APART_MS:.0f} ms.",
-    ]
-    if table["value"].isna().any():
-        legend.append(f"unknown: the leader is chosen in fewer than {FEWEST_RIGHT:.0%} of trials.")
-    return "\n".join([wide.to_string(index=False), "", *says, "", *legend])
-
-
-def _cell(row: Any) -> str:
-    """Return a difference as text; without noise there is no interval."""
-    if not row.held:
-        return "0"
-    noisy = not np.isfinite(row.value) or row.low < row.high
-    return shown(row.value, row.low, row.high, "+.0f") if noisy else f"{row.value:+.0f}"
