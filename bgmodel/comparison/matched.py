@@ -23,7 +23,7 @@ from circuits.arrays import Array, Integers
 from circuits.errors import DeadlineWarning, InputError, RangeWarning, require
 
 ACCURACIES = (0.90, 0.95, 0.97)
-# Range of accuracies over which a line is fitted to the extra time.
+# Accuracies over which the extra time is averaged, as latency.
 SPAN = np.linspace(0.85, 0.98, 14)
 MOST_FORCED = 0.5
 """Largest share of trials decided by the deadline at which thresholds are compared."""
@@ -31,21 +31,6 @@ MINUS_INTACT = "circuit minus intact"
 """Model name in rows of the edited circuit's measures minus those of the intact circuit."""
 OTHER_NOISE = "circuit with other noise"
 """Reference in rows that compare a circuit with itself under other noise: the noise ceiling."""
-
-
-def latency(test: tuple[Array, Array], other: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Return offset (ms) and slope of the extra time at equal accuracy over the test's time, (B,).
-
-    The line is fitted to accuracies from 0.85 to 0.98; NaN if both reach fewer than three.
-    """
-    x, late = time_at(SPAN, test), time_at(SPAN, other) - time_at(SPAN, test)
-    known = np.isfinite(late)
-    about = x - row_means(np.where(known, x, np.nan))[:, None]
-    spread = np.where(known, about**2, 0).sum(axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        slope = np.where(known, about * late, 0).sum(axis=1) / spread
-    slope[known.sum(axis=1) < 3] = np.nan
-    return row_means(late - slope[:, None] * x), slope
 
 
 def matched_measures(
@@ -72,15 +57,14 @@ def matched_measures(
     accuracies 0.85 to 0.98. ``resamples`` and ``groups`` are as for ``resampled``.
 
     One row per accuracy and measure: accuracy, measure, value, low, high (95 % interval). Measures:
-    threshold; accuracy, test_accuracy (observed); agreement, error_agreement (on trials that the
-    test gets wrong) and within_50_ms (share of times within 50 ms of the median lag), each also as
-    NAME_chance, for trials shuffled within a truth, and NAME_corrected, (share - chance) / (1 -
-    chance); pearson_r (of decision times) and pearson_r_chance, spearman_r; residual_sd_ms (of the
-    lag); test_ms, extra_ms; accuracy_gap (in equal time); forced; with ``again`` r_noise_corrected,
-    r over the square root of the other's r with itself (Spearman 1904: an estimate of r without the
-    other's noise). All are NaN if one does not reach the accuracy within ``margin``, or if the
-    deadline decides most trials of one; intervals of trial-by-trial measures are for the matched
-    thresholds. With accuracy NaN: offset_ms and slope of ``latency``.
+    threshold; accuracy, test_accuracy (observed); agreement, agreement_chance (for trials shuffled
+    within a truth) and agreement_corrected, (agreement - chance) / (1 - chance); error_agreement
+    (on trials that the test gets wrong); within_50_ms (share of times within 50 ms of the median
+    lag); pearson_r (of decision times); test_ms, extra_ms; accuracy_gap (in equal time); forced;
+    with ``again`` r_noise_corrected, r over the square root of the other's r with itself (Spearman
+    1904: an estimate of r without the other's noise). All are NaN if one does not reach the
+    accuracy within ``margin``, or if the deadline decides most trials of one; intervals of
+    trial-by-trial measures are for the matched thresholds.
 
     ValueError if the tradeoffs do not hold the same trials, or are too few for an interval.
     """
@@ -94,12 +78,7 @@ def matched_measures(
     if minus is not None:
         base = _measures(test, minus, truth, accuracies, weights, latency_ms)
         measures = {key: measures[key] - base[key] for key in base}
-    rows = []
-    for (accuracy, name), values in measures.items():
-        value, low, high = interval(values)
-        # A line through few points has no interval and is not reported.
-        line = np.isnan(accuracy) and not np.isfinite(low)
-        rows.append((accuracy, name, np.nan if line else value, low, high))
+    rows = [(*key, *interval(values)) for key, values in measures.items()]
     return pd.DataFrame(rows, columns=["accuracy", "measure", "value", "low", "high"])
 
 
@@ -144,11 +123,10 @@ def _measures(
 ) -> Measures:
     """Return every measure, (B,) each; the first entry is the value."""
     curves = curve(test, weights), curve(other, weights)
-    offset, slope = latency(*curves)
-    measures = {(np.nan, "offset_ms"): offset, (np.nan, "slope"): slope}
-    late = np.full_like(offset, latency_ms)
+    late = np.full(len(weights), latency_ms)
     if latency_ms is None:
         late = row_means(time_at(SPAN, curves[1]) - time_at(SPAN, curves[0]))
+    measures: Measures = {}
     sides = [test, other, *([] if again is None else [again])]
     for accuracy in accuracies:
         matched = at_equal_accuracy(sides, accuracy)

@@ -32,7 +32,7 @@ SHOWN = {
 """Measures that a page shows: names and number formats."""
 CHANCE = (
     "by chance: the trials of one model are shuffled among those with the same truth; the file has "
-    "more measures, each with its chance level"
+    "more measures"
 )
 CEILING = (
     f"{OTHER_NOISE}: the circuit compared with itself under noise of another seed, the highest "
@@ -107,7 +107,6 @@ def page(table: pd.DataFrame) -> str:
 
     The accuracy is the first at which the circuit is compared. What is unknown is explained below.
     """
-    table = table[table["accuracy"].notna()]
     known = table[(table["measure"] == "agreement") & table["value"].notna()]
     accuracy = (known if len(known) else table)["accuracy"].iloc[0]
     here = table[(table["accuracy"] == accuracy) & table["measure"].isin(SHOWN)]
