@@ -58,8 +58,7 @@ for package in (bgmodel, circuits):
         except ModuleNotFoundError as error:
             assert error.name in {NOT_CORE!r}, error
 from importlib.resources import files
-for package, name in (("bgmodel.sweeps", "Snakefile"), ("bgmodel.sweeps", "slurm/config.yaml")):
-    assert (files(package) / name).is_file(), name
+assert (files("bgmodel.sweeps") / "template.toml").is_file()
 assert len(list((files("bgmodel.experiments") / "shipped").iterdir())) == {{shipped}}
 assert not [name for name in {NOT_CORE!r} if importlib.util.find_spec(name)]
 """

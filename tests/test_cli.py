@@ -120,7 +120,6 @@ BAD_USE = {
     "circuit export --save a.py --plot a.png": "plot",
     "exam --save a.csv": "save",
     "experiment --plot a.png": "plot",
-    "sweep file found --part 1/2 --on slurm": "part",
     "sweep file found --workers 0": "workers",
     "fit no.csv": "path",
     f"{FIT} --people hierarchical --draws": "draws",
@@ -242,8 +241,7 @@ def test_an_option_that_a_page_or_a_message_names_exists():
     code = [*(ROOT / "bgmodel").rglob("*.py"), *(ROOT / "circuits").rglob("*.py")]
     # Of Snakemake, SLURM and a script of another project.
     others = {"--cores", "--rerun-incomplete", "--force-use-threads", "--quiet", "--config",
-              "--directory", "--configfile", "--array", "--noheader", "--allocations", "--clusters",
-              "--starttime", "--cpus-per-task", "--mem", "--time", "--table"}  # fmt: skip
+              "--array", "--cpus-per-task", "--mem", "--time", "--table"}  # fmt: skip
     for path in [*pages, *code]:
         named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", path.read_text(encoding="utf-8")))
         assert named <= known | others, path

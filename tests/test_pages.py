@@ -2,8 +2,10 @@
 
 import ast
 import json
+import os
 import re
 import shlex
+import subprocess
 from inspect import signature
 from itertools import groupby
 
@@ -43,7 +45,6 @@ PARSED = {
     "bgmodel exam macaque --plot": "the whole exam takes a minute; a line below asks less",
     "bgmodel exam mine.toml": "there is no such file; a test of the exam takes a circuit",
     "bgmodel exam --data": "there are no such tables; a test of the exam writes them",
-    "bgmodel sweep lesions.toml cluster": "there is no SLURM; make validate starts one",
     "bgmodel fit roitman": "it takes a minute; a test of the command fits less",
     "bgmodel fit cavanagh": "it takes minutes; a test of the command fits four people",
     "bgmodel fit stop": "it fits 126 people; a test of the command fits four",
@@ -203,6 +204,20 @@ def test_every_exception_is_of_a_command_or_a_block_that_is_there():
     assert [s for s in PARSED if not any(line.startswith(s) for line in told)] == []
     shown = [str(block.values[0].parsed) for block in blocks("python", GUIDES)]
     assert [part for part in LONG if sum(part in text for text in shown) != 1] == []
+
+
+def test_the_script_of_an_array_of_jobs_runs_a_line_until_it_succeeds(tmp_path):
+    (script,) = (text for block in blocks("sh") if "sed -n" in (text := block.values[0].parsed))
+    (tmp_path / "commands.txt").write_text("echo one >> ran\necho two >> ran; [ -e fine ]\n")
+
+    def job(number):
+        options = {"cwd": tmp_path, "env": os.environ | {"SLURM_ARRAY_TASK_ID": number}}
+        return subprocess.run(["bash", "-c", str(script)], check=False, **options).returncode
+
+    assert [job("1"), job("2")] == [0, 1]
+    (tmp_path / "fine").touch()
+    assert [job("1"), job("2"), job("2")] == [0, 0, 0]
+    assert (tmp_path / "ran").read_text().split() == ["one", "two", "two"]
 
 
 def test_the_readme_is_short():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import pandas as pd
 
@@ -126,9 +126,6 @@ def sweep(
     /,
     *,
     part: str | None = None,
-    on: Literal["processes", "snakemake", "slurm"] = "processes",
-    parts: int = 10,
-    profile: Path | None = None,
     dry_run: bool = False,
     template: bool = False,
     workers: Workers = 2,
@@ -140,7 +137,7 @@ def sweep(
     again; the same command resumes after it was stopped or killed.
 
     Examples: bgmodel sweep mine.toml --template; bgmodel sweep mine.toml --workers 8;
-    bgmodel sweep mine.toml --on slurm --parts 40 --dry-run
+    bgmodel sweep mine.toml --part 3/40
 
     Parameters
     ----------
@@ -149,14 +146,7 @@ def sweep(
     folder
         Folder for shards, outcome.csv and outcome.png; by default sweeps/NAME, after the file.
     part
-        K/N: compute only the K-th of N parts, without gathering: for your own scheduler.
-    on
-        Where to compute: processes on this machine, jobs of Snakemake here, or jobs on a cluster
-        through its SLURM executor.
-    parts
-        Number of jobs of Snakemake or SLURM.
-    profile
-        Folder of a profile for SLURM, instead of the shipped one.
+        K/N: compute only the K-th of N parts, without gathering: for jobs on a cluster.
     dry_run
         Print what would be done, and do nothing.
     template
@@ -167,18 +157,10 @@ def sweep(
     if template:
         write_template(Sweep.template(), file)
         return
-    check_whole(workers=workers, parts=parts)
-    if part is not None and on != "processes":
-        raise InputError("part is for a single job: give --parts, or leave out --on", "part")
+    check_whole(workers=workers)
     asked = Sweep.from_toml(file)
     folder = folder or Path("sweeps") / file.stem
     asked.check(folder)
-    if on != "processes":
-        from bgmodel.sweeps.shards import run_jobs
-
-        run_jobs(asked.shards, file, folder, parts=parts, workers=workers, profile=profile,
-                 slurm=on == "slurm", dry_run=dry_run)  # fmt: skip
-        return
     status, missing = asked.status(folder, part)
     print(status, flush=True)
     say_of_edits(*(point.edits for point in asked.points))

@@ -1,27 +1,15 @@
-"""Shards of a sweep: computed anywhere, stored as a unit, named by a hash of their settings.
-
-Jobs of Snakemake compute them on this machine or, through its SLURM executor, on a cluster: if
-SLURM takes jobs from this machine and says how they ended.
-"""
+"""Shards of a sweep: computed anywhere, stored as a unit, named by a hash of their settings."""
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
 from contextlib import contextmanager
 from dataclasses import replace
 from fcntl import LOCK_EX, LOCK_NB, LOCK_SH, flock
 from functools import partial
-from getpass import getuser
-from importlib.resources import files as resources
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -31,7 +19,7 @@ from bgmodel.support import __version__
 from bgmodel.support.processes import NoMemoryError, advance
 from bgmodel.sweeps.plan import BLOCK, Point, Shard
 from circuits.arrays import Arrays
-from circuits.errors import InputError, collected, require
+from circuits.errors import collected
 from circuits.store import Entry, remove_partial_files
 
 TRIAL_BYTES, SHARD_BYTES = 48, 20_000
@@ -40,17 +28,6 @@ OF_DECISION = ("choice", "time_ms", "forced", "premature")
 """Columns of a shard from which decisions are restored."""
 REMARK = "remark"
 """The entry with the warnings of a run, or why it ended; usually empty."""
-QUERIES = (
-    (["sinfo", "--noheader"], "SLURM does not answer on this machine: run this on a login node"),
-    (
-        ["sacct", "--allocations", "--noheader", "--clusters", "all", "--starttime", "now"],
-        "SLURM keeps no accounts here, from which the executor learns that a job has ended",
-    ),
-)
-"""Commands that must succeed before a sweep submits jobs, and the reason if one fails."""
-TIMEOUT_S = 60
-SPECIAL = set("\"'$`\\")
-"""Characters that the executor hands to a shell unquoted."""
 
 
 def entry(shard: Shard, folder: Path) -> Entry[Arrays]:
@@ -177,84 +154,3 @@ def compute_all(shards: Iterable[Shard], folder: Path, pool: Executor) -> None:
     for done in as_completed(jobs):
         done.result()
         advance(jobs[done].trials)
-
-
-def check_slurm(folder: Path) -> None:
-    """Refuse a folder or a machine from which jobs can't be submitted and followed.
-
-    Without accounts (slurmdbd) the executor of Snakemake would submit jobs and wait forever.
-    """
-    for path in (folder.absolute(), Path.cwd()):
-        allowed = "must have a path without quotes, $, ` and backslashes, as SLURM's shell reads it"
-        require(not SPECIAL & set(str(path)), "folder", allowed, str(path))
-    for command, reason in QUERIES:
-        try:
-            subprocess.run(command, capture_output=True, text=True, check=True, timeout=TIMEOUT_S)
-        except (OSError, subprocess.SubprocessError) as error:
-            answer = " ".join((getattr(error, "stderr", None) or str(error)).split())
-            raise InputError(
-                f"{reason} ({command[0]}: {answer}); --part K/N needs no answers from SLURM", "on"
-            ) from None
-
-
-PACKAGE = resources("bgmodel.sweeps")
-
-
-def run_jobs(
-    shards: Iterable[Shard],
-    file: Path,
-    folder: Path,
-    *,
-    parts: int,
-    workers: int,
-    profile: Path | None = None,
-    slurm: bool = False,
-    dry_run: bool = False,
-) -> None:
-    """Let jobs of Snakemake compute the shards of a sweep in parts and gather the results.
-
-    ``file`` is that of the sweep, ``profile`` the folder of another profile for SLURM than the
-    shipped one. SystemExit if Snakemake fails.
-    """
-    if profile is not None and not (profile / "config.yaml").is_file():
-        raise InputError.of("profile", "must be a folder with config.yaml", str(profile))
-    try:
-        import snakemake  # noqa: F401
-    except ImportError as error:
-        raise ImportError('jobs need Snakemake: pip install ".[cluster]"') from error
-    if slurm and not dry_run:
-        check_slurm(folder)
-    names = "".join([__version__, *sorted(shard.name for shard in shards)])
-    settings: dict[str, str | int] = {
-        "file": str(file.absolute()),
-        "folder": str(folder.absolute()),
-        "parts": parts,
-        "plan": hashlib.sha256(names.encode()).hexdigest()[:12],
-    }
-    how = ["--cores", str(workers)]
-    if slurm:
-        how = ["--profile", str(profile.absolute() if profile else PACKAGE / "slurm")]
-    command = [sys.executable, "-m", "snakemake", "-s", str(PACKAGE / "Snakefile"), *how]
-    command += ["--dry-run"] * dry_run + ["--rerun-incomplete"]
-    with TemporaryDirectory() as empty:
-        if not dry_run:
-            folder.mkdir(parents=True, exist_ok=True)
-        # Jobs on other machines read the settings too; a dry run leaves no files.
-        path = Path(empty if dry_run else folder).absolute() / "jobs.json"
-        path.write_text(json.dumps(settings))
-        place = folder.absolute() if folder.is_dir() else Path(empty)
-        command += ["--directory", str(place), "--configfile", str(path)]
-        # The executor for SLURM reads USER, which services and containers leave unset.
-        process = subprocess.Popen(command, env={"USER": getuser(), **os.environ})
-        try:
-            status = process.wait()
-        except KeyboardInterrupt:
-            process.wait()  # Ctrl-C reached it too: it ends its jobs and removes its lock
-            raise
-    if status:
-        locks = place / ".snakemake" / "locks"
-        more = f"; `rm -r {locks}` removes the lock of a killed run"
-        raise SystemExit(
-            f"bgmodel: the sweep is not finished, Snakemake ended with status {status}"
-            + (more if locks.is_dir() else "")
-        )

@@ -116,7 +116,7 @@ def test_what_no_sweep_made_is_not_replaced(small, tmp_path, refusal, name):
     folder = tmp_path / "found"
     folder.mkdir()
     (folder / name).write_text("mine\n")
-    for options in ((), ("--part", "1/2"), ("--on", "snakemake")):
+    for options in ((), ("--part", "1/2")):
         assert name in refusal("sweep", small, folder, *options)
     assert [path.name for path in folder.iterdir()] == [name]
     assert (folder / name).read_text() == "mine\n"
@@ -128,39 +128,22 @@ def test_a_table_of_another_command_is_not_replaced(small, tmp_path, refusal):
     assert "was not made by a sweep" in refusal("sweep", small, tmp_path)
 
 
-def test_jobs_give_the_same_bytes_and_run_again_where_the_circuit_was_edited(
-    small, swept, tmp_path, monkeypatch, capfd
-):
-    """Names of files and folders run no command, and a folder of digits stays one."""
-    monkeypatch.chdir(tmp_path)
-    file = small.rename(tmp_path / "a' || touch x; echo '{b} $(touch x).toml")
-    jobs = ("sweep", file.name, "010", "--on", "snakemake", "--parts", 2)
-    assert run(*jobs) == 0
-    assert outcome(tmp_path / "010") == outcome(swept[0])
-    assert {path.name for path in tmp_path.iterdir()} == {file.name, "mine.toml", "010"}
-    assert not list(tmp_path.rglob("x"))
-    capfd.readouterr()
-    assert run(*jobs, "--dry-run") == 0
-    assert "rule part:" not in "".join(capfd.readouterr())
-    (tmp_path / "mine.toml").unlink()
-    write(load_circuit("macaque", 2).lesion("STN", 0.1), tmp_path / "mine.toml")
-    assert run(*jobs, "--dry-run") == 0
-    assert "rule part:" in "".join(capfd.readouterr())
-
-
-def test_a_dry_run_for_slurm_lists_its_jobs_and_does_nothing(small, tmp_path, capfd):
-    folder = tmp_path / "cluster"
-    assert run("sweep", small, folder, "--on", "slurm", "--parts", 3, "--dry-run") == 0
-    printed = "".join(capfd.readouterr())
-    assert "runtime=120" in printed
-    assert printed.count("rule part:") == 3
+def test_a_dry_run_says_what_is_missing_and_does_nothing(small, swept, tmp_path, capsys):
+    folder = tmp_path / "found"
     assert run("sweep", small, folder, "--dry-run") == 0
     assert not folder.exists()
+    shutil.copytree(swept[0], folder)
+    capsys.readouterr()
+    assert run("sweep", small, folder, "--dry-run") == 0
+    assert "shards: 6, 6 done" in capsys.readouterr().out
+    (tmp_path / "mine.toml").unlink()
+    write(load_circuit("macaque", 2).lesion("STN", 0.1), tmp_path / "mine.toml")
+    assert run("sweep", small, folder, "--dry-run") == 0
+    assert "shards: 6, 0 done" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("options", [("--part", "3/2"), ("--on", "slurm", "--profile", "nowhere")])
-def test_options_that_make_no_sense_are_one_sentence(small, tmp_path, refusal, options):
-    assert f"{options[-2][2:]} must be" in refusal("sweep", small, tmp_path / "found", *options)
+def test_a_part_beyond_the_last_is_refused_in_one_sentence(small, tmp_path, refusal):
+    assert "part must be" in refusal("sweep", small, tmp_path / "found", "--part", "3/2")
 
 
 def test_two_sweeps_in_one_folder_at_once_are_refused(small, tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""Shards: what they hold, when they are computed, and whether SLURM can; its programs are fakes."""
+"""Shards: what they hold, and when they are computed."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from bgmodel.sweeps import shards as stored
 from bgmodel.sweeps.plan import Plan
 from bgmodel.task import Gaussian
 from bgmodel.trials.task_trials import EvidenceTable
-from tests.helpers import long_table, refused, some_evidence
+from tests.helpers import long_table, some_evidence
 
 TASK = Gaussian(trials=60, t_max=30)
 
@@ -95,36 +95,3 @@ def test_evidence_that_changes_under_way_is_no_outcome(tmp_path):
     table.iloc[::-1].to_csv(tmp_path / "own.csv", index=False)
     with pytest.raises(ValueError, match="was changed while the sweep ran"):
         stored.compute(shard, tmp_path)
-
-
-@pytest.fixture
-def install(tmp_path, monkeypatch):
-    """Return a function that puts a program alone on the path, with its exit status."""
-    monkeypatch.setenv("PATH", str(tmp_path))
-
-    def installed(name, status):
-        (tmp_path / name).write_text(f"#!/bin/sh\necho no database >&2\nexit {status}\n")
-        (tmp_path / name).chmod(0o755)
-
-    return installed
-
-
-@pytest.mark.parametrize(
-    ("sinfo", "sacct", "says"), [(None, 0, "sinfo"), (1, 0, "sinfo"), (0, 1, "sacct: no database")]
-)
-def test_a_machine_without_slurm_or_its_accounts_is_refused(install, tmp_path, sinfo, sacct, says):
-    """Without accounts, jobs would be submitted and waited for without end."""
-    if sinfo is not None:
-        install("sinfo", sinfo)
-    install("sacct", sacct)
-    with refused(f"on {says}"):
-        stored.check_slurm(tmp_path)
-
-
-@pytest.mark.parametrize("name", ["a'b", 'a"b', "$(touch x)", "`touch x`", "a\\b"])
-def test_a_folder_that_a_shell_would_interpret_is_refused(install, tmp_path, name):
-    install("sinfo", 0)
-    install("sacct", 0)
-    stored.check_slurm(tmp_path / "a folder")
-    with refused("folder"):
-        stored.check_slurm(tmp_path / name)
