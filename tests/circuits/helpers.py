@@ -12,6 +12,7 @@ from circuits.declaration.rows import Population, Projection
 from circuits.dynamics import fixed_point
 from circuits.engines import run
 from circuits.laws.mean_field import settled
+from circuits.laws.stability import ringing
 
 CLOSE = 1e-9
 REFERENCE = 3.0
@@ -49,6 +50,15 @@ def run_algebra(circuit, drive, step_ms=1.0, **options):
 run_rate, run_spikes, run_brian2, run_plain = (
     partial(run, engine=name) for name in ("rate", "spikes", "brian2", "plain")
 )
+
+
+def onset(circuit_at, stable, unstable):
+    """Return the value at which a circuit becomes unstable, to 1e-9, and its frequency, Hz."""
+    while unstable - stable > 1e-9 * unstable:
+        middle = (stable + unstable) / 2
+        grows = np.isinf(ringing(circuit_at(middle))[0])
+        stable, unstable = (stable, middle) if grows else (middle, unstable)
+    return stable, ringing(circuit_at(stable))[1]
 
 
 def creeping(growth_hz):

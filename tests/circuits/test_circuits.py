@@ -26,7 +26,7 @@ from circuits.dynamics.wiring import wire
 from circuits.engines import engine_of, run
 from circuits.laws.fluctuation import out_variance, rate_spectrum
 from circuits.laws.members import SIGMA0, moved
-from circuits.laws.stability import growth, onset, ringing
+from circuits.laws.stability import ringing
 from tests.circuits.spiking import ADEX
 from tests.helpers import refused
 
@@ -134,7 +134,6 @@ FIELDS = [
     # Laws.
     ("drive", lambda: out_variance(SPIKING, [1.0])),
     ("frequency_hz", lambda: rate_spectrum(SPIKING, "STN", [0.0])),
-    ("drive", lambda: growth(EXACT, np.zeros(3))),
     ("drive", lambda: ringing(EXACT, np.zeros(3))),
     ("nats", lambda: GPR.effect_of_nats(np.nan)),
     ("circuit", lambda: moved(MACAQUE.scale("STN->SNr", 0.5), {SIGMA0: 2.6})),
@@ -192,8 +191,6 @@ FAILS = [
     ("macaque has no lesion: compensate needs a reference", lambda: MACAQUE.compensate()),
     ("delay of STN->GPe of 2.05 ms is not a multiple of dt_ms = 0.1",
      lambda: Scheme(wire(UNEVEN), 0.1).unit_delay),
-    ("already unstable at S = 0.25 nats", lambda: onset(EXACT.with_projection(
-        "STN->GPe", transfer="linear", weight=400, delay_ms=50))),
     ("^ctx cannot rest at 100 Hz: no input to its transfer 'saturating' is known",
      lambda: MACAQUE.compensate(MACAQUE, rebound_nats={"ctx": 4.0})),
     ("ctx->D1 connects 25%", lambda: out_variance(SPIKING.with_connections(0.25))),
@@ -204,7 +201,7 @@ FAILS = [
     *[(f"spiking_msprt has courses, but {who} has no", lambda f=f: f(SPIKING.with_rows(course())))
       for who, f in (
           ("the algebra engine", lambda x: run(x, SILENCE, engine="algebra", step_ms=1)),
-          ("stability", growth), ("stability", ringing),
+          ("stability", ringing),
           ("its noise in closed form", out_variance))],
 ]
 """Words of an error without a field, and a call."""

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 from circuits import anatomy
 from circuits.cells import Phase, Rate
@@ -18,8 +17,8 @@ from circuits.dynamics import fixed_point
 from circuits.engines import run
 from circuits.laws.fluctuation import linear, out_variance, rate_spectrum, swept
 from circuits.laws.mean_field import own_rates, settled
-from circuits.laws.stability import growth, ringing
-from tests.circuits.helpers import run_algebra
+from circuits.laws.stability import ringing
+from tests.circuits.helpers import onset, run_algebra
 
 S0 = 2.2
 LAW = transfer.named("s_minus_log_s")
@@ -198,7 +197,7 @@ def test_out_of_30_000_cells_scatters_as_computed(make, drive):
 
 def test_noise_is_refused_from_the_onset_of_oscillation_on():
     """Of a loop of rates, whose onset is known: 2 % below it is given, 2 % above refused."""
-    limit = brentq(lambda d: growth(loop(300, delay_ms=d)).real, 1, 20, xtol=1e-6)
+    limit, _ = onset(lambda delay_ms: loop(300, delay_ms=delay_ms), 1, 20)
     below = out_variance(loop(MANY, delay_ms=0.98 * limit))["STN"][0]
     assert below > 3 * out_variance(loop(MANY, delay_ms=0.7 * limit))["STN"][0]
     with pytest.raises(ValueError, match="the fixed point of loop is unstable"):
