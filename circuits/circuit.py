@@ -17,7 +17,7 @@ from circuits.declaration.table_writer import text as file_text
 from circuits.declaration.verbs import EditableTable
 from circuits.drawing import draw
 from circuits.errors import InputError, require
-from circuits.laws.homeostasis import balanced_factor, biases
+from circuits.laws.homeostasis import biases
 from circuits.laws.units import effect_of_nats
 
 if TYPE_CHECKING:
@@ -210,26 +210,6 @@ class Circuit(EditableTable):
         ]
         edited = self._with(*rows)
         return edited if edited == edited.unlesioned else replace(edited, chronic=True)
-
-    def balanced(self, source: str = "STN") -> Self:
-        """Return the circuit whose read-out is insensitive to input common to all channels.
-
-        Only the weight from a nucleus that sums over channels onto the read-out changes; restore
-        resting rates afterwards. ``circuits.laws.homeostasis`` has the rule.
-
-        Parameters
-        ----------
-        source : str
-            The nucleus that sums over channels.
-
-        Raises
-        ------
-        ValueError
-            If the pathway does not exist or is of a kind that the rule cannot act on, or if no
-            weight of its sign works.
-        """
-        rows, factor = self.pathways(f"{source}->{self.readout}"), balanced_factor(self, source)
-        return self._multiplied(rows, "weight", factor)
 
     def edited(self, *lines: str) -> Self:
         """Return the circuit with edits given as text.

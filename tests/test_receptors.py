@@ -102,7 +102,6 @@ def test_edits_of_the_pair_act_on_all_of_its_receptors(share):
     same(lambda c: c.edited("cut STN->SNr[0] 10%"))
     same(lambda c: c.edited("cut STN->SNr 10%", "lesion STN 5%", "compensate"))
     same(lambda c: c.dopamine(0.9), ("ctx", "STN"))
-    same(lambda c: c.scale("STN->SNr", 0.7).balanced("STN"))
     same(shuffled_stn)
     same(linear_stn, ("GPe", "STN"))
 

@@ -36,7 +36,7 @@ from circuits.arrays import Array, Truths
 from circuits.checks import check_finite
 from circuits.declaration import transfer
 from circuits.declaration.table import CircuitTable
-from circuits.dynamics.fixed_point import rest, rest_rates, solve, wired
+from circuits.dynamics.fixed_point import rest, rest_rates, wired
 from circuits.dynamics.wiring import Wiring, wire
 from circuits.errors import InputError, require
 
@@ -44,35 +44,6 @@ SAME_NATS = 1e-12
 """Differences from the reference below this, in nats, are rounding and ignored."""
 ALIKE_NATS = 1e-9
 """Largest difference between the biases needed by a population's channels, nats."""
-STEP_NATS = 1e-4
-"""Common drive to all channels used to estimate a slope, nats."""
-
-
-def balanced_factor(circuit: CircuitTable, source: str = "STN") -> float:
-    """Return the factor on the weight from a nucleus at which the read-out ignores common input.
-
-    The end point of an anti-Hebbian rule: the synapse weakens while the read-out's mean over
-    channels rises with the input common to all channels, and strengthens while it falls. The
-    read-out has no feedback, so its mean input is ``a + w b``, where neither a nor b depends on the
-    weight w: at rest and to first order ``w = - da / db``.
-    """
-    rows = circuit.pathways(f"{source}->{circuit.readout}")
-    for row in rows:
-        if row.transfer != "linear" or row.pattern != "diffuse" or row.factors or not row.weight:
-            must = "must be linear, diffuse and of a weight other than 0"
-            raise InputError(f"{row.name} {must}", "source")
-    wiring = wired(circuit)
-    both = np.array([-STEP_NATS, STEP_NATS])[:, None] * np.ones(circuit.channels)
-    units = wiring.rates(solve(wiring, both)) @ wiring.deliver.T + wiring.constant
-    blocks = wiring.blocks_of(circuit.readout)
-    of_rows = np.array([u for u, p in enumerate(wiring.projections) if p in rows])
-    total = float(np.diff(wiring.inputs(units)[:, blocks].mean(axis=1))[0])
-    carried = np.dot(units[:, of_rows], wiring.weight[np.ix_(blocks, of_rows)].T)
-    part = float(np.diff(carried.mean(axis=1))[0])
-    if abs(part) < SAME_NATS:
-        message = f"{row.name} does not transmit common input, so the rule has nothing to balance"
-        raise InputError(message, "source")
-    return 1 - total / part
 
 
 def biases(

@@ -147,8 +147,6 @@ FIELDS = [
      lambda: MACAQUE.compensate(load("macaque_small"), rebound_nats={"FSI": 0.3})),
     ("reference ^ctx_inh is pooled in only one",
      lambda: MACAQUE.with_population("ctx_inh", pooled=False).compensate(MACAQUE)),
-    ("source D1->SNr must be linear, diffuse and of a weight", lambda: MACAQUE.balanced("D1")),
-    ("pathway", lambda: MACAQUE.balanced("ctx_inh")),
     *[("competitors within 1..2", lambda x=x: off_nats(load("bogacz_gurney", 3), x))
       for x in (0, 3)],
     *[(what, lambda x=x, what=what: noise.stream_key(**{"seed": 0, "trial": 0, what: x}, name="a"))

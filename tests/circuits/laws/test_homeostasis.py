@@ -163,31 +163,6 @@ def test_a_transfer_without_an_inverse_takes_the_input_of_the_reference():
         edited.compensate(circuit, rebound_nats={"GPe": 0.1})
 
 
-@pytest.mark.parametrize("channels", [2, 4, 8])
-def test_a_balanced_circuit_is_the_table_and_any_weight_onto_the_read_out_comes_back(channels):
-    """OUT is ln N whatever all channels share, so the table is balanced as it stands."""
-    table = anatomy.macaque(channels)
-    weight = table.projection("STN->SNr").weight
-    for factor in (0.5, 0.8, 1.0, 1.3):
-        balanced = table.scale("STN->SNr", factor).balanced()
-        assert balanced.projection("STN->SNr").weight == pytest.approx(weight, abs=1e-6)
-
-
-@given(st.sampled_from(["ctx->D1", "D1->SNr", "STN->GPe", "GPe->STN"]), st.floats(0.85, 1.15))
-@settings(max_examples=30)
-def test_after_both_rules_what_all_channels_share_leaves_out_alone(name, factor):
-    table = anatomy.macaque(4)
-    edited = table.scale(name, factor).compensate(table)
-    compensated = edited.balanced().compensate(table)
-
-    def moved(circuit):
-        drive = np.array([-0.05, 0.05])[:, None, None] * np.ones(4)
-        out = run(circuit, drive, engine="algebra", step_ms=1.0).output_nats.mean(axis=(1, 2))
-        return abs(float(np.diff(out)[0]))
-
-    assert moved(compensated) <= 1e-4 + 0.05 * moved(edited)
-
-
 @given(
     name=st.sampled_from(("spiking_msprt", "macaque")),
     channels=st.sampled_from(CHANNELS),
