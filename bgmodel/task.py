@@ -227,8 +227,8 @@ class Drawn(Task):
         prior : sequence of float (channels,), optional
             Prior probabilities assumed by the integrator; equal by default.
         **more
-            Options of a tactile task: ``taps``, a table of decoded taps or its file, in place of
-            the task's own; and ``density``, how likelihoods are estimated.
+            Of a tactile task: ``taps``, a table of decoded taps or its file, in place of the
+            task's own.
 
         Raises
         ------

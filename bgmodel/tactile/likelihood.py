@@ -9,11 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from circuits.arrays import Array
-from circuits.errors import InputError, require
+from circuits.errors import InputError
 
 # Readings per hypothesis, enough to fit the shrinkage, and a density.
 SHRINK_SAMPLES = 4000
 KDE_SAMPLES = 100_000
+INNER_FOLDS = 10
+"""Number of folds of the fitted taps used to choose the shrinkage; our choice."""
 
 
 @dataclass(frozen=True)
@@ -52,30 +54,6 @@ class TabulatedLikelihood:
         return np.stack(columns, axis=-1)
 
 
-@dataclass(frozen=True)
-class Density:
-    """Options for estimating kernel densities from decoded angles."""
-
-    bandwidth_deg: float | None = None
-    """Kernel sd, degrees; by default Silverman's rule (1986) with a robust spread."""
-    cap_nats: float | None = None
-    """Largest log-likelihood ratio, nats; by default the log of the number of fitted taps (odds
-    cannot exceed the number of taps that could have contradicted them); our choice."""
-    shrink: float | None = None
-    """Factor in [0, 1] on log-likelihood ratios; by default chosen by cross-validated log
-    score; our choice."""
-    inner_folds: int = 10
-    """Number of folds of the fitted taps used to choose the shrinkage; our choice."""
-
-    def __post_init__(self) -> None:
-        if self.shrink is not None and not 0 <= self.shrink <= 1:
-            raise InputError.of("shrink", "must be within 0..1", self.shrink)
-        for name in ("bandwidth_deg", "cap_nats"):
-            value = getattr(self, name)
-            require(value is None or (np.isfinite(value) and value > 0), name, "must be > 0", value)
-        require(self.inner_folds >= 2, "inner_folds", "must be at least 2", self.inner_folds)
-
-
 Pool = Sequence[Array]
 Readings = Callable[[Pool], list[Array]]
 
@@ -86,20 +64,20 @@ def fit_likelihood(
     range_deg: tuple[float, float],
     *,
     circular: bool = False,
-    density: Density | None = None,
 ) -> TabulatedLikelihood:
     """Fit the density of readings under each hypothesis to decoded angles, degrees.
 
     The log-likelihood ratios are multiplied by a factor in [0, 1] that maximises the log score on
-    held-out taps (so that pure noise is shrunk to 0), and capped. ``pool`` has one array (taps,)
-    per kind of stimulus; ``readings`` turns it, or disjoint parts of it, into one array per
-    hypothesis. For circular readings, ``range_deg`` spans the period.
+    held-out taps (so that pure noise is shrunk to 0), and capped at the log of the number of fitted
+    taps: odds cannot exceed the number of taps that could have contradicted them. Both are our
+    choice. ``pool`` has one array (taps,) per kind of stimulus; ``readings`` turns it, or disjoint
+    parts of it, into one array per hypothesis. For circular readings, ``range_deg`` spans the
+    period.
     """
-    density = density or Density()
     taps = min(len(part) for part in pool)
-    if taps < 4 * density.inner_folds:
+    if taps < 4 * INNER_FOLDS:
         raise InputError(
-            f"a likelihood needs at least {4 * density.inner_folds} taps of each kind, got {taps}",
+            f"a likelihood needs at least {4 * INNER_FOLDS} taps of each kind, got {taps}",
             "pool",
         )
     if not all(np.isfinite(part).all() for part in pool):
@@ -113,15 +91,13 @@ def fit_likelihood(
 
     def log_densities(part: Pool) -> Array:
         count = min(len(p) for p in part)
-        return np.stack([_log_density(x, grid, period, count, density) for x in readings(part)])
+        return np.stack([_log_density(x, grid, period, count) for x in readings(part)])
 
     raw = log_densities(pool)
-    shrink = density.shrink
-    if shrink is None:
-        shrink = _cross_validated_shrink(pool, readings, grid, period, log_densities, density)
-    cap = density.cap_nats if density.cap_nats is not None else float(np.log(taps))
+    shrink = _cross_validated_shrink(pool, readings, grid, period, log_densities)
+    cap = float(np.log(taps))
     logs = shrink * (raw - raw.max(axis=0))
-    return TabulatedLikelihood(grid, np.maximum(logs, -cap), period, float(shrink), cap)
+    return TabulatedLikelihood(grid, np.maximum(logs, -cap), period, shrink, cap)
 
 
 def _cross_validated_shrink(
@@ -130,7 +106,6 @@ def _cross_validated_shrink(
     grid: Array,
     period: float | None,
     log_densities: Callable[[Pool], Array],
-    density: Density,
 ) -> float:
     """Return a conservative estimate of the factor that best predicts held-out taps.
 
@@ -140,8 +115,8 @@ def _cross_validated_shrink(
     from scipy.optimize import minimize_scalar
 
     held: list[list[Array]] = []
-    for k in range(density.inner_folds):
-        inside = [np.arange(len(part)) % density.inner_folds == k for part in pool]
+    for k in range(INNER_FOLDS):
+        inside = [np.arange(len(part)) % INNER_FOLDS == k for part in pool]
         logs = log_densities([part[~i] for part, i in zip(pool, inside, strict=True)])
         test = readings([part[i] for part, i in zip(pool, inside, strict=True)])
         if not all(len(x) for x in test):
@@ -151,7 +126,7 @@ def _cross_validated_shrink(
         )
     if len(held) < 2:
         raise InputError(
-            f"too few taps to judge the likelihood: only {len(held)} of {density.inner_folds} "
+            f"too few taps to judge the likelihood: only {len(held)} of {INNER_FOLDS} "
             "inner folds have readings of every hypothesis",
             "pool",
         )
@@ -177,13 +152,13 @@ def _against_truth(x: Array, truth: int, grid: Array, logs: Array, period: float
     return np.asarray(y - y[:, [truth]])
 
 
-def _log_density(x: Array, grid: Array, period: float | None, taps: int, density: Density) -> Array:
+def _log_density(x: Array, grid: Array, period: float | None, taps: int) -> Array:
     from scipy.ndimage import gaussian_filter1d
 
     # A thousand taps give a million pairs, no more informative than this subset.
     x = _thinned(x, KDE_SAMPLES)
     step = grid[1] - grid[0]
-    width = density.bandwidth_deg or max(1.0, _silverman(x, period, taps))
+    width = max(1.0, _silverman(x, period, taps))
     if period is not None:
         x = grid[0] + np.mod(x - grid[0], period)
     edges = np.append(grid, grid[-1] + step) - step / 2
@@ -200,7 +175,10 @@ def _log_density(x: Array, grid: Array, period: float | None, taps: int, density
 
 
 def _silverman(x: Array, period: float | None, taps: int) -> float:
-    """Return Silverman's bandwidth with a robust spread; n is ``taps``, as pairs are dependent."""
+    """Return Silverman's bandwidth (1986), degrees, with a robust spread.
+
+    n is ``taps``, as pairs are dependent.
+    """
     if period is not None:
         mean = np.angle(np.exp(2j * np.pi * x / period).mean()) * period / (2 * np.pi)
         x = np.mod(x - float(mean) + period / 2, period)

@@ -18,7 +18,7 @@ from bgmodel.evidence import Evidence
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum, read_provenance, read_table
 from bgmodel.support.seeds import generator
-from bgmodel.tactile.likelihood import Density, Pool, TabulatedLikelihood, fit_likelihood
+from bgmodel.tactile.likelihood import Pool, TabulatedLikelihood, fit_likelihood
 from bgmodel.tactile.taps import warn_of_copied_taps
 from bgmodel.task import Drawn
 from circuits.arrays import Array
@@ -157,12 +157,9 @@ class Tactile(Drawn):
         more = {} if self.taps is None else {"decoder": decoder_of(self.taps).get("sha256")}
         return super().used() | more
 
-    def source(
-        self, taps: pd.DataFrame | str | Path | None = None, density: Density | None = None
-    ) -> Source:
+    def source(self, taps: pd.DataFrame | str | Path | None = None) -> Source:
         """Return all readings of the task, from its own taps by default; warn if uninformative."""
-        readings = source(load_taps(self.taps if taps is None else taps), self,
-                          fold=self.fold, density=density)  # fmt: skip
+        readings = source(load_taps(self.taps if taps is None else taps), self, fold=self.fold)
         readings.warn_if_silent()
         return readings
 
@@ -289,7 +286,6 @@ def source(
     *,
     fold: int = 0,
     count: int = FOLDS,
-    density: Density | None = None,
 ) -> Source:
     """Fit likelihoods on all but one of the folds of held-out taps; return readings of that one.
 
@@ -300,9 +296,7 @@ def source(
     pool = task.pool(taps)
     scored = [np.arange(len(part)) % count == fold for part in pool]
     fitted = [part[~mask] for part, mask in zip(pool, scored, strict=True)]
-    likelihood = fit_likelihood(
-        fitted, task.readings, task.range_deg, circular=task.circular, density=density
-    )
+    likelihood = fit_likelihood(fitted, task.readings, task.range_deg, circular=task.circular)
     rest = task.readings([part[mask] for part, mask in zip(pool, scored, strict=True)])
     if not all(len(x) for x in rest):
         raise InputError(

@@ -6,13 +6,7 @@ from scipy.special import softmax
 from scipy.stats import binned_statistic, norm
 
 from bgmodel.support.seeds import stream
-from bgmodel.tactile.likelihood import (
-    Density,
-    _log_density,
-    _silverman,
-    _thinned,
-    fit_likelihood,
-)
+from bgmodel.tactile.likelihood import _log_density, _silverman, _thinned, fit_likelihood
 from tests.helpers import refused, refusing
 
 
@@ -29,8 +23,8 @@ def normal_pool(gap, taps=1000, seed=1):
 @pytest.mark.parametrize("step", [0.5, 1.0])
 def test_the_density_of_taps_that_say_the_same_is_the_kernel(period, step):
     grid = np.arange(-90, 90 + step, step)
-    logs = _log_density(np.full(50, 10.0), grid, period, 50, Density(bandwidth_deg=4.0))
-    np.testing.assert_allclose(np.exp(logs) / step, norm.pdf(grid, 10, 4), atol=1e-7)
+    logs = _log_density(np.full(50, 10.0), grid, period, 50)
+    np.testing.assert_allclose(np.exp(logs) / step, norm.pdf(grid, 10, 1), atol=1e-7)
 
 
 def test_a_bandwidth_is_silvermans_of_a_spread_that_a_few_wild_readings_leave():
@@ -64,10 +58,8 @@ def test_no_difference_gives_no_evidence():
     # A gain above one standard error comes by chance about one time in six.
     assert np.count_nonzero(silent) <= 8
     assert np.median(silent) == 0
-    raw = fit_likelihood(
-        normal_pool(0, 500, 3), as_they_are, (-180, 180), density=Density(shrink=1.0)
-    )
-    assert np.abs(np.diff(raw(np.linspace(-40, 40, 50)))).max() > 0.1
+    raw = [_log_density(x, np.linspace(-180, 180, 721), None, 500) for x in normal_pool(0, 500, 3)]
+    assert np.abs(raw[0] - raw[1])[280:441].max() > 0.1
 
 
 @pytest.mark.parametrize("taps", [(400, 400), (2000, 90)])
@@ -83,7 +75,7 @@ def test_left_out_the_cap_is_the_odds_that_so_many_taps_could_contradict(taps):
 
 def test_a_likelihood_takes_four_taps_per_inner_fold_and_is_known_at_each_half_degree():
     few = normal_pool(80, 40)
-    likelihood = fit_likelihood(few, as_they_are, (-180, 180), density=Density(inner_folds=10))
+    likelihood = fit_likelihood(few, as_they_are, (-180, 180))
     np.testing.assert_allclose(np.diff(likelihood.grid_deg), 0.5)
     with refused("pool at least 40 taps of each kind"):
         fit_likelihood([few[0], few[1][1:]], as_they_are, (-180, 180))

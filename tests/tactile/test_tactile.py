@@ -20,7 +20,6 @@ from bgmodel.tactile.library import (
     phase_weights,
     with_mirror_images,
 )
-from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.pressing import PERIODS_MM, Grating, LibraryPlan, press
 from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin, Tip, render, response
@@ -53,7 +52,6 @@ WRONG = {
     partial(render, 0): {"marker_mm": [5.0], "shape": [(15, 16)]},
     render: {"displacement_mm": [np.zeros((3, 2))]},
     partial(contact_library, TINY): {"workers": [0]},
-    Density: {"cap_nats": [0], "shrink": [2]},
     Training: {
         "width": [0], "epochs": [0], "validation": [0.0, 1.0], "dropout": [-0.1, 2.1],
         "learning_rate": [0.0], "network": ["forest"],

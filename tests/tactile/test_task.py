@@ -17,7 +17,6 @@ from bgmodel.deciding.decision import first_crossing
 from bgmodel.learning.gap import fold_sources
 from bgmodel.support.files import read_provenance
 from bgmodel.tactile.decoder import Training
-from bgmodel.tactile.likelihood import Density
 from bgmodel.tactile.pressing import PERIODS_MM, Grating, LibraryPlan
 from bgmodel.tactile.sensor import Nuisance
 from bgmodel.tactile.skin import Skin, Tip
@@ -126,7 +125,7 @@ def test_every_reading_is_as_likely_to_be_drawn():
 
 def test_a_difference_of_two_orientations_spans_a_whole_turn_and_no_more():
     """Two angles within -90..90 differ by -180..180; an orientation itself repeats after 180."""
-    likelihood = source(TAPS, SameDifferent(3.0), fold=0, density=Density(shrink=1.0)).likelihood
+    likelihood = source(TAPS, SameDifferent(3.0), fold=0).likelihood
     assert np.isfinite(likelihood([-180.0, 180.0])).all()
     for beyond in (-180.1, 180.1):
         with refused(r"reading_deg covers -180..180 degrees"):
