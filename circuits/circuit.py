@@ -147,7 +147,7 @@ class Circuit(EditableTable):
         """Return the circuit with a new nucleus, pathway or course, or with a motif.
 
         For example ``add("TRN", like="STN", bias_nats=-1)``, ``add("D1->GPe", weight=-0.1)``,
-        ``add("dopamine", amount=0.5, to_ms=300)`` or ``add("striatal_FSI")``.
+        ``add("dopamine", amount=0.5, to_ms=300)`` or ``add("urgency")``.
 
         Parameters
         ----------

@@ -198,7 +198,7 @@ def test_a_row_decides_as_the_single_run_does(base, point, tmp_path):
         (["lesion STN 10%", "compensate"], {"compensate": (False,)}, ["lesion STN 10%"]),
         (["lesion STN 10%"], {"compensate": (True,)}, ["lesion STN 10%", "compensate"]),
         (["lesion STN 10%"], {"lesion STN": (False,)}, []),
-        ([], {"add striatal_FSI": (True,), "circuit": ("macaque_small",)}, ["add striatal_FSI"]),
+        ([], {"add urgency": (True,), "circuit": ("macaque_small",)}, ["add urgency"]),
         # What is lost, scaled or set of a row that is added.
         (
             ["add TRN like=STN bias_nats=1", "add TRN->GPe weight=0.1"],

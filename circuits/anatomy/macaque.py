@@ -7,7 +7,6 @@ from math import exp, inf, log, log1p
 from circuits.cells import Phase, Rate
 from circuits.checks import check_channels
 from circuits.circuit import Circuit
-from circuits.declaration.motifs import DRIVEN, FEEDFORWARD, FSI
 from circuits.declaration.rows import GABA, GLUTAMATE, Population, Projection, rows
 
 LIENARD = "Lienard & Girard 2014"
@@ -19,6 +18,12 @@ AMPA = f"delay {LIENARD}; tau assumed, near AMPA's 2 ms, {HUMPHRIES}"
 GABA_A = f"delay {LIENARD}; tau assumed, near GABA's 3 ms, {HUMPHRIES}"
 KERNEL = f"delay {LIENARD}; time constant tuned"
 SHARED = f"delay {LIENARD}; tau assumed, share tuned"
+FSI = f"rate {LIENARD}, macaque; CV, gain, cells, heterogeneity assumed"
+DRIVEN = f"cortex drives them, Mallet et al. 2005, rat; delay as ctx->D1, {LIENARD}; rest assumed"
+FEEDFORWARD = (
+    "inhibit D1 and D2, Koos & Tepper 1999, Planert et al. 2010, rats; D1 more than D2, "
+    "Gittis et al. 2010, mouse; strength, reach, delay, tau assumed"
+)
 CORTEX = "CV assumed; range of rates tuned"
 FAST = "cortical interneurons, driven by all cortex; rate, gain assumed"
 MSN = "CV assumed; cells and rate tuned"

@@ -54,7 +54,7 @@ VERBS = {
         takes=NUMBER, method="with_heterogeneity", changes="heterogeneity"),
     "add": Verb(
         "add D1->GPe weight=-0.1 delay_ms=4",
-        "a pathway, a nucleus (TRN like=STN bias_nats=-1), a motif (striatal_FSI), or a course, "
+        "a pathway, a nucleus (TRN like=STN bias_nats=-1), a motif (urgency), or a course, "
         "which is a change within each trial (D2[0] amount=-2 from_ms=200 to_ms=400)"),
     "keep": Verb("keep rest", "existing nuclei keep their resting rates when rows are added"),
     "set": Verb(

@@ -21,7 +21,7 @@ row given as ``like``; a row with an amount is a course. A value with blanks nee
     dopamine amount=0.5 to_ms=300       a course: of dopamine
     STN amount=0.2 from_ms=100          or of the input of a population
     D2[0] amount=-2 to_ms=400           or of one of its channels
-    striatal_FSI                        all rows of a motif of ``circuits.declaration.motifs``
+    urgency                             a motif of ``circuits.declaration.motifs``
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def new_rows(
     """Return the rows to add to a circuit.
 
     A row may be like an existing row or another new row, in any order. A population like a lesioned
-    one is itself intact. The name of a motif adds all of its rows. ``more`` has fields of each.
+    one is itself intact. The name of a motif adds its courses. ``more`` has fields of each.
     """
     known: dict[str, Row] = dict(circuit)
     new: dict[str, tuple[str, dict[str, Any]]] = {}
@@ -96,8 +96,6 @@ def new_rows(
             require(not more.keys() & values, "add", "must have each field once", text)
             if name in MOTIFS and not new[text][1]:
                 read[text] = MOTIFS[name](circuit)
-    known |= {row.name: row for motif in read.values() for row in motif
-              if not isinstance(row, Course)}  # fmt: skip
     while waiting := {text: each for text, each in new.items() if text not in read}:
         names = {name for name, _ in waiting.values()} - known.keys()
         ready = [text for text, (_, each) in waiting.items() if each.get("like") not in names]

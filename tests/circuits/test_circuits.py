@@ -97,8 +97,9 @@ FIELDS = [
     ("pathway", lambda: MACAQUE.cut("GPe->D1", 0.5)),
     ("fraction must be within 0..1", lambda: MACAQUE.cut("GPe->STN", 1.5)),
     ("channel", lambda: MACAQUE.cut("GPe->STN", 0.5, 2)),
-    ("populations two populations are FSI", lambda: MACAQUE.add("striatal_FSI")),
-    *[("unit", lambda x=x: GPR.add(x)) for x in ("striatal_FSI", "urgency", "onset_transient")],
+    ("populations two populations are FSI", lambda: replace(
+        MACAQUE, populations=(*MACAQUE.populations, MACAQUE.population("FSI")))),
+    *[("unit", lambda x=x: GPR.add(x)) for x in ("urgency", "onset_transient")],
     ("more_inputs ctx", lambda: MACAQUE.with_inputs("ctx")),
     ("more_inputs XYZ", lambda: MACAQUE.with_inputs("XYZ")),
     ("more_inputs STN has 2", lambda: MACAQUE.with_inputs("STN[2]")),
