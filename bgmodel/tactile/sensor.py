@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.processes import check_memory
@@ -37,14 +37,9 @@ class Nuisance:
     shear_sd_mm: float = 0.03
     """Standard deviation of the rigid lateral shift of the skin, per axis, mm; assumed."""
     marker_noise_um: float = 9.5
-    """Standard deviation of a marker's position in a frame, per axis, um; assumed: reproduces the
-    validation error of the decoder in Pestell, Griffith & Lepora (2022), 27.5 degrees."""
-    noise_per: Literal["tap", "frame"] = "tap"
-    """Draw noise once for the peak of the tap, or for each frame and keep the frame with the
-    largest summed displacement (Pestell, Griffith & Lepora 2022); assumed."""
-    frames: int = 15
-    """Frames per tap if noise is drawn for each; assumed. All displacements rise and fall in
-    proportion, as a half sine."""
+    """Standard deviation of a marker's position at the peak of a tap, per axis, um; assumed:
+    reproduces the validation error of the decoder in Pestell, Griffith & Lepora (2022), 27.5
+    degrees."""
 
     def __post_init__(self) -> None:
         sds = ("offset_sd_mm", "shear_sd_mm", "marker_noise_um")
@@ -56,16 +51,6 @@ class Nuisance:
             self.force_n,
             owner="Nuisance",
         )
-        known = self.noise_per in ("tap", "frame")
-        require(known, "noise_per", "must be 'tap' or 'frame'", self.noise_per, owner="Nuisance")
-        require(self.frames >= 1, "frames", "must be 1 or more", self.frames, owner="Nuisance")
-
-    def press_profile(self) -> Singles:
-        """Return displacement relative to the peak in each frame, (frames,): a half sine."""
-        if self.noise_per == "tap":
-            return np.ones(1, dtype=np.float32)
-        rise = np.sin(np.pi * np.arange(1, self.frames + 1) / (self.frames + 1))
-        return np.asarray(rise / rise.max(), dtype=np.float32)
 
 
 def simulate(
@@ -85,7 +70,7 @@ def simulate(
     interface, its slope, and the outward shift in the image as the pin approaches the camera.
 
     At a yaw of 0 bars run along y. Noise of a tap does not depend on later taps. Labels: period_mm,
-    yaw_deg, phase (periods), force_n, offset_x_mm, offset_y_mm, shear_x_mm, shear_y_mm, frame.
+    yaw_deg, phase (periods), force_n, offset_x_mm, offset_y_mm, shear_x_mm, shear_y_mm.
     """
     # Import solvers and compilers only when taps are simulated, not to list options.
     import pandas as pd
@@ -112,8 +97,10 @@ def simulate(
     labels["force_n"] = low + (high - low) * share
     labels[["offset_x_mm", "offset_y_mm"]] = nuisance.offset_sd_mm * place[:, :2]
     labels[["shear_x_mm", "shear_y_mm"]] = nuisance.shear_sd_mm * place[:, 2:]
-    displacement, labels["frame"] = _filmed(noiseless(labels, tip, library), nuisance, noise)
-    return Taps(displacement, tip.rest_mm(), labels)
+    moved = noiseless(labels, tip, library)
+    jitter = noise.standard_normal(moved.shape, dtype=np.float32)
+    moved += jitter * np.float32(nuisance.marker_noise_um * 1e-3)
+    return Taps(moved, tip.rest_mm(), labels)
 
 
 def simulate_taps(
@@ -174,7 +161,7 @@ def check_taps(taps: int, periods_mm: Sequence[float], tip: Tip) -> int:
 def noiseless(labels: pd.DataFrame, tip: Tip, library: Library) -> Singles:
     """Return peak displacements of the pins without marker noise, mm, (taps, pins, 2).
 
-    They are in the frame of the sensor; labels are those of `simulate` except frame.
+    They are in the frame of the sensor; labels are those of `simulate`.
     """
     rest = tip.rest_mm()
     out = np.empty((len(labels), len(rest), 2), dtype=np.float32)
@@ -201,22 +188,6 @@ def _pins_moved(
     nearing = rest * (moved[..., 2:] / tip.camera_height_mm)
     shear = taps[["shear_x_mm", "shear_y_mm"]].to_numpy()
     return np.asarray(lateral + nearing + shear[:, None])
-
-
-def _filmed(
-    peak: Singles, nuisance: Nuisance, rng: np.random.Generator
-) -> tuple[Singles, NDArray[np.int64]]:
-    """Return displacements with marker noise in the selected frame, and the frame's index."""
-    profile = nuisance.press_profile()[:, None, None]
-    kept, frame = np.empty_like(peak), np.zeros(len(peak), dtype=np.int64)
-    for tap, displacement in enumerate(peak):
-        shape = (len(profile), *displacement.shape)
-        noise = rng.standard_normal(shape, dtype=np.float32)
-        frames = profile * displacement + noise * np.float32(nuisance.marker_noise_um * 1e-3)
-        if len(frames) > 1:
-            frame[tap] = np.linalg.norm(frames, axis=-1).sum(axis=-1).argmax()
-        kept[tap] = frames[frame[tap]]
-    return kept, frame
 
 
 def _stimuli(periods_mm: ArrayLike, yaw_deg: ArrayLike) -> tuple[Array, Array]:

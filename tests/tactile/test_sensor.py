@@ -71,19 +71,15 @@ def test_offset_and_shear_move_the_picture(library):
 
 def test_same_seed_same_bytes_and_no_look_ahead(library):
     periods, yaws = np.tile(PLAN.periods_mm, 250), np.linspace(-90, 90, 750)
-    for noise_per in ("tap", "frame"):
-        nuisance = Nuisance(noise_per=noise_per, frames=3)
 
-        def taps(count, nuisance=nuisance):
-            rng = np.random.default_rng(5)
-            return simulate(
-                periods[:count], yaws[:count], rng=rng, nuisance=nuisance, library=library
-            )
+    def taps(count):
+        rng = np.random.default_rng(5)
+        return simulate(periods[:count], yaws[:count], rng=rng, library=library)
 
-        first, again, start = taps(750), taps(750), taps(40)
-        assert first.displacement_mm.tobytes() == again.displacement_mm.tobytes()
-        assert first.displacement_mm[:40].tobytes() == start.displacement_mm.tobytes()
-        assert first.labels[:40].equals(start.labels)
+    first, again, start = taps(750), taps(750), taps(40)
+    assert first.displacement_mm.tobytes() == again.displacement_mm.tobytes()
+    assert first.displacement_mm[:40].tobytes() == start.displacement_mm.tobytes()
+    assert first.labels[:40].equals(start.labels)
 
 
 def test_the_default_library_is_that_of_the_skin_and_the_tip(library, monkeypatch):
@@ -117,18 +113,6 @@ def test_nuisances_have_their_size(library):
     assert clean.labels.shear_y_mm.std() == pytest.approx(0.03, rel=0.1)
     assert clean.labels.phase.between(0, 1).all()
     assert clean.labels.phase.std() == pytest.approx(1 / 12**0.5, rel=0.05)
-
-
-def test_frames_are_kept_at_the_peak(library):
-    nuisance = Nuisance(noise_per="frame", frames=9)
-    profile = nuisance.press_profile()
-    assert profile.max() == profile[4] == 1
-    assert np.all(np.diff(profile[:5]) > 0)
-    rng = np.random.default_rng(2)
-    taps = simulate(np.full(20, 5.0), 0.0, rng=rng, nuisance=nuisance, library=library)
-    assert (taps.labels.frame == 4).all()
-    noise = taps.displacement_mm - noiseless(taps.labels, Tip(), library)
-    assert noise.std() == pytest.approx(9.5e-3, rel=0.05)
 
 
 @pytest.mark.parametrize(

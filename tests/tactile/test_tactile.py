@@ -35,9 +35,7 @@ FLAT = partial(polonsky_keer, **SURFACE, load_n=1.0, dx_mm=1.0)
 WRONG = {
     Tip: {"layout": ["round"], "pitch_mm": [0.0, INF], "pin_mm": [-0.1], "camera_height_mm": [0.0]},
     Skin: {"skin_mm": NONE, "skin_shear_mpa": NONE, "gel_mm": NONE, "gel_shear_mpa": NONE},
-    Nuisance: {
-        "force_n": [(1.8, 1.2)], "marker_noise_um": [-1.0], "noise_per": ["pin"], "frames": [0],
-    },
+    Nuisance: {"force_n": [(1.8, 1.2)], "marker_noise_um": [-1.0]},
     LibraryPlan: {
         "phases": [1], "forces_n": [(1.5, 1.2), (1.5,), (0.0, 1.5)], "dx_mm": [0.3],
         "stored_dx_mm": [0.3], "radius_mm": [NAN, -20.0], "tol": [0.0], "field_side_mm": [34.0],
