@@ -133,8 +133,6 @@ class Spikes(CompiledEngine, SpikingEngine):
     description: ClassVar[str] = "spikes of every cell, compiled, for thousands of trials"
     cell_bytes: ClassVar[float] = 60.0
 
-    progress: bool = False  #: Whether to show the progress of a run.
-
     def copies(self, trials: int) -> int:
         """Return the number of threads: each simulates one trial."""
         return self.workers

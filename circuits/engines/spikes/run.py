@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from tqdm import tqdm
 
 from circuits.activity import Activity, spike_tables, warn_beyond_range
 from circuits.arrays import Array
@@ -92,7 +91,7 @@ def _trials(p: Plan, arrays: tuple[Any, ...], engine: Spikes) -> list[npt.NDArra
     trials = len(arrays[0])
     spikes = [np.empty((0, 3), np.int32)] * trials
 
-    def task(first: int) -> int:
+    def task(first: int) -> None:
         capacity = FIRST_CAPACITY if p.blocks["kept"].any() else 0
         room, work = np.empty((capacity, 3), np.int32), workspace(p)
         last = min(first + TRIALS_A_TASK, trials)
@@ -102,12 +101,7 @@ def _trials(p: Plan, arrays: tuple[Any, ...], engine: Spikes) -> list[npt.NDArra
             while (count := kernel.trial(*arguments, room)) > len(room):
                 room = np.empty((2 * count, 3), np.int32)
             spikes[t] = room[:count].copy()
-        return last - first
 
-    with (
-        ThreadPoolExecutor(max_workers=engine.workers) as pool,
-        tqdm(total=trials, unit="trial", disable=not engine.progress) as bar,
-    ):
-        for done in pool.map(task, range(0, trials, TRIALS_A_TASK)):
-            bar.update(done)
+    with ThreadPoolExecutor(max_workers=engine.workers) as pool:
+        list(pool.map(task, range(0, trials, TRIALS_A_TASK)))
     return spikes
