@@ -51,7 +51,6 @@ def show(
     channels: int | None = None,
     edits: Edited = Edits(),  # noqa: B008
     rest: bool = False,
-    noise: float | None = None,
     output: Annotated[Files, FLAT] = Files(),  # noqa: B008
 ) -> None:
     """Print a circuit's table, with its edits; draw it, or save it as a file to edit.
@@ -68,16 +67,13 @@ def show(
     rest
         Whether to run it without evidence too, and print resting rates, their irregularity, and
         what an input of one unit means in Hz, pA and nS.
-    noise
-        Posterior, such as 0.85, at which to print the noise of OUT and its sources.
     """
     output.check((".toml",), circuit=circuit)
     before = load_circuit(circuit, channels)
     table = before.edited(*edits)
-    if rest or noise is not None:
+    if rest:
         from bgmodel.integrators.criterion import doubts
-        from bgmodel.integrators.steady import noise_of_out, resting_activity
-    sources = None if noise is None else noise_of_out(table, noise)
+        from bgmodel.integrators.steady import resting_activity
     print(f"{table}{sources_of([str(table)])}")
     if text := edits.text():
         print(f"\nedited, in this order: {text}")
@@ -93,13 +89,6 @@ def show(
     if rest:
         print(f"\nan input of 1 {table.unit.removesuffix('s')} to one nucleus at rest:")
         print(table.effect_of_nats().to_string(index=False, float_format="{:.3g}".format))
-    if sources is not None and sources.empty:
-        print("\nOUT has no noise: the circuit has no cells")
-    elif sources is not None:
-        shares = ", ".join(f"{row.population} {row.share:.0%}" for row in sources.itertuples())
-        print(f"\nat a posterior of {noise:g} the noise of OUT is "
-              f"{np.linalg.norm(sources['sd_nats']):.3f} nats (sd, linear theory); shares of its "
-              f"variance: {shares}")  # fmt: skip
     output.draw(lambda: table.plot(reference=before))
     if output.save is not None:
         from circuits.declaration.table_writer import write

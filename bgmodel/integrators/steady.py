@@ -12,7 +12,6 @@ from bgmodel.integrators.basal_ganglia import BasalGanglia
 from circuits.arrays import Array
 from circuits.circuit import Circuit
 from circuits.engines import Algebra, Spikes
-from circuits.errors import require
 
 SETTLE_MS = 1500
 """Time for the slow common mode of a lesioned circuit to settle to within 1e-4 nats, ms."""
@@ -73,29 +72,6 @@ def steady_out(
     out = model.run_drive(drive, step_ms=float(SETTLE_MS + mean_ms)).output_nats
     means = out[:, SETTLE_MS // 5 :, 0].mean(axis=1)
     return np.asarray(means.reshape(len(odds), trials))
-
-
-def noise_of_out(circuit: Circuit, posterior: float) -> pd.DataFrame:
-    """Return the noise of the favoured channel's OUT at a posterior, by its sources.
-
-    One row per nucleus of finitely many cells, by linear theory: ``population``, ``sd_nats`` and
-    ``share`` of the variance. ValueError unless the circuit reads the posterior.
-    """
-    from circuits.laws.fluctuation import out_variance
-
-    circuit.check_nats("a posterior (noise)")
-    # Within the range of the read-out, and above chance.
-    low = max(float(np.exp(-circuit.readable_nats[1])), 1 / circuit.channels)
-    high = float(np.exp(-circuit.readable_nats[0]))
-    must = f"must be a posterior that {circuit.name} reads, {low:.2f} to {high:.2f}"
-    require(low < posterior < high, "noise", must, posterior)
-    variance: dict[str, Array] = {}
-    if any(row.spiking for row in circuit.populations):
-        odds = np.log(posterior * (circuit.channels - 1) / (1 - posterior))
-        variance = out_variance(circuit, leader_drive(odds, circuit.channels)[0, 0])
-    each = np.array([value[0] for value in variance.values()])
-    columns = {"population": [*variance], "sd_nats": np.sqrt(each), "share": each / each.sum()}
-    return pd.DataFrame(columns)
 
 
 def resting_activity(

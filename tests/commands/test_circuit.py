@@ -1,17 +1,14 @@
 """The commands `circuit show` and `circuit run`."""
 
 import importlib.util
-from unittest.mock import Mock
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from bgmodel.conditions import Condition
-from bgmodel.integrators import steady
 from bgmodel.support.files import read_provenance
 from bgmodel.task import Gaussian
-from circuits.anatomy import load_circuit
 from circuits.declaration.edits import Edits
 from tests.helpers import long_table, run, some_evidence, words
 
@@ -30,30 +27,6 @@ def test_a_loss_of_stn_is_said_to_act_as_a_criterion(command, capsys):
     assert "lesion STN 10%: acts as a criterion lower by 0.105 nats" in capsys.readouterr().err
     run("circuit", *command.split(), "--edits", "lesion GPe 5%")
     assert "acts as" not in capsys.readouterr().err
-
-
-def test_show_says_whose_noise_it_is(capsys):
-    """More cells of a nucleus, less of its noise; where there are no cells, none."""
-    noise_nats = []
-    for edits in ([], ["--edits", "neurons 1200"]):
-        assert run("circuit", "show", "spiking_msprt", "--noise", "0.85", *edits) == 0
-        line = capsys.readouterr().out.splitlines()[-1]
-        noise_nats.append(float(line.split("noise of OUT is ")[1].split(" nats")[0]))
-        shares = [int(part.split("%")[0]) for part in line.split("variance: ")[1].split(" ")[1::2]]
-        assert 97 <= sum(shares) <= 103
-    assert noise_nats[1] == pytest.approx(noise_nats[0] / 2, abs=0.001)
-    assert run("circuit", "show", "appendix_b", "--noise", "0.85") == 0
-    assert "has no noise" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("channels", [2, 4])
-def test_noise_is_that_at_the_odds_of_a_leader_among_equal_competitors(channels, monkeypatch):
-    drive = Mock(side_effect=steady.leader_drive)
-    monkeypatch.setattr(steady, "leader_drive", drive)
-    steady.noise_of_out(load_circuit("spiking_msprt", channels), 0.8)
-    odds, count = drive.call_args.args
-    assert count == channels
-    assert np.exp(odds) / (np.exp(odds) + channels - 1) == pytest.approx(0.8)
 
 
 def test_rates_at_rest_are_shown_where_they_are_asked_for_and_cells_spike(capsys):

@@ -7,16 +7,11 @@ import pytest
 from bgmodel import Evidence, Msprt
 from bgmodel.integrators.at_thresholds import decoded_input
 from bgmodel.integrators.basal_ganglia import BasalGanglia
-from bgmodel.integrators.steady import (
-    leader_drive,
-    leader_out,
-    noise_of_out,
-    out_shift,
-    steady_out,
-)
+from bgmodel.integrators.steady import leader_drive, leader_out, out_shift, steady_out
 from circuits.anatomy import load_circuit
 from circuits.dynamics.fixed_point import rest_rates, wired
 from circuits.engines import Spikes
+from circuits.laws.fluctuation import out_variance
 
 SEED, GAIN = 51, 0.5
 TABLE = load_circuit("spiking_msprt", 4)
@@ -101,14 +96,16 @@ def test_the_cells_of_the_default_circuit_are_many_where_they_are_cheap(channels
     excess = {}
     for name in ("macaque", "macaque_small"):
         circuit = load_circuit(name, channels)
-        noise = noise_of_out(circuit, 0.9)
+        odds = np.log(0.9 * (channels - 1) / 0.1)
+        whose = out_variance(circuit, leader_drive(odds, channels)[0, 0])
+        variance = np.array([value[0] for value in whose.values()])
         wiring = wired(circuit)
         at_rest = rest_rates(wiring).ravel()
         spent = np.array([
             circuit.population(row).neurons * (1 + at_rest[wiring.blocks_of(row)].mean())
-            for row in noise["population"]
+            for row in whose
         ])  # fmt: skip
-        least = (noise["sd_nats"] * np.sqrt(spent)).sum() ** 2 / spent.sum()
-        excess[name] = (noise["sd_nats"] ** 2).sum() / least
+        least = np.sqrt(variance * spent).sum() ** 2 / spent.sum()
+        excess[name] = variance.sum() / least
     assert 1.0 <= excess["macaque"] < 1 / 0.9
     assert excess["macaque_small"] > 1.18
