@@ -63,7 +63,7 @@ USERS = {
     "crossings": (lambda folder: replace(MODEL, folder=folder).entry(()), PASSAGES),
     "chains": (lambda folder: chains_entry(folder, "a", {"k": 1}), ARRAYS),
     "shards": (lambda folder: shards.entry(POINT.shards()[0], folder), ARRAYS),
-    "contacts": (lambda folder: library.entry(TINY, folder), FIELDS),
+    "contacts": (lambda _: library.entry(TINY), FIELDS),
     "scores": (
         lambda folder: SCORE.entry(pieces.Piece("kind", "a/b", 9, 1, dict), folder, False),
         TABLE.round(3),
@@ -75,6 +75,7 @@ USERS = {
 def user(request, tmp_path, monkeypatch):
     """Return the entry of a user in an empty folder, and a value."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("BGMODEL_CACHE", str(tmp_path / "store"))
     make, value = USERS[request.param]
     return make(tmp_path / "store"), value
 

@@ -89,31 +89,26 @@ def with_mirror_images(half: Array, phases: int) -> Array:
     return np.concatenate([half, image * np.reshape([-1, 1, 1, -1, 1], (5, 1, 1, 1, 1))], axis=1)
 
 
-def contact_library(
-    plan: LibraryPlan | None = None,
-    *,
-    cache_dir: str | Path | None = None,
-    workers: int = 1,
-) -> Library:
+def contact_library(plan: LibraryPlan | None = None, *, workers: int = 1) -> Library:
     """Load the contact library of a plan; solve and store it if it does not exist.
 
-    The folder is by default that of the environment variable BGMODEL_CACHE, or the user's cache
-    folder. The number of processes does not affect the result.
+    The folder is that of the environment variable BGMODEL_CACHE, or the user's cache folder. The
+    number of processes does not affect the result.
     """
     require(workers >= 1, "workers", "must be 1 or more", workers)
     plan = plan or LibraryPlan()
-    return Library(plan, entry(plan, cache_dir).once(lambda: _solve_all(plan, workers)))
+    return Library(plan, entry(plan).once(lambda: _solve_all(plan, workers)))
 
 
-def to_solve(plan: LibraryPlan, cache_dir: str | Path | None = None) -> int:
+def to_solve(plan: LibraryPlan) -> int:
     """Return the number of contacts still to be solved; 0 if the library's file exists."""
-    there = entry(plan, cache_dir).path.is_file()
+    there = entry(plan).path.is_file()
     return 0 if there else sum(plan.solved_phases(period) for period in plan.periods_mm)
 
 
-def entry(plan: LibraryPlan, cache_dir: str | Path | None = None) -> Entry[dict[float, Singles]]:
+def entry(plan: LibraryPlan) -> Entry[dict[float, Singles]]:
     """Return the place of a library's fields."""
-    folder = cache_dir or os.environ.get("BGMODEL_CACHE") or platformdirs.user_cache_dir("bgmodel")
+    folder = os.environ.get("BGMODEL_CACHE") or platformdirs.user_cache_dir("bgmodel")
     return Entry(
         Path(folder), f"{FORMAT}", plan.key,
         lambda fields: {f"{period!r}": values for period, values in fields.items()},

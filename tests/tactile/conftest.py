@@ -8,4 +8,6 @@ from tests.tactile.plans import PLAN
 
 @pytest.fixture(scope="module")
 def library(tmp_path_factory):
-    return contact_library(PLAN, cache_dir=tmp_path_factory.mktemp("cache"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("BGMODEL_CACHE", str(tmp_path_factory.mktemp("cache")))
+        return contact_library(PLAN)

@@ -82,10 +82,13 @@ test_fields_that_do_not_fit_together_are_refused = refusing(
 )
 
 
-def test_the_library_is_the_same_file_whatever_the_workers(tmp_path):
+def test_the_library_is_the_same_file_whatever_the_workers(tmp_path, monkeypatch):
+    paths = []
     for workers in (1, 2):
-        contact_library(TINY, cache_dir=tmp_path / str(workers), workers=workers)
-    one, two = (entry(TINY, tmp_path / str(w)).path for w in (1, 2))
+        monkeypatch.setenv("BGMODEL_CACHE", str(tmp_path / str(workers)))
+        contact_library(TINY, workers=workers)
+        paths.append(entry(TINY).path)
+    one, two = paths
     assert one.read_bytes() == two.read_bytes()
     assert [p.name for p in one.parent.iterdir()] == [one.name]
 
