@@ -20,7 +20,7 @@ from tests.helpers import refusing
 SEED = 11
 NOISY = [name for name, kind in ENGINES.items() if kind().noisy]
 SPIKING = [name for name, kind in ENGINES.items() if kind.spiking]
-DROPPING = [name for name, kind in ENGINES.items() if kind.drops]
+DROPPING = [name for name, kind in ENGINES.items() if kind.threaded]
 TIMED = [name for name, kind in ENGINES.items() if kind.timed]
 NO_STEP = "50", 0, -1, np.nan, np.inf, None
 CLOSE = {engine: 2e-5 if engine in ("rate", "population") else 1e-6 for engine in ENGINES}

@@ -26,7 +26,6 @@ class TabulatedLikelihood:
     log_density: Array  # (hypotheses, points), nats, up to a constant per reading
     period_deg: float | None  # of circular readings
     shrink: float  # factor in [0, 1] on all log-likelihood ratios
-    cap_nats: float  # largest log-likelihood ratio between two hypotheses
 
     def __call__(self, reading_deg: npt.ArrayLike) -> Array:
         """Return ``log p(reading | hypothesis)``, (..., hypotheses), nats.
@@ -95,9 +94,8 @@ def fit_likelihood(
 
     raw = log_densities(pool)
     shrink = _cross_validated_shrink(pool, readings, grid, period, log_densities)
-    cap = float(np.log(taps))
     logs = shrink * (raw - raw.max(axis=0))
-    return TabulatedLikelihood(grid, np.maximum(logs, -cap), period, shrink, cap)
+    return TabulatedLikelihood(grid, np.maximum(logs, -np.log(taps)), period, shrink)
 
 
 def _cross_validated_shrink(

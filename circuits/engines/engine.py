@@ -52,9 +52,8 @@ class Engine:
     sparse: ClassVar[bool] = False
     """Whether connections can differ between cells (``probability`` below 1)."""
     threaded: ClassVar[bool] = False
-    """Whether it is compiled and can run trials in several threads."""
-    drops: ClassVar[bool] = False
-    """Whether it can stop a trial once it is decided, and omit rates."""
+    """Whether it is compiled and can run trials in several threads, stop a decided trial, and omit
+    rates."""
 
     @property
     def noisy(self) -> bool:
@@ -282,7 +281,6 @@ class CompiledEngine(TimedEngine):
     """Base class of the compiled engines, made for thousands of trials."""
 
     threaded: ClassVar[bool] = True
-    drops: ClassVar[bool] = True
 
     rates: bool = True
     """Whether to record rates: 4 bytes per trial, sample and channel of each population."""

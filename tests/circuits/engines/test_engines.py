@@ -164,7 +164,7 @@ def test_memory_of_engines_without_cells_is_that_of_what_they_return(name):
     rates = sum(x.nbytes for x in activity.rates_hz.values())
     bytes_needed = activity.output_nats.nbytes + rates * (1 if engine.timed else 1.5)
     assert engine.memory_bytes(MSPRT, 3, samples) == bytes_needed
-    out = activity.output_nats.nbytes if engine.drops else bytes_needed
+    out = activity.output_nats.nbytes if engine.threaded else bytes_needed
     assert engine.tuned(workers=2, rates=False).memory_bytes(MSPRT, 3, samples) == out
 
 
