@@ -1,12 +1,12 @@
 """Single faults, put into a clone of the last commit one at a time, and what tests make of them.
 
-A fault is drawn by the seed: its kind, then a place of that kind in all modules. The module's own
-tests run first, then all others, those that name it before the rest, up to the first failure. It
-counts if that test passes with the place rewritten without the fault: an edit alone is no fault.
-Left out, since they change words alone: strings, types, messages (``raise``, ``warn``, ``print``,
-f-strings), ``__repr__``, hints to the compiler; and tolerances of rounding, since 20 % more
-of one is no fault. A test that does not end fails. Why no library: mutmut and cosmic-ray draw no
-sample; mutatest runs one command for all faults, and has stood since 2022.
+A fault is drawn by the seed: its kind, then a place of that kind in all modules. All tests run once
+to record which of them execute each line; a fault then has the tests that execute its statement,
+up to the first failure. It counts if that test passes with the place rewritten without the fault:
+an edit alone is no fault. Left out, since they change words alone: strings, types, messages
+(``raise``, ``warn``, ``print``, f-strings), ``__repr__``, hints to the compiler; and tolerances of
+rounding, since 20 % more of one is no fault. Why no library: mutmut and cosmic-ray draw no sample;
+mutatest runs one command for all faults, and has stood since 2022.
 """
 
 import argparse
@@ -17,11 +17,16 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
+from collections import Counter
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from itertools import chain
 from pathlib import Path
+from queue import SimpleQueue
 from random import Random
 from typing import Any
+
+from coverage import CoverageData
 
 LEFT_OUT = ("compiling", "moved", "version", "__main__")
 ONE = (ast.Lt, ast.Gt, ast.Eq, ast.In, ast.Is, ast.Add, ast.Mult, ast.And)
@@ -29,6 +34,7 @@ OTHER = (ast.GtE, ast.LtE, ast.NotEq, ast.NotIn, ast.IsNot, ast.Sub, ast.Div, as
 SWAPPED: dict[type, Any] = dict(zip(ONE + OTHER, OTHER + ONE, strict=True))
 LARGEST_TOLERANCE = 1e-5
 Fault = tuple[str, Any, Any]
+Outcome = tuple[str, str]
 
 
 def fault_at(node: ast.AST) -> Fault:
@@ -86,81 +92,122 @@ def drawn(clone: Path, seed: int, count: int) -> list[tuple[Path, Fault]]:
     return [rng.choice(by_line[rng.choice(sorted(by_line))]) for _ in range(count)]
 
 
-def tests_of(clone: Path, path: Path) -> tuple[list[str], list[str]]:
-    """Return files of a module's own tests (or its folder's); all others, those that name it first.
+def measured(clone: Path, cache: Path, file: Path) -> CoverageData:
+    """Run all tests once, if the file is not there; return which of them run each line."""
+    if not file.exists():
+        config = cache / "coverage.ini"
+        config.write_text("[run]\nrelative_files = true\nsource = bgmodel, circuits\n")
+        options = ["--cov", f"--cov-config={config}", "--cov-context=test", "--cov-report="]
+        every = ["-n2", "--dist=loadfile", *options]
+        run(clone, cache, every, 7200.0, {"COVERAGE_FILE": str(file)})
+    data = CoverageData(str(file))
+    data.read()
+    return data
 
-    What names a test's module counts too: a command tests what it calls.
+
+def tests_of(covered: CoverageData, clone: Path, path: Path, place: ast.AST) -> list[str]:
+    """Return the tests that run a statement; those of its module if it is compiled or a constant.
+
+    The module's own come first, slow ones last, and one case of every test before further cases.
     """
-    home = clone / "tests" / path.relative_to("" if path.parts[0] == "circuits" else "bgmodel")
-    every = [p for p in sorted(clone.glob("tests/**/test_*.py")) if p.parent.name != "validation"]
-    same = [p for p in every if p == home.with_name(f"test_{path.stem}.py")]
-    same = same or [p for p in every if p.parent == home.parent != clone / "tests"]
-    here = re.compile(rf"{'[.]'.join(path.parts[:-1])}(\.| import .*\b){path.stem}\b")
-    users = {f"test_{p.stem}" for p in clone.glob("*/**/*.py") if here.search(p.read_text())}
-    near = [p for p in every if p not in same and (p.stem in users or here.search(p.read_text()))]
-    far = [p for p in every if p not in same + near]
-    first, rest = ([str(p.relative_to(clone)) for p in files] for files in (same, near + far))
-    return first, rest
+    nodes = [n for n in ast.walk(ast.parse((clone / path).read_text())) if isinstance(n, ast.stmt)]
+    last = max(n.lineno for n in nodes if n.lineno <= place.lineno)
+    by_line = covered.contexts_by_lineno(str(path))
+    those = [by_line.get(n, []) for n in range(last, place.end_lineno + 1)]
+    names = {name.partition("|")[0] for name in chain(*those)} - {""}
+    names = names or {name.partition("|")[0] for name in chain(*by_line.values())} - {""}
+    slow, cases = (clone / "tests" / "slow.txt").read_text().split("\n"), Counter[str]()
+    order = []
+    for name in sorted(names):
+        test = name.partition("[")[0]
+        cases[test] += 1
+        own = f"/test_{path.stem}.py" in test
+        order.append((not own, name in slow or test in slow, cases[test], name))
+    return [name for *_, name in sorted(order)]
 
 
-def run(clone: Path, cache: Path, tests: list[str], until: float) -> tuple[int | None, str]:
+def run(
+    clone: Path, cache: Path, arguments: list[str], limit_s: float, more: dict[str, str]
+) -> tuple[int | None, str]:
     """Return pytest's status, None where time was up, and the first test that failed."""
     env = {"PYTHONPATH": str(clone), "NUMBA_CACHE_DIR": str(cache), "PYTHONDONTWRITEBYTECODE": "1"}
-    options = ["-m", "pytest", "-x", "-rfE", "-p", "no:cacheprovider", "-m"]
-    command = [sys.executable, *options, "not validate", *tests]
-    kept: dict[str, Any] = {"cwd": clone, "env": os.environ | env, "start_new_session": True}
-    with tempfile.TemporaryFile("w+") as log:
+    with tempfile.NamedTemporaryFile("w+") as those, tempfile.TemporaryFile("w+") as log:
+        those.write("\n".join(arguments))  # thousands of tests are too long for a command
+        those.flush()
+        options = ["-m", "pytest", "-x", "-rfE", "-p", "no:cacheprovider", "-m", "not validate"]
+        command = [sys.executable, *options, f"--timeout={limit_s / 3:.0f}", f"@{those.name}"]
+        kept: dict[str, Any] = {
+            "cwd": clone,
+            "env": os.environ | env | more,
+            "start_new_session": True,
+        }
         with subprocess.Popen(command, stdout=log, stderr=log, **kept) as job:
             try:
-                job.wait(max(until - time.monotonic(), 1.0))
+                job.wait(limit_s)
             except subprocess.TimeoutExpired:
                 os.killpg(job.pid, signal.SIGKILL)
                 return None, ""
         log.seek(0)
         failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", log.read(), re.MULTILINE)
-    return job.returncode, failed[1] if failed else tests[0]
+    return job.returncode, failed[1] if failed else ""
 
 
-def tried(clone: Path, path: Path, fault: Fault, limits_s: list[float]) -> tuple[str, str]:
+def tried(clone: Path, path: Path, fault: Fault, tests: list[str], limit_s: float) -> Outcome:
     """Insert a fault and run tests; return the outcome, and which test found it."""
-    cache, clean = Path(tempfile.mkdtemp(dir=clone.parent)), clone.with_name("clean")
+    cache, clean = Path(tempfile.mkdtemp(dir=clone.parent)), clone.parent / "clean"
     (clean / "compiled").mkdir(parents=True, exist_ok=True)
     # Compiled circuits lie under a hash of their sources: faults elsewhere need not compile them.
     (cache / "compiled").symlink_to(clean / "compiled")
     source, (_, place, new) = (clone / path).read_text(), fault
     broken: list[str] = []
-    for number, tests in enumerate(tests_of(clone, path)):
-        # The rest of the suite takes minutes: on two cores.
-        status: int | None = 1
-        shared, until = ["-n2"] if number else [], time.monotonic() + limits_s[number]
-        while tests and status not in (0, 5):
-            (clone / path).write_text(edited(source, place, new))
-            each = f"--timeout={limits_s[number] / 3:.0f}"
-            chosen = [*tests, *shared, each, *(f"--deselect={test}" for test in broken)]
-            status, failed = run(clone, cache, chosen, until)
-            (clone / path).write_text(edited(source, place, place))
-            if status is None or failed in broken:
-                return ("not judged", "survived")[number], f"no end of {tests[0]} and others"
-            if status not in (0, 5):
-                if run(clone, clean, [failed], time.monotonic() + limits_s[number])[0] == 0:
-                    return "caught", failed
-                broken += [failed]
-    return "survived", " ".join(broken)
+    while tests := [test for test in tests if test not in broken]:
+        (clone / path).write_text(edited(source, place, new))
+        status, failed = run(clone, cache, tests, limit_s, {})
+        (clone / path).write_text(edited(source, place, place))
+        if status is None:
+            return "not judged", f"no end of {len(tests)} tests within {limit_s:.0f} s"
+        if status in (0, 5):
+            break
+        if not failed or run(clone, clean, [failed], limit_s, {})[0] == 0:
+            return "caught", failed or "what cannot be imported"
+        broken += [failed]
+    return "survived", f"of {len(tests)} tests; without the fault fail too: {broken}"
+
+
+def main() -> None:
+    """Draw faults and try them on two cores."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    for name, value in {"--count": 30, "--seed": 5, "--limit-s": 300}.items():
+        parser.add_argument(name, type=int, default=value)
+    parser.add_argument("--covered", type=Path, help="lines and their tests, made if absent")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="faults") as folder:
+        clones: SimpleQueue[Path] = SimpleQueue()
+        for name in ("1", "2"):
+            clone = Path(folder) / name / "clone"
+            subprocess.run(["git", "clone", "-qs", Path(__file__).parents[2], clone], check=True)
+            clones.put(clone)
+        covered = measured(clone, clone.parent, options.covered or Path(folder) / "covered")
+        inserted = drawn(clone, options.seed, options.count)
+
+        def outcome(fault: tuple[Path, Fault]) -> Outcome:
+            mine = clones.get()
+            tests = tests_of(covered, mine, fault[0], fault[1][1])
+            judged = tried(mine, *fault, tests, options.limit_s)
+            clones.put(mine)
+            return judged
+
+        with ThreadPoolExecutor(2) as threads:
+            outcomes = threads.map(outcome, inserted)
+            counts = Counter[str]()
+            both = zip(inserted, outcomes, strict=True)
+            for number, ((path, fault), (judgement, why)) in enumerate(both, 1):
+                old, new = (ast.unparse(node).partition("\n")[0][:70] for node in fault[1:])
+                print(f"{number}. {path}:{fault[1].lineno}, {fault[0]}: {old!r} -> {new!r}")
+                print("  ", judgement, why, flush=True)
+                counts[judgement] += 1
+    print(", ".join(f"{count} {judgement}" for judgement, count in counts.items()))
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    for name, value in {"--count": 30, "--seed": 5, "--own-s": 200, "--rest-s": 900}.items():
-        parser.add_argument(name, type=int, default=value)
-    arguments, outcomes = parser.parse_args(), []
-    with tempfile.TemporaryDirectory(prefix="faults") as folder:
-        clone = Path(folder) / "clone"
-        subprocess.run(["git", "clone", "-qs", Path(__file__).parents[2], clone], check=True)
-        for number, (path, fault) in enumerate(drawn(clone, arguments.seed, arguments.count), 1):
-            old, new = (ast.unparse(node).partition("\n")[0][:70] for node in fault[1:])
-            started = time.monotonic()
-            print(f"{number}. {path}:{fault[1].lineno}, {fault[0]}: {old!r} -> {new!r}")
-            outcomes.append(tried(clone, path, fault, [arguments.own_s, arguments.rest_s]))
-            subprocess.run(["git", "-C", clone, "checkout", "-q", "."], check=True)
-            print("  ", *outcomes[-1], f"({time.monotonic() - started:.0f} s)", flush=True)
-    print(len([o for o in outcomes if o[0] == "caught"]), f"of {arguments.count} caught")
+    main()
