@@ -105,7 +105,7 @@ def measured(clone: Path, cache: Path, file: Path) -> CoverageData:
     return data
 
 
-def tests_of(covered: CoverageData, clone: Path, path: Path, place: ast.AST) -> list[str]:
+def tests_of(covered: CoverageData, clone: Path, path: Path, place: Any) -> list[str]:
     """Return the tests that run a statement; those of its module if it is compiled or a constant.
 
     The module's own come first, slow ones last, and one case of every test before further cases.
