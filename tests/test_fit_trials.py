@@ -272,6 +272,11 @@ def test_every_kind_of_trials_is_simulated_for_every_person():
         bg.simulate("constant_gap", {"bound": 99.0}, "roitman_shadlen_2002", seed=1, **MONKEY)
 
 
+def derivative(log_density, vector, number):
+    step = np.eye(len(vector))[number] * 1e-5 * abs(vector[number])
+    return (log_density(vector + step) - log_density(vector - step)) / (2 * step[number])
+
+
 @pytest.mark.parametrize(
     ("data", "model", "prior", "options"),
     [
@@ -297,3 +302,8 @@ def test_every_kind_of_model_has_priors(data, model, prior, options, people):
         assert np.flatnonzero(rows[:, 6]).tolist() == [k]
         parameter = each.freedom.moved[k].parameter
         assert parameter.scaled(interval).mean() == pytest.approx(rows[k, 3])
+        # The slope is that of the log density, with weak priors of other numbers.
+        at = np.random.default_rng(3).uniform(0.4, 0.6, len(each.freedom.start))
+        at = each.freedom.low + at * (each.freedom.high - each.freedom.low)
+        slope = [derivative(each.freedom.log_prior, at, number) for number in range(len(at))]
+        assert each.freedom.prior_slope(at)[0] == pytest.approx(np.array(slope), rel=1e-5, abs=1e-7)

@@ -106,19 +106,25 @@ def measured(clone: Path, cache: Path, file: Path) -> CoverageData:
 
 
 def tests_of(covered: CoverageData, clone: Path, path: Path, place: Any) -> list[str]:
-    """Return the tests that run a statement; those of its module if it is compiled or a constant.
+    """Return the tests that run a statement, or its module, or a module that imports this one.
 
-    The module's own come first, slow ones last, and one case of every test before further cases.
+    Compiled lines and constants are run by none. A module's own tests come first, slow ones last,
+    and one case of every test before further cases.
     """
     nodes = [n for n in ast.walk(ast.parse((clone / path).read_text())) if isinstance(n, ast.stmt)]
     last = max(n.lineno for n in nodes if n.lineno <= place.lineno)
-    by_line = covered.contexts_by_lineno(str(path))
-    those = [by_line.get(n, []) for n in range(last, place.end_lineno + 1)]
-    names = {name.partition("|")[0] for name in chain(*those)} - {""}
-    names = names or {name.partition("|")[0] for name in chain(*by_line.values())} - {""}
+    here = re.compile(rf"^(from|import) .*\b{path.stem}\b", re.MULTILINE)
+    users = [p for p in covered.measured_files() if here.search((clone / p).read_text())]
+
+    def names(files: list[str], lines: Any = None) -> set[str]:
+        by_line = [covered.contexts_by_lineno(file).items() for file in files]
+        some = [of for line, of in chain(*by_line) if lines is None or line in lines]
+        return {name.partition("|")[0] for name in chain(*some)} - {""}
+
+    those = names([str(path)], range(last, place.end_lineno + 1)) or names([str(path)])
     slow, cases = (clone / "tests" / "slow.txt").read_text().split("\n"), Counter[str]()
     order = []
-    for name in sorted(names):
+    for name in sorted(those or names(users)):
         test = name.partition("[")[0]
         cases[test] += 1
         own = f"/test_{path.stem}.py" in test
