@@ -17,6 +17,7 @@ from bgmodel.fitting.settings import settings_of
 from bgmodel.fitting.stop_race import likelihood as stop_likelihood
 from bgmodel.learning.value_models import likelihood
 from bgmodel.trials.record import joined
+from circuits.declaration.table_writer import write
 from circuits.errors import DataWarning, FitWarning
 from tests.helpers import refused, refusing
 from tests.known_trials import simulated
@@ -93,13 +94,16 @@ test_options_of_evidence_need_evidence = refusing(
 )
 
 
-def test_models_are_known_by_name():
+def test_models_are_known_by_name_and_circuits_by_their_file(tmp_path):
     asked = settings_of(evidence=EVIDENCE, runs=9, seed=3)
-    one = question(asked, DATA, ["run", "macaque"])
+    file = write(bg.load_circuit("spiking_msprt", 2), tmp_path / "own.toml")
+    one = question(asked, DATA, ["run", "macaque", str(file)])
     assert one.versions["run"][1].model.name == "run"
-    made = one.versions["macaque"][1].model
-    assert isinstance(made, KnownCircuit)
-    assert (made.circuit.channels, made.runs, made.seed) == (2, 9, 3)
+    for name, circuit in (("macaque", "macaque"), (str(file), "spiking_msprt")):
+        made = one.versions[name][1].model
+        assert isinstance(made, KnownCircuit)
+        assert (made.circuit.name, made.circuit.channels) == (circuit, 2)
+        assert (made.runs, made.seed) == (9, 3)
 
 
 def test_a_group_with_known_evidence_is_fitted_with_what_differs_between_people():
