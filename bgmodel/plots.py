@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Grating orientation thresholds at 75 % correct: groove width, mm (Van Boven & Johnson 1994).
-HUMAN_GROOVE_MM = {"finger": 0.94, "lip": 0.51, "tongue": 0.58}
 CORRECT, ERROR = PALETTE[0], PALETTE[1]
 Tops = dict[int, npt.NDArray[np.float64]]
 """Heights of the bins above (1) and below (-1) the axis."""
@@ -238,64 +236,12 @@ def learned_ratios(exact: npt.ArrayLike, learned: npt.ArrayLike, ax: Axes | None
     return figure
 
 
-def psychometric(
-    ax: Axes,
-    x: npt.ArrayLike,
-    correct: npt.ArrayLike,
-    trials: npt.ArrayLike,
-    **line: Any,
-) -> Axes:
-    """Draw proportion correct with Wilson intervals against a stimulus scale."""
-    p = np.asarray(correct) / np.asarray(trials)
-    low, high = wilson(correct, trials)
-    error = np.clip(np.stack([p - low, high - p]), 0, None)
-    ax.errorbar(np.asarray(x), p, yerr=error, capsize=2, **line)
-    return accuracy_axis(ax)
-
-
 def accuracy_axis(ax: Axes, chance: float | None = 0.5) -> Axes:
     """Label the y axis as proportion correct and mark chance, if it is one number."""
     if chance is not None:
         ax.axhline(chance, color="0.8", lw=0.8, zorder=0)
     ax.set_ylabel("proportion correct")
     return ax
-
-
-def human_thresholds(ax: Axes, level: float = 0.75) -> Axes:
-    """Mark human grating-orientation thresholds on an axis of groove width, mm."""
-    for marker, (site, groove) in zip("o^s", HUMAN_GROOVE_MM.items(), strict=True):
-        ax.plot(groove, level, marker, color="0.3", mfc="w", ms=5, label=f"human {site}")
-    return ax
-
-
-def trajectories(
-    ax: Axes,
-    z: npt.NDArray[np.float64],
-    steps: npt.NDArray[np.float64],
-    boundary_separation: float,
-    **line: Any,
-) -> Axes:
-    """Draw evidence Z (trials, 1 + t_max), each until its decision, with both bounds."""
-    for path, stop in zip(z, steps.astype(int), strict=True):
-        ax.plot(np.arange(stop + 1), path[: stop + 1], **line)
-        ax.plot(stop, path[stop], "o", ms=2.5, color=line.get("color"))
-    for bound in (-boundary_separation / 2, boundary_separation / 2):
-        ax.axhline(bound, color="k", lw=0.8)
-    ax.set(xlabel="readings", ylabel="evidence Z (nats)")
-    return ax
-
-
-def speed_accuracy(
-    ax: Axes,
-    mean_steps: npt.ArrayLike,
-    accuracy: npt.ArrayLike,
-    chance: float | None = 0.5,
-    **line: Any,
-) -> Axes:
-    """Draw accuracy against mean decision time in readings."""
-    ax.plot(np.asarray(mean_steps), np.asarray(accuracy), **line)
-    ax.set_xlabel("mean decision time (readings)")
-    return accuracy_axis(ax, chance)
 
 
 def acquisition(ax: Axes, runs: pd.DataFrame, **line: Any) -> Axes:

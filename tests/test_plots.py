@@ -62,26 +62,10 @@ def test_out_is_drawn_a_line_per_hypothesis(ax):
     assert ax.lines[0].get_xdata().tolist() == [-10.0, 0.0]
 
 
-def test_trajectories_end_at_their_decision(ax):
-    z = np.array([[0.0, 1.0, 2.5, 9.0], [0.0, -2.0, 9.0, 9.0]])
-    plots.trajectories(ax, z, np.array([2.0, 1.0]), 4.0, color="k")
-    assert ax.lines[0].get_ydata().tolist() == [0.0, 1.0, 2.5]
-    assert ax.lines[2].get_ydata().tolist() == [0.0, -2.0]
-    assert {line.get_ydata()[0] for line in ax.lines[-2:]} == {-2.0, 2.0}
-
-
 def test_acquisition_draws_the_median_run(ax):
     runs = pd.DataFrame([[0.0, 1.0], [2.0, 3.0], [9.0, 5.0]], columns=[0, 100])
     plots.acquisition(ax, runs, color="k")
     assert ax.lines[0].get_ydata().tolist() == [2.0, 3.0]
-
-
-def test_human_thresholds_stand_at_the_published_grooves_at_three_quarters_correct(ax):
-    """Van Boven & Johnson 1994: finger 0.94, lip 0.51, tongue 0.58 mm, copied a second time."""
-    assert plots.human_thresholds(ax) is ax
-    placed = {line.get_label(): [*line.get_xdata(), *line.get_ydata()] for line in ax.lines}
-    grooves = {"finger": 0.94, "lip": 0.51, "tongue": 0.58}
-    assert placed == {f"human {name}": [mm, 0.75] for name, mm in grooves.items()}
 
 
 def test_raster_shows_the_first_neurons_of_each_channel(ax):

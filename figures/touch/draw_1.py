@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bgmodel import stream
-from bgmodel.plots import human_thresholds, psychometric
+from bgmodel.plots import accuracy_axis, wilson
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.library import contact_library
 from bgmodel.tactile.sensor import Nuisance, noiseless, simulate
@@ -22,6 +22,8 @@ from figures.common import Settings, letter
 YAW_DEG = 45.0
 SCALE_UM = 20.0
 INSIDE = {"color": "w", "fontsize": 6, "ha": "center"}
+HUMAN_GROOVE_MM = {"finger": 0.94, "lip": 0.51, "tongue": 0.58}
+"""Grating orientation thresholds at 75 % correct: groove width (Van Boven & Johnson 1994)."""
 TITLE = {"fontsize": 8, "fontweight": "bold"}
 
 
@@ -95,11 +97,20 @@ def _decoder(ax: Axes, table: pd.DataFrame) -> None:
     both = table[np.isclose(np.abs(table["yaw_deg"]), 45)]
     right = (both["psi_deg"] > 0) == (both["yaw_deg"] > 0)
     scored = right.groupby(both["period_mm"]).agg(["sum", "size"])
-    psychometric(
-        ax, scored.index / 2, scored["sum"], scored["size"], color="C1", label="decoder, one tap"
-    )
+    p = scored["sum"] / scored["size"]
+    low, high = wilson(scored["sum"], scored["size"])
+    error = np.clip([p - low, high - p], 0, None)
+    ax.errorbar(scored.index / 2, p, error, capsize=2, color="C1", label="decoder, one tap")
+    accuracy_axis(ax)
     human_thresholds(ax)
     ax.plot([], [], color="0.8", lw=0.8, label="chance")
     ax.set(xlabel="groove width (mm)", ylim=(0.4, 1.02))
     ax.legend(loc="center right")
     letter(ax, "d  orientation from one tap; humans")
+
+
+def human_thresholds(ax: Axes, level: float = 0.75) -> Axes:
+    """Mark human grating-orientation thresholds on an axis of groove width, mm."""
+    for marker, (site, groove) in zip("o^s", HUMAN_GROOVE_MM.items(), strict=True):
+        ax.plot(groove, level, marker, color="0.3", mfc="w", ms=5, label=f"human {site}")
+    return ax

@@ -7,13 +7,14 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bgmodel import Sprt, first_crossing, stream
 from bgmodel.learning.gap import fold_sources
-from bgmodel.plots import trajectories
 from bgmodel.support.files import read_table, write_table
 from bgmodel.tactile.source import Source
+from circuits.arrays import Array
 from figures.common import Settings, letter
 
 PERIOD_MM, GAP, SHOWN = 2.0, 4.0, 24
@@ -60,7 +61,7 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         some = table[(table["truth"] == truth) & (table["trial"] < 2 * SHOWN)]
         z = some.pivot(index="trial", columns="step", values="z").to_numpy()
         steps = some.groupby("trial")["steps"].first().to_numpy()
-        trajectories(axes[1], z, steps, GAP, color=colour, lw=0.7, alpha=0.8)
+        trajectories(axes[1], z, steps, colour)
         axes[1].plot([], [], color=colour, label=f"S{truth + 1} ({'AA' if truth == 0 else 'AB'})")
     axes[1].axhline(0, color="0.8", lw=0.8, zorder=0)
     axes[1].plot([], [], "o", ms=2.5, color="0.4", label="decision")
@@ -70,3 +71,13 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
     axes[1].legend(loc="upper right", ncols=4, columnspacing=1, handlelength=1.2)
     letter(axes[1], f"evidence of {2 * SHOWN} trials, {PERIOD_MM:g} mm, gap δ = {GAP:g} nats")
     return figure
+
+
+def trajectories(ax: Axes, z: Array, steps: Array, colour: str) -> None:
+    """Draw evidence Z (trials, 1 + readings), each until its decision, with both bounds."""
+    for path, stop in zip(z, steps.astype(int), strict=True):
+        ax.plot(np.arange(stop + 1), path[: stop + 1], color=colour, lw=0.7, alpha=0.8)
+        ax.plot(stop, path[stop], "o", ms=2.5, color=colour)
+    for bound in (-GAP / 2, GAP / 2):
+        ax.axhline(bound, color="k", lw=0.8)
+    ax.set(xlabel="readings", ylabel="evidence Z (nats)")

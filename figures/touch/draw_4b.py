@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
 from bgmodel.learning.reinforce import smoothed
-from bgmodel.plots import speed_accuracy
+from bgmodel.plots import accuracy_axis
 from bgmodel.support.files import read_table
 from figures.common import COLOUR, Settings, letter
 
@@ -29,8 +29,10 @@ def draw(settings: Settings, data: Path, *, output: Path) -> Figure:
         time, accuracy = (smoothed(mean[n].to_numpy(), window) for n in ("mean_steps", "accuracy"))
         style: dict[str, Any] = {"color": colour, "label": f"{period:g} mm" if period else "smooth"}
         # The curves of two gratings with forced ties coincide: dashes keep the lower one visible.
-        speed_accuracy(ax, time, accuracy, ls="--" if period == 1.0 else "-", **style)
+        ax.plot(time, accuracy, "--" if period == 1.0 else "-", **style)
         ax.plot(mean["exact_mean_steps"], mean["exact_accuracy"], ":", color=colour, lw=0.9)
+    ax.set_xlabel("mean decision time (readings)")
+    accuracy_axis(ax)
     ax.plot([], [], "k:", lw=0.9, label="exact")
     ax.plot([], [], color="0.8", lw=0.8, label="chance")
     ax.set_ylim(0.4, 1.02)
