@@ -27,9 +27,10 @@ def trials():
 def test_the_lowest_out_after_a_reading_lasts_until_the_next():
     out = np.array([[5, 4, 3, 6, 2, 9, 1.0]])[:, :, None]
     time_s = 0.1 * np.arange(1, 8)
-    starts, ends = np.array([[0.1, 0.3, 0.6]]), np.array([[0.3, 0.6, 0.7]])
-    lowest = lowest_between(out, time_s, starts, ends, np.array([3]))
-    np.testing.assert_array_equal(lowest[0, :, 0], [4, 2, 9])
+    # The last reading comes after the last tick.
+    starts, ends = np.array([[0.1, 0.3, 0.6, 0.9]]), np.array([[0.3, 0.6, 0.7, 1.0]])
+    lowest = lowest_between(out, time_s, starts, ends, np.array([4]))
+    np.testing.assert_array_equal(lowest[0, :, 0], [4, 2, 9, 1])
 
 
 def test_an_exact_circuit_without_noise_is_the_test(trials):
