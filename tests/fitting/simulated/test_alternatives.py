@@ -11,7 +11,13 @@ from bgmodel.fitting.design import design_of
 from bgmodel.fitting.likelihood import Likelihood, likelihood_of
 from bgmodel.fitting.responses import BIN_S, Grid, moments
 from bgmodel.fitting.settings import settings_of
-from bgmodel.fitting.simulated.alternatives import ManyCircuitModel, simulated_many
+from bgmodel.fitting.simulated.alternatives import (
+    EVIDENCE_BIN,
+    UNIT,
+    ManyCircuitModel,
+    count,
+    simulated_many,
+)
 from bgmodel.fitting.simulated.msprt import MsprtModel
 from bgmodel.trials.reader import Columns, read_trials
 from circuits.anatomy import load_circuit
@@ -160,3 +166,16 @@ def test_the_threshold_reaches_the_prior():
     high = model().thresholds_nats[-1]
     assert np.exp(-high) == pytest.approx(1 / 3, abs=0.05)
     assert np.exp(-high) > 1 / 3
+
+
+@pytest.mark.parametrize("choice", [-1, 1])
+def test_grids_of_evidence_keep_every_trial_and_its_mean(choice):
+    """Without drift each channel of a trial counts 1, wherever its evidence is between places."""
+    evidence, low = np.array([[312, -97, 5]]), -30
+    decided, never = np.zeros((2, 6, 61)), np.zeros(61)
+    one = np.array([True])
+    count(np.array([3]), np.array([choice]), evidence, one, np.array([0.0]), low, decided, never)
+    grid = decided.sum(axis=(0, 1)) if choice >= 0 else never
+    z = (low + np.arange(61)) * EVIDENCE_BIN
+    assert (grid.sum(), grid @ z) == pytest.approx((3, UNIT * evidence.sum()))
+    assert decided[1].sum() == (choice >= 0)
