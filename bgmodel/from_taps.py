@@ -269,7 +269,7 @@ def _one_reading(
 
 
 def _over_hypotheses(source: Source, measure: Callable[[Array, int], float]) -> float:
-    """Return a measure of the readings, averaged over true hypotheses."""
+    """Return the mean over hypotheses of a measure of the readings under each."""
     each = [measure(readings, truth) for truth, readings in enumerate(source.log_likelihood)]
     return float(np.mean(each))
 

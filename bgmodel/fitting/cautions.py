@@ -115,7 +115,7 @@ def _ended(fitted: Optimum) -> list[str]:
 
 
 def _vague(fitted: Optimum, there: Directions) -> list[str]:
-    """Return a warning for each number that can't be near 0, and hardly differs from it."""
+    """Return a warning for each number that can't be near 0 with an error above half of it."""
     numbers, sized = fitted.likelihood.freedom.moved, fitted.likelihood.sized
     errors = zip(numbers, fitted.vector, there.standard_errors, fitted.at_bound, strict=True)
     return [

@@ -158,7 +158,7 @@ def learn_folds(
 ) -> pd.DataFrame:
     """Learn the gap on every fold from each start, and score the learned values.
 
-    ``keep`` rows per run; smoothed_separation is the running mean over ``window`` trials, and what
+    Each run has ``keep`` rows. smoothed_separation is the running mean over ``window`` trials; what
     was learned, its regret and the optimum are constant within a run. All runs are simulated
     together, which is faster than one start at a time.
     """

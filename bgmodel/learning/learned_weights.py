@@ -110,7 +110,7 @@ class LearnedWeights(Facts):
     def calibration(self, features: Features) -> Calibration:
         """Compare learned with exact log-likelihood ratios on held-out readings.
 
-        Ratios are those of each hypothesis against the mean over hypotheses.
+        Each ratio is a hypothesis's log-likelihood minus the mean over hypotheses.
         """
         read = np.arange(features.steps) < features.readings[:, None]
         exact = _centred(features.exact.log_likelihood[read])

@@ -107,7 +107,7 @@ class LogitQ(QLearning):
 
     name: ClassVar[str] = "logit-q"
     margin: float = 0.01
-    """Q is taken as at least this, and at most 1 minus this."""
+    """Q is clipped to between this and 1 minus this."""
     beta: Number = np.inf
 
     def values(self, state: Array) -> Array:

@@ -218,9 +218,9 @@ class Edits(tuple[str, ...]):
     def replacing(self, lines: Iterable[str], without: Iterable[str] = ()) -> Edits:
         """Return the edits with further ones, which replace edits of the same target.
 
-        ``without`` leaves out edits regardless of their value. InputError also if a line adds a
-        course to a nucleus that already has one, because it is unclear whether to replace the
-        existing course.
+        ``without`` leaves out edits of the same target, whatever their value, and courses that are
+        identical. InputError also if a line adds another course to a place that already has one,
+        because it is unclear whether to replace it.
         """
         new = {edit.place: edit for edit in map(parsed, Edits(lines))}
         left_out = {parsed(line).place for line in without}

@@ -45,7 +45,8 @@ class Surrogate:
     likelihood is constant in x towards both ends. Positions are ``u = R^-1 (y - c)``.
     """
 
-    root: Array  # Lower Cholesky factor of the covariance of each person's draws, for steps.
+    # Lower Cholesky factor of the covariance of each person's draws, which sets the size of steps.
+    root: Array
     centre: Array  # c, (people, parameters), mean of the draws' heights
     inverse: Array  # R^-1, with R the lower Cholesky factor of their covariance.
     highest: Array  # (people, parameters), height of the upper end of each range
