@@ -37,7 +37,7 @@ SCALES = (0.83, 1.52)
 def posterior_at(evidence: Evidence, time_ms: Array, choice: Integers) -> Array:
     """Return the posterior of choices at times since the onset of evidence, ms, (..., trials).
 
-    It is that after the last reading before the decision; before the first, the prior.
+    It is the posterior after the decision's last reading, or the prior before the first.
     """
     reading = _last_reading(evidence, time_ms)
     return np.asarray(evidence.posterior[np.arange(evidence.trials), reading, choice])
@@ -156,8 +156,8 @@ def against_evidence(stated: npt.ArrayLike, hypotheses: int) -> str:
     """Return a warning if choices go against the evidence, or an empty string.
 
     Random choices have a mean posterior of chance, ``1 / hypotheses``; choices guided by evidence
-    have a higher one. It is lower if OUT rises with evidence, as without dopamine. Fewer than
-    ``FEWEST_CHOICES`` are not judged.
+    have a higher one. It is below chance if OUT rises with evidence, as without dopamine. Fewer
+    than ``FEWEST_CHOICES`` are not judged.
     """
     posterior, chance = np.asarray(stated, dtype=np.float64), 1 / hypotheses
     if len(posterior) < FEWEST_CHOICES:

@@ -116,7 +116,7 @@ class Hebbian(Rule):
 
 @dataclass(frozen=True)
 class OpponentActor(Rule):
-    """OpAL (Collins & Frank 2014): go and no-go weights that learn in proportion to themselves.
+    """OpAL (Collins & Frank 2014): go and no-go weights that change in proportion to their size.
 
     ``dG_c = G_c error e`` and ``dN_c = -N_c error e``, neither below 0; at the choice
     ``w = (1 + rho) G - (1 - rho) N``, where rho is the level of dopamine.
