@@ -57,8 +57,8 @@ FOLLOWS, APART, OPEN = "follows", "told apart", "left open"
 class DesignedTrial:
     """A designed trial: evidence for competitors from the first reading on, (channels - 1,) nats.
 
-    ``held`` names what equals that with equal competitors: "same lead" over the next, or "same
-    average".
+    ``held`` names what is the same as with equal competitors: the lead over the next competitor
+    ("same lead") or over the average ("same average").
     """
 
     name: str

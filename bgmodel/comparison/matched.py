@@ -49,10 +49,11 @@ def matched_measures(
     """Compare two integrators on the same evidence at equal expected accuracy.
 
     ``other`` is compared with ``test``, whose threshold is set at each of the accuracies. ``truth``
-    is for the observed accuracy, error trials of the test, and chance, which shuffles trials within
-    each truth, or all trials if omitted. ``minus`` is a third: measures are then the other's minus
-    this one's, with intervals of the difference. ``again`` is the other with noise of another seed,
-    for r_noise_corrected. ``latency_ms`` is the non-decision time to subtract before accuracies are
+    gives the observed accuracies, the test's error trials, and chance agreement, for which trials
+    are shuffled within each truth; without it, all trials are shuffled together. ``minus`` is a
+    third integrator: measures are then those of ``other`` minus those of ``minus``, with intervals
+    of the difference. ``again`` is ``other`` with noise of another seed, for r_noise_corrected.
+    ``latency_ms`` is the non-decision time to subtract before accuracies are
     compared in equal time: 0 for an abstract integrator; by default the mean extra time over
     accuracies 0.85 to 0.98. ``resamples`` and ``groups`` are as for ``resampled``.
 

@@ -244,7 +244,7 @@ def first_crossing(
         alone crosses the threshold; of several thresholds, how many are unusable.
     """
     # Importing Numba takes most of a second: only when a decision is made.
-    from bgmodel.deciding.crossing import cross_all
+    from bgmodel.deciding.kernel import cross_all
 
     out, first, ends, numbers = ready(trace)
     levels = _chosen(trace, thresholds, posterior)
@@ -266,7 +266,7 @@ def crossing_of_each(
     trace: Trace, thresholds: Reals, *, forced: bool = True, checked: bool = True
 ) -> Decision:
     """Decide each trial at its own threshold, (trials,) nats, as for a learner that explores."""
-    from bgmodel.deciding.crossing import cross_each
+    from bgmodel.deciding.kernel import cross_each
 
     out, first, ends, numbers = ready(trace)
     levels = np.asarray(reals("thresholds", thresholds), dtype=np.float64)

@@ -168,7 +168,7 @@ def levels(trace: Trace, evidence: Evidence, accuracies: Sequence[float] = ()) -
 def _steps(trace: Trace, evidence: Evidence) -> tuple[Array, Array]:
     """Return all thresholds at which decisions change, falling, and their expected accuracies."""
     # Importing Numba takes most of a second: only when decisions are made.
-    from bgmodel.deciding.crossing import ROUNDING
+    from bgmodel.deciding.kernel import ROUNDING
 
     out, first, ends, _ = ready(trace)
     trials, ticks = out.shape[:2]

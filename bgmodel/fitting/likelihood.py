@@ -168,10 +168,10 @@ class Likelihood:
         return replace(trials, rt_s=rt_s, response=mirrored(trials, response).astype(np.int8))
 
     def complete(self, vector: Array) -> Self:
-        """Return it on a grid that holds nearly all responses that are predicted at a vector.
+        """Return the likelihood on a grid that holds nearly all responses predicted at a vector.
 
-        Predictions up to the slowest observed response would depend on how late that happened to
-        be.
+        On a grid that ends at the slowest observed response, predictions would depend on how late
+        that response happened to be.
         """
         seen = self.design.observed
         ends_s = (seen.window_s[1], getattr(self.model, "seconds", np.inf), MOST_S)

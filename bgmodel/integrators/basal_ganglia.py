@@ -153,10 +153,11 @@ class BasalGanglia(Facts):
         return isinstance(self.gain, DefaultGain) and largest_lead(self.circuit) < np.inf
 
     def run(self, evidence: Evidence) -> Trace:
-        """Return OUT (trials, ticks, hypotheses) in kappa-nats, from the onset of evidence.
+        """Return OUT (trials, ticks, hypotheses) from the onset of evidence, in kappa-nats.
 
-        Readings come at ``onset_ms + k step_ms``; each is held for a step, the last one for two, so
-        that the circuit can respond to it. An informative foreperiod is run too.
+        These are nats of evidence times the circuit's gain kappa. Readings come at ``onset_ms + k
+        step_ms``; each is held for a step, the last one for two, so that the circuit can respond to
+        it. An informative foreperiod is simulated as well.
         """
         model = self.adapted_to(evidence)
         return model.trace(model.activity(evidence), evidence)

@@ -113,10 +113,10 @@ class Lca:
 class LinearGpe:
     """The MSPRT circuit with a GPe that is linear in STN output (Bogacz & Gurney 2007).
 
-    GPe is ``a Sigma`` where the MSPRT requires ``Sigma - ln Sigma``, with Sigma the STN output. It
+    GPe is ``a Sigma`` where the MSPRT requires ``Sigma - ln Sigma``; the STN output Sigma then
     solves ``a Sigma + ln Sigma = ln sum_j exp y_j``, by Wright's omega function, and
-    ``OUT_i = Sigma - y_i``. Terms common to all channels do not cancel. The slope a is 1, or 0.84
-    with a gain on the evidence of 0.4, in their figure 3.
+    ``OUT_i = Sigma - y_i``. Terms common to all channels do not cancel. In their figure 3 the slope
+    a is 1, or 0.84 if evidence is scaled by 0.4.
     """
 
     needs_zero: ClassVar[bool] = True

@@ -115,7 +115,7 @@ class Sprt(Decides):
         """Return Z as a trace (trials, 1 + steps, 2); tick 0 is the prior."""
         start = _log_prior_odds(evidence)
         # Importing Numba takes most of a second: only when it is used.
-        from bgmodel.deciding.crossing import log_odds
+        from bgmodel.deciding.kernel import log_odds
 
         out = np.empty((evidence.trials, evidence.steps + 1, 2))
         log_odds(evidence.log_likelihood, start, out)
@@ -176,7 +176,7 @@ def tally_sprt(evidence: Evidence, thresholds: npt.ArrayLike) -> Tally:
 
     Responses are forced at the deadline.
     """
-    from bgmodel.deciding.crossing import tally_odds
+    from bgmodel.deciding.kernel import tally_odds
 
     check_evidence(evidence)
     levels = np.asarray(reals("thresholds", thresholds), dtype=np.float64)

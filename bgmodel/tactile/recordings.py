@@ -163,7 +163,7 @@ def read_taps(folder: str | Path, *, mm_per_px: float, rest: str | Path | Reals 
 class Tracker:
     """Track single images of a sensor with known pins, as ``read_taps`` does for folders.
 
-    ``rest_mm``, (pins, 2), such as that of a ``Decoder``, are positions at rest.
+    ``rest_mm``, (pins, 2), holds the positions of pins at rest, such as those of a ``Decoder``.
     """
 
     def __init__(self, rest_mm: Reals, mm_per_px: float, stimulus: str) -> None:

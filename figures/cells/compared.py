@@ -21,7 +21,7 @@ import pandas as pd
 from scipy.optimize import minimize
 
 from bgmodel.fit_trials import question
-from bgmodel.fitting.cells.grid import SUMS, chosen, encoded_by, p_right, variance
+from bgmodel.fitting.cells.density import SUMS, chosen, encoded_by, p_right, variance
 from bgmodel.fitting.cells.model import SHARED, CellsLikelihood, numbers_of
 from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, LAG_S, RecordedSession, sessions_of
 from bgmodel.fitting.model_comparison import FOLDS

@@ -20,7 +20,7 @@ def test_compiling_an_engine_is_told_once_and_nothing_else_is():
     told = []
     on_compiling(lambda: told.append("first"))
     on_compiling(lambda: told.append("second"))
-    compile_as("bgmodel.deciding.crossing")
+    compile_as("bgmodel.deciding.kernel")
     assert told == []
     compile_as("circuits.engines.kernel")
     compile_as("circuits.engines.kernel")

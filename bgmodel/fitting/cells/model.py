@@ -10,8 +10,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from bgmodel.fitting.cells.encoding import Encoding, encoding_of
-from bgmodel.fitting.cells.grid import (
+from bgmodel.fitting.cells.density import (
     SUMS,
     Passed,
     Values,
@@ -21,6 +20,7 @@ from bgmodel.fitting.cells.grid import (
     p_right,
     passed,
 )
+from bgmodel.fitting.cells.encoding import Encoding, encoding_of
 from bgmodel.fitting.cells.sessions import (
     BIN_S,
     KNOTS,
@@ -302,7 +302,7 @@ def _cells(session: RecordedSession, values: Values) -> list[Array]:
 
 
 def numbers_of(cell: str) -> list[str]:
-    """Return the names of a cell's numbers in the order of ``grid.passed``."""
+    """Return the names of a cell's numbers in the order of ``density.passed``."""
     return [*(f"{cell} course {k + 1}" for k in range(KNOTS)), f"{cell} past", f"{cell} gain"]
 
 

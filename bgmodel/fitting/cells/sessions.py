@@ -69,8 +69,8 @@ class RecordedSession:
     def sums(self, leak_per_s: float, adaptation: float, recovery_s: float) -> Array:
         """Return the sum of clicks in each bin and, last, at the end, (trials, bins + 1).
 
-        Each click reduces the effect of the next ones to a share, ``adaptation``, from which it
-        recovers (Brunton et al. 2013).
+        Each click reduces the effect of those after it to the share ``adaptation``; the effect
+        then recovers (Brunton et al. 2013).
         """
         return _sums(self, leak_per_s, adaptation, recovery_s)
 

@@ -71,11 +71,11 @@ class ChainState:
 class Sampler:
     """A sampler of the distribution of a group and of the parameters of its people.
 
-    A sweep draws people given the group, from the expansion or, in a share ``SINGLE``, one
-    parameter from the group; then the group given its people; then means and standard deviations
-    with everyone's standard scores fixed (Yu & Meng 2011). With a guide, the first and last step of
-    most sweeps are many cheap moves under the surrogate; the exact likelihood then accepts or
-    rejects where they end.
+    A sweep has three steps. It draws each person given the group: all parameters from the expansion
+    or, with probability ``SINGLE``, one parameter from the group. It draws the group given its
+    people. It draws means and standard deviations with everyone's standard scores fixed (Yu & Meng
+    2011). With a guide, the first and last step of most sweeps are many cheap moves under the
+    surrogate, whose end point the exact likelihood then accepts or rejects.
     """
 
     people: list[Person]

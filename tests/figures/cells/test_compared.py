@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bgmodel.fitting.cells.grid import SUMS, chosen, moved, p_right
+from bgmodel.fitting.cells.density import SUMS, chosen, moved, p_right
 from bgmodel.fitting.cells.model import SHARED
 from bgmodel.fitting.cells.sessions import BIN_S, KNOTS
 from circuits.errors import quiet

@@ -7,9 +7,9 @@ import pytest
 from scipy.special import ndtr
 from scipy.stats import norm, poisson
 
-from bgmodel.fitting.cells import grid
+from bgmodel.fitting.cells import density
+from bgmodel.fitting.cells.density import chosen, moved, noise_grid, p_right, passed
 from bgmodel.fitting.cells.encoding import ENCODINGS, encoding_of
-from bgmodel.fitting.cells.grid import chosen, moved, noise_grid, p_right, passed
 from bgmodel.fitting.cells.model import SHARED
 from bgmodel.fitting.cells.sessions import BIN_S, KNOTS, RecordedSession, courses
 
@@ -189,7 +189,7 @@ def test_a_grid_resolves_steps_that_are_small_beside_the_noise_at_the_onset():
 
 
 def test_noise_at_the_onset_alone_is_one_integral_on_a_fine_grid(monkeypatch):
-    monkeypatch.setattr(grid, "MOST", 1600)  # later steps are as wide as the grid resolves
+    monkeypatch.setattr(density, "MOST", 1600)  # later steps are as wide as the grid resolves
     data, encoding, cells = session(), ENCODINGS["exponential"], numbers(2, 0.1)
     values = one_sum(TWO | {"noise": 1e-6, "start_noise": 1.0, "leak_per_s": 1.0})
     sums = data.sums(values["leak_per_s"], values["adaptation"], values["recovery_s"])
