@@ -94,7 +94,7 @@ def _joined(outputs: list[NotebookNode]) -> list[NotebookNode]:
 
 def texts(notebook: NotebookNode) -> list[tuple[str, list[Any]]]:
     """Return the outputs of every code cell, with its id, without pictures."""
-    found = []
+    outputs = []
     for cell in notebook.cells:
         if cell.cell_type == "code":
             told = [
@@ -103,8 +103,8 @@ def texts(notebook: NotebookNode) -> list[tuple[str, list[Any]]]:
                 else {kind: data for kind, data in output.data.items() if kind.startswith("text")}
                 for output in cell.outputs
             ]
-            found.append((cell.id, told))
-    return found
+            outputs.append((cell.id, told))
+    return outputs
 
 
 def with_download(text: str, name: str) -> str:

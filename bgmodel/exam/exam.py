@@ -119,8 +119,8 @@ class Exam:
         table = pd.DataFrame([[getattr(one, name) for name in names] for one in self.numbers],
                              columns=names)  # fmt: skip
         table.insert(3, "published", [one.published() for one in self.numbers])
-        found = [cited((one.source, one.how)) for one in self.numbers]
-        table["reference"] = ["; ".join(map(str, each)) for each in found]
+        references = [cited((one.source, one.how)) for one in self.numbers]
+        table["reference"] = ["; ".join(map(str, each)) for each in references]
         lines = []
         for domain, part in table.groupby("domain", sort=False):
             lines.append(str(domain))

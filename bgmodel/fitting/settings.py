@@ -214,7 +214,7 @@ class FitSettings:
     @property
     def priors(self) -> dict[str, tuple[float, float]]:
         """Intervals of the priors that are asked for."""
-        found = {}
+        intervals = {}
         for text in self.prior:
             name, _, interval = text.rpartition("=")
             try:
@@ -222,8 +222,8 @@ class FitSettings:
             except ValueError:
                 must = "must give two numbers, such as t0_s=0.2:0.4"
                 raise InputError.of("prior", must, text) from None
-            found[name.strip()] = low, high
-        return found
+            intervals[name.strip()] = low, high
+        return intervals
 
     def with_priors(
         self, likelihoods: Mapping[str, Likelihood], model: AnyModel

@@ -334,16 +334,16 @@ def _readings(task: Task, source: dict[str, Any], seed: int) -> Source:
     if isinstance(task, Tactile):
         return task.source(**source)
     if isinstance(task, EvidenceTable):
-        given, where = read_once(task).evidence, f"in {task.text}"
+        evidence, where = read_once(task).evidence, f"in {task.text}"
     else:
         assert isinstance(task, Gaussian)
         drawn = replace(task, trials=2 * READINGS, t_max=1)
-        given, where = (
+        evidence, where = (
             drawn.evidence(seed=stream(seed, "readings")),
             f"with a d' of {task.d_prime:g}",
         )
-    truth, there = needed_truth(given), np.arange(given.steps) < given.readings[:, None]
-    parts = [given.log_likelihood[there & (truth == k)[:, None]] for k in range(2)]
+    truth, there = needed_truth(evidence), np.arange(evidence.steps) < evidence.readings[:, None]
+    parts = [evidence.log_likelihood[there & (truth == k)[:, None]] for k in range(2)]
     require(all(map(len, parts)), "evidence", "must have trials of both truths", task.text)
     return Source(parts, ("1", "2"), None, where)  # type: ignore[arg-type]
 

@@ -23,9 +23,9 @@ class Readable(pd.DataFrame):
 
     def with_note(self, text: str) -> Readable:
         """Return it with a text that is printed below."""
-        found = self.copy()
-        found.attrs["note"] = text
-        return found
+        noted = self.copy()
+        noted.attrs["note"] = text
+        return noted
 
     def __repr__(self) -> str:
         """Return the table as text, each line at most as wide as the terminal."""

@@ -187,12 +187,12 @@ def sampled(name: str, trials: int) -> pd.DataFrame:
     if name != "NUTS of NumPyro":
         SAMPLERS[name](likelihoods(SMALLEST))  # compiles
     chains, cpu_s = SAMPLERS[name](likelihoods(trials))
-    found = agreement(chains)
+    agreed = agreement(chains)
     draws: Array = np.concatenate([np.hstack([each.mean, each.sd]) for each in chains])
     rows = pd.DataFrame({"number": [f"{of} of {x}" for of in ("mean", "sd") for x in FREE]})
-    error = draws.std(axis=0) / np.sqrt(found.effective[: draws.shape[1]])
-    rows = rows.assign(mean=draws.mean(axis=0), error=error, rhat=found.rhat.max())
-    return rows.assign(sampler=name, effective=found.effective.min(), cpu_s=cpu_s)
+    error = draws.std(axis=0) / np.sqrt(agreed.effective[: draws.shape[1]])
+    rows = rows.assign(mean=draws.mean(axis=0), error=error, rhat=agreed.rhat.max())
+    return rows.assign(sampler=name, effective=agreed.effective.min(), cpu_s=cpu_s)
 
 
 def pieces(fast: bool, workers: int) -> Iterator[Piece]:

@@ -100,12 +100,12 @@ def test_taps_that_tell_nothing_teach_no_weights():
     taps = pd.DataFrame({"yaw_deg": np.linspace(-180, 180, 600, endpoint=False)})
     taps["edge_deg"] = rng.permutation(taps["yaw_deg"])
     steps = WeightLearner(trials=100)
-    said = told(
+    warned = told(
         lambda: learn(EdgeDirection(4, 20.0), what=WEIGHTS, taps=taps, learner=steps, **FEW)
     )
-    assert len(said) == 2
-    assert "does not distinguish the 4 hypotheses" in said[0]
-    assert "2 of 2 runs do not reach 90 % correct" in said[1]
+    assert len(warned) == 2
+    assert "does not distinguish the 4 hypotheses" in warned[0]
+    assert "2 of 2 runs do not reach 90 % correct" in warned[1]
 
 
 def test_taps_of_another_sensor_teach_another_threshold():

@@ -29,8 +29,8 @@ def test_exhaustive_search_finds_the_exact_curve():
     counts = exhaustive_search(evidence, separations)
     exact = reward_curve(*gaussian_pair(D), separations, XI, t_max=T_MAX)
     # The sd of a reward is at most xi / 2 plus that of a time bounded by t_max.
-    found = reward_of(1 - counts.accuracy, counts.mean_steps, XI)
-    assert np.abs(found - exact).max() < 4 * (XI / 2 + T_MAX / 2) / np.sqrt(2e5)
+    searched = reward_of(1 - counts.accuracy, counts.mean_steps, XI)
+    assert np.abs(searched - exact).max() < 4 * (XI / 2 + T_MAX / 2) / np.sqrt(2e5)
     parts = (evidence[i : i + 7000] for i in range(0, 200_000, 7000))
     blocks = exhaustive_search(parts, separations)
     assert (blocks.correct == counts.correct).all()

@@ -216,14 +216,14 @@ class Group:
         return replace(self, slopes=slopes)
 
     def log_own_prior(self) -> float:
-        """Return the log prior density of means and standard deviations given correlations."""
+        """Return the log prior total of means and standard deviations given correlations."""
         inverse, prior, highest, unshared = self.law
         if (self.mean > highest).any():
             return -np.inf
-        sd, found = np.sqrt(self.variance), 0.0
+        sd, total = np.sqrt(self.variance), 0.0
         for k in range(len(self.mean)):
-            found += log_mean(self.mean[k], prior[k]) + log_sd(sd[k], inverse[k, k], len(unshared))
-        return found
+            total += log_mean(self.mean[k], prior[k]) + log_sd(sd[k], inverse[k, k], len(unshared))
+        return total
 
 
 FLAT = (0.0, 1.0, 0.0, 0.0, np.inf, 0.0, 0.0)
@@ -254,17 +254,17 @@ def priors_of(space: ParameterSpace, scale: Scale) -> Array:
 def log_mean(mean: float, prior: Array) -> float:
     """Return the log prior density of a mean on the scale, up to a constant."""
     low, unit, kind, middle, sd, _, _ = prior
-    found = -np.logaddexp(0.0, -mean)
+    density = -np.logaddexp(0.0, -mean)
     if sd == np.inf:
-        return float(found)
+        return float(density)
     at = low + unit * np.logaddexp(0.0, mean)
     if kind == 1:
-        found, at = found - np.log(at), np.log(at)
+        density, at = density - np.log(at), np.log(at)
     elif kind == 2:
-        found, at = found - np.log(at) - np.log1p(-at), np.log(at) - np.log1p(-at)
+        density, at = density - np.log(at) - np.log1p(-at), np.log(at) - np.log1p(-at)
     elif kind == 3:
-        found, at = found - np.log1p(-(at**2)), np.arctanh(at)
-    return float(found - ((at - middle) / sd) ** 2 / 2)
+        density, at = density - np.log1p(-(at**2)), np.arctanh(at)
+    return float(density - ((at - middle) / sd) ** 2 / 2)
 
 
 @compiled

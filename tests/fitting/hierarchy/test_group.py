@@ -50,8 +50,8 @@ def test_the_prior_of_a_mean_is_that_of_one_person(scale):
     (row,) = priors_of(space, own)
     at = np.linspace(-3.0, 3.0, 15)
     one = [space.log_prior(x) + space.log_slope(x) for x in own.back(at[:, None])]
-    found = np.array([log_mean(x, row) for x in at]) - log_uniform(at)
-    assert np.diff(found) == pytest.approx(np.diff(one), abs=1e-6)
+    of_group = np.array([log_mean(x, row) for x in at]) - log_uniform(at)
+    assert np.diff(of_group) == pytest.approx(np.diff(one), abs=1e-6)
     assert space.priors["a"] == pytest.approx((0.1, 0.5))
 
 
