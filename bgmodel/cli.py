@@ -228,8 +228,13 @@ def _sentence(error: CycloptsError) -> str:
     """Return an error of use as one sentence."""
     if isinstance(error, UnknownCommandError):
         wrong = (error.unused_tokens or [""])[0]
-        near = nearest(wrong, COMMANDS)
-        return f"there is no command {wrong!r}{near}; there are {', '.join(COMMANDS)}"
+        *_, above = ("", *(error.command_chain or ()))
+        inner = COMMANDS.get(above, "")
+        names = [name for name in (inner if isinstance(inner, dict) else COMMANDS) if name]
+        where, near = f" of {above}" if isinstance(inner, dict) else "", nearest(wrong, names)
+        if where and wrong in COMMANDS:
+            near = f" (bgmodel {wrong} is one)"
+        return f"there is no command {wrong!r}{where}{near}; there are {', '.join(names)}"
     if isinstance(error, MissingArgumentError) and error.keyword:
         return f"{error.keyword} needs a value, or settings (name=value), after it"
     if isinstance(error, UnusedCliTokensError):

@@ -147,6 +147,11 @@ def test_bad_use_is_one_sentence_and_writes_nothing(tmp_path, monkeypatch, refus
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
+def test_an_unknown_command_of_a_group_is_answered_with_those_of_the_group(refusal):
+    assert "(bgmodel learn is one); there are show, run, export;" in refusal("circuit", "learn")
+    assert "did you mean 'show'?" in refusal("circuit", "shwo")
+
+
 @cache
 def every_option():
     """Return the options of each command: name, and what its help says, by its parser."""

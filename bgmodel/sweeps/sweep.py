@@ -96,8 +96,9 @@ class Sweep:
         require(1 <= k <= n, "part", "must be K/N with K in 1..N, as 3/40", text)
         return self.shards[k - 1 :: n]
 
-    def status(self, folder: Path, part: str | None = None) -> tuple[str, list[Shard]]:
+    def status(self, folder: str | Path, part: str | None = None) -> tuple[str, list[Shard]]:
         """Return how much of a sweep, or of a part, is done, as text, and the other shards."""
+        folder = path_of(folder, "folder")
         states = {shard: stored.state(shard, folder) for shard in self.part(part or "1/1")}
         missing = [shard for shard, state in states.items() if state != "done"]
         damaged = list(states.values()).count("damaged")
@@ -105,12 +106,13 @@ class Sweep:
         done = f"shards: {len(states)}, {len(states) - len(missing)} done{again}"
         return f"points: {len(self.points)}; {done}; folder: {folder}", missing
 
-    def compute(self, folder: Path, *, workers: int = 1, part: str | None = None) -> None:
+    def compute(self, folder: str | Path, *, workers: int = 1, part: str | None = None) -> None:
         """Compute and store missing shards; of part "K/N" if it is given, for your own jobs.
 
         An outcome of another sweep in the folder is removed: nothing shows that it is another one.
         """
         end_if_imported()
+        folder = path_of(folder, "folder")
         self.check(folder)
         with ExitStack() as stack:
             stack.enter_context(stored.at_work(folder, alone=part is None))
@@ -171,8 +173,9 @@ class Sweep:
         circuits = [identity(point.edited)["sha256"] for point in self.points]
         return {"seed": self.plan.seed, "sweep": recorded(self.plan), "circuits": circuits}
 
-    def check(self, folder: Path) -> None:
+    def check(self, folder: str | Path) -> None:
         """Raise ValueError for a folder without room, or with other files of the same names."""
+        folder = path_of(folder, "folder")
         check_writable(folder)
         stored.check_room(self.points, folder)
         output = folder / OUTCOME

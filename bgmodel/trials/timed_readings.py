@@ -33,6 +33,9 @@ readings of another trial."""
 CHANCE, RELIED = 2.0, 50
 """Standard errors above chance up to which responses do not show that they follow the readings, and
 the number of responses required for a warning."""
+LONGEST_TRIAL = 50.0
+"""Readings of most trials may last this many times as long as the slowest response, so that they
+are not in milliseconds."""
 Source = str | Path | pd.DataFrame
 
 
@@ -101,7 +104,7 @@ def answered(
     matched = readings.where(_matched(table, readings))
     choice = _choices(table["response"], missing, readings.names, upper)
     matched = replace(matched, choice=choice)
-    _check_clock(matched.time_s.min(axis=1), rt_s)
+    _check_clock(matched, rt_s)
     people = np.unique(np.asarray(who)).tolist()
     for person in people:
         mine, owner = np.asarray(who) == person, f"participant {person}" * (len(people) > 1)
@@ -112,15 +115,22 @@ def answered(
     return matched
 
 
-def _check_clock(first_s: Array, rt_s: Array) -> None:
-    """Refuse readings that all come after the responses."""
+def _check_clock(readings: Readings, rt_s: Array) -> None:
+    """Refuse readings that all come after the responses, or that last in another unit."""
     timed = np.isfinite(rt_s)
-    if timed.sum() >= ENOUGH and (first_s >= rt_s)[timed].all():
-        raise InputError(
-            f"no response comes after a reading: the first is at {first_s[timed].min():.3g} s, the "
-            f"last response at {rt_s[timed].max():.3g} s. Is time in s, and step_ms in ms?",
-            "time",
-        )
+    if timed.sum() < ENOUGH:
+        return
+    first_s, slowest_s = readings.time_s.min(axis=1), rt_s[timed].max()
+    time_s = readings.time_s
+    last_s = np.median(np.where(np.isfinite(time_s), time_s, 0.0).max(axis=1))
+    if (first_s >= rt_s)[timed].all():
+        where = f"no response comes after a reading: the first is at {first_s[timed].min():.3g} s"
+    elif last_s > LONGEST_TRIAL * slowest_s:
+        where = f"readings of most trials end after {last_s:.3g} s or later"
+    else:
+        return
+    advice = "Is time in s, and step_ms in ms?"
+    raise InputError(f"{where}, the last response at {slowest_s:.3g} s. {advice}", "time")
 
 
 def seen_sums(readings: Readings, rt_s: Array) -> Array:

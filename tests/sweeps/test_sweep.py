@@ -45,6 +45,15 @@ def test_it_has_the_numbers_of_the_command(file, outcome, tmp_path):
         assert np.allclose(mine[name], expected[name], equal_nan=True)
 
 
+def test_a_part_is_computed_into_a_folder_that_is_named_as_text(file, tmp_path):
+    sweep, folder = Sweep.from_toml(file), str(tmp_path / "out")
+    first, second = (sweep.part(f"{k}/2") for k in (1, 2))
+    sweep.compute(folder, part="1/2")
+    assert sweep.status(folder)[1] == second
+    assert sweep.status(folder, "1/2")[1] == []
+    assert len(first) + len(second) == len(sweep.shards)
+
+
 def test_labels_are_keys_and_measures(outcome):
     labelled = outcome.to_xarray()
     assert dict(labelled.sizes) == {"lesion_STN": 2, "task_channels": 2, "of": 3}

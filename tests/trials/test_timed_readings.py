@@ -111,6 +111,7 @@ test_each_mistake_has_a_field = refusing(
     (lambda d, e: read_known(d, e.assign(time=-e["time"])), "time"),
     (lambda d, e: read_known(d, e.assign(time=0.1)), "time"),
     (lambda d, e: read_known(d, e.assign(time=e["time"] + 60)), "time"),
+    (lambda d, e: read_known(d, e.assign(time=1000 * (e["time"] - e["time"].min()))), "time"),
     (lambda d, e: read_known(d, e.assign(ll_a=np.inf)), "ll_a"),
     (lambda d, e: read_known(d, e.drop(columns="time")), "evidence"),
     (lambda d, e: read_known(d, e.drop(columns=["ll_a", "ll_b"])), "evidence"),
