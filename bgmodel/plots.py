@@ -137,7 +137,7 @@ def choice_times(
         ax.text(0.5, 0.5, "No trial was decided", transform=ax.transAxes, ha="center", color=GREY)
         ax.set(xticks=[], yticks=[])
         return figure
-    edges = np.histogram_bin_edges(times[decided], BINS)
+    edges = _edges(times[decided])
     late &= decided
     tops: Tops = {1: np.zeros(len(edges) - 1), -1: np.zeros(len(edges) - 1)}
     bars: Look = {"x": edges[:-1], "width": np.diff(edges), "align": "edge", "lw": 0.5}
@@ -160,6 +160,18 @@ def choice_times(
     ax.locator_params(axis="y", integer=True)
     legend_above(ax, title=", ".join(facts), on_axes=on_axes)
     return figure
+
+
+def _edges(times_ms: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
+    """Return edges of bins; of times on a grid, as readings are, they lie between its places."""
+    values = np.unique(times_ms)
+    step = np.diff(values).min(initial=np.inf)
+    places = (values - values[0]) / step
+    if len(values) < 2 or np.abs(places - places.round()).max() > 1e-6:
+        return np.histogram_bin_edges(times_ms, BINS)
+    each = np.ceil((places[-1] + 1) / BINS)
+    count = np.ceil((places[-1] + 1) / each)
+    return np.asarray(values[0] + step * (each * np.arange(count + 1) - 0.5))
 
 
 def _limit(

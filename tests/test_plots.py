@@ -56,6 +56,18 @@ def test_a_high_bar_of_the_deadline_is_cut_off_and_has_its_number(ax):
     assert "40" in {text.get_text().strip() for text in ax.texts}
 
 
+@pytest.mark.parametrize(("last", "each"), [(20, 1), (70, 3)])
+def test_bars_of_times_on_a_grid_lie_on_its_places(ax, last, each):
+    times = 50.0 * np.arange(1, last + 1).repeat(2)
+    plots.choice_times(0 * times, times, 0 * times, 0 * times, ax)
+    bars = [bar for bar in ax.patches if bar.get_height()]
+    first = bars[0]
+    assert first.get_x() == pytest.approx(25.0)
+    assert first.get_width() == pytest.approx(50.0 * each)
+    assert sum(bar.get_height() for bar in bars) == len(times)
+    assert {bar.get_height() for bar in bars[:-1]} == {2 * each}
+
+
 def test_out_is_drawn_a_line_per_hypothesis(ax):
     plots.output([-10.0, 0.0], np.array([[0.7, 0.6], [0.1, 2.0]]), ax)
     assert [line.get_ydata().tolist() for line in ax.lines[:2]] == [[0.7, 0.1], [0.6, 2.0]]
