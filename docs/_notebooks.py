@@ -55,6 +55,7 @@ def executed(path: Path) -> NotebookNode:
     notebook = nbformat.read(path, as_version=4)
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
     place = {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
+    place["COLUMNS"] = ""  # The width of the caller's terminal would set that of tables.
     inline = {"MPLBACKEND": "module://matplotlib_inline.backend_inline"}
     with TemporaryDirectory() as folder:
         client = NotebookClient(

@@ -11,7 +11,7 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 import bgmodel.support.compiling
-from bgmodel.deciding import crossing
+from bgmodel.deciding import kernel as deciding
 from bgmodel.fitting.simulated import crossings
 from bgmodel.tactile import library
 from circuits.compiled_code import compile_cached, sources_hash
@@ -30,7 +30,7 @@ print(first_crossing(Msprt().run(evidence), 0.05).time_ms.sum())
 """
 
 
-@pytest.mark.parametrize("module", [crossing, kernel, population, library, crossings])
+@pytest.mark.parametrize("module", [deciding, kernel, population, library, crossings])
 def test_compiled_code_is_kept_under_a_hash_of_all_sources(module):
     ours = module.__name__.startswith("bgmodel.")
     expected = bgmodel.support.compiling.SOURCES if ours else compiling.SOURCES
