@@ -15,7 +15,7 @@ import pandas as pd
 from scipy.special import softmax
 from scipy.stats import circstd
 
-from bgmodel.bootstrap import shown
+from bgmodel.bootstrap import check_trials, shown
 from bgmodel.comparison.compare import compare
 from bgmodel.comparison.thresholds import MSPRT_AT_GAIN
 from bgmodel.deciding.decision import first_crossing
@@ -34,11 +34,12 @@ from bgmodel.learning.dopamine_learner import (
 )
 from bgmodel.learning.gap import learn_gap
 from bgmodel.learning.reinforce import Learned, Learner
+from bgmodel.support.checks import whole
 from bgmodel.support.saved import Facts
 from bgmodel.support.seeds import stream
 from bgmodel.support.tables import Readable
 from bgmodel.tactile.pressing import PERIODS_MM
-from bgmodel.tactile.source import Folds, Source, Tactile, load_taps
+from bgmodel.tactile.source import Folds, Source, Tactile, check_folds, load_taps
 from bgmodel.tactile.source import folds as folds_of
 from bgmodel.tactile.task import SameDifferent
 from circuits.anatomy import DEFAULT, load_circuit
@@ -198,15 +199,15 @@ def touch(
     Raises
     ------
     ValueError
-        If the task is not tactile, there are too few taps for it, or the circuit does not work in
-        nats or has a different number of channels.
+        If the task is not tactile, there are too few taps or trials for it, or the circuit does not
+        work in nats or has a different number of channels.
     """
     task = SameDifferent() if task is None else task
     if not isinstance(task, Tactile):
         raise InputError.of("task", "must be a tactile task, such as bg.SameDifferent()", task)
     if model is None:
         model = BasalGanglia(load_circuit(DEFAULT, len(task.names)))
-    check_model(model, task)
+    check(task, model, trials, folds)
     grating, value = task.stimulus == "grating", float(getattr(task, task.main))
     if values is None:
         values = PERIODS_MM if grating else STEPS_DEG
@@ -246,8 +247,10 @@ def touch(
     )  # fmt: skip
 
 
-def check_model(model: BasalGanglia, task: Tactile) -> None:
-    """Raise ValueError for a circuit without nats, or with other channels than alternatives."""
+def check(task: Tactile, model: BasalGanglia, trials: int, folds: int) -> None:
+    """Raise ValueError for too few trials, or a circuit without nats or with other channels."""
+    check_folds(whole("trials", trials, 1), folds)
+    check_trials(trials)
     model.circuit.check_nats("a learned posterior")
     channels, must = model.circuit.channels, f"must have {len(task.names)} channels, as the task"
     require(channels == len(task.names), "model", must, channels)

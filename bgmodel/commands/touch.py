@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -26,9 +27,9 @@ from bgmodel.conditions import Setup
 from bgmodel.from_images import COLUMNS, Watched
 from bgmodel.names import MACAQUE, EngineName
 from bgmodel.support import __version__, files
-from bgmodel.support.checks import whole
+from bgmodel.tactile.decoder import Training
 from bgmodel.tactile.pressing import PERIODS_MM
-from bgmodel.tactile.source import Tactile
+from bgmodel.tactile.source import Tactile, check_taps_per_yaw
 from bgmodel.tactile.task import EdgeDirection, EdgeTurn, SameDifferent
 from bgmodel.task import Task
 from circuits.declaration.edits import Edits
@@ -62,7 +63,8 @@ def touch(
 
     Taps are simulated on gratings or read from your recordings; a decoder is trained and read out,
     and its readings drive the decisions of the test and of the spiking circuit. Finished steps are
-    kept in the folder, and the same command resumes where it stopped.
+    kept in the folder, and the same command resumes where it stopped. Files there that it has not
+    made, or with other settings, are overwritten only by --force.
 
     Examples: bgmodel touch;
     bgmodel touch mine --recordings my_taps/csv_train --held-out my_taps/csv_val --mm-per-px 0.33
@@ -84,47 +86,62 @@ def touch(
     asked: Any = task_of(SameDifferent() if grating else EdgeTurn(), task)
     setup = {name: options.pop(name) for name in ("circuit", "gain")} | {"edits": edits}
     output.check(task=asked, recordings=recordings, held_out=held_out, **setup)
-    check_whole(taps=taps, held_out_taps=held_out_taps, trials=options["trials"])
-    whole("folds", options["folds"], 2)
+    check_whole(taps=taps, held_out_taps=held_out_taps, workers=workers)
     _check(asked, recordings, held_out, mm_per_px)
     model = Setup(**setup).model(len(asked.names))
-    from_taps.check_model(model, asked)
+    from_taps.check(asked, model, options["trials"], options["folds"])
     check_settings(asked, {"channels", "period_mm", "step_deg", "a_deg", "b_deg", "first_deg"})
     usual = {"mm_per_px": None} if grating else {"taps": 1000, "held_out_taps": 1200}
     given = {"mm_per_px": mm_per_px, "taps": taps, "held_out_taps": held_out_taps}
     check_idle("simulated taps" if grating else "recordings", given | usual, **given)
-    folder.mkdir(parents=True, exist_ok=True)
     seed = options["seed"]
     image: dict[str, Any] = {"edge": not grating, "mm_per_px": mm_per_px}
-    if recordings is not None:
+    places = {"recordings": recordings, "held_out": held_out, "mm_per_px": mm_per_px}
+    source: dict[str, Any] = given if grating else places
+    everything = {"task": asked, **source, **setup, **options}
+    steps = []
+    if recordings is not None and held_out is not None:
         who = f"Recordings {recordings.name}"
     else:
-        same = {"periods_mm": PERIODS_MM, "seed": seed, "workers": workers}
-        recordings = step(folder, "training.npz", simulate, taps=taps, yaw_deg=(), **same)
-    decoder = step(folder, "decoder.safetensors", train, recordings, seed=seed, **image)
-    if grating:
-        yaws, image = asked.yaws_deg, {}
+        Training().held_out(taps * len(PERIODS_MM))
+        check_taps_per_yaw(held_out_taps, asked, options["folds"])
+        yaws, same = asked.yaws_deg, {"periods_mm": PERIODS_MM, "seed": seed, "workers": workers}
         tapped = {"taps": held_out_taps * len(yaws), "yaw_deg": yaws, **same}
-        held_out = step(folder, "held_out.npz", simulate, **tapped)
-    decoded = step(folder, "decoded.parquet", decode, decoder, held_out, **image)
-    say(f"deciding on {options['trials']} trials, learning from reward, and deciding in spikes")
-    touched = from_taps.touch(asked, decoded, model, workers=workers, **options)
-    title = f"{who}: {asked.text}"
-    made = f"bgmodel {__version__}, {model.circuit.name}, seed {seed}, decoder and taps: "
-    made += decoded.name
-    with files.replacing(folder / "index.html") as partial:
-        partial.write_text(from_taps.page(touched, title, made), encoding="utf-8")
+        recordings, held_out = folder / "training.npz", folder / "held_out.npz"
+        steps += [
+            Step(recordings, simulate, (), {"taps": taps, "yaw_deg": (), **same}),
+            Step(held_out, simulate, (), tapped),
+        ]
+    decoder, decoded = folder / "decoder.safetensors", folder / "decoded.parquet"
+    steps += [
+        Step(decoder, train, (recordings,), {"seed": seed, **image}),
+        Step(decoded, decode, (decoder, held_out), {} if grating else image),
+    ]
+    page = Step(folder / "index.html", touch, (), everything)
+    files.check_writable(folder)
+    for each in (*steps, page):
+        each.check(output.force)
+    try:
+        for each in steps:
+            each.make()
+        say(f"deciding on {options['trials']} trials, learning from reward, and deciding in spikes")
+        touched = from_taps.touch(asked, decoded, model, workers=workers, **options)
+        title = f"{who}: {asked.text}"
+        made = f"bgmodel {__version__}, {model.circuit.name}, seed {seed}, decoder and taps: "
+        made += decoded.name
+        with files.replacing(page.path) as partial:
+            partial.write_text(from_taps.page(touched, title, made), encoding="utf-8")
+            files.checksum_entry(page.path, page.key).put(files.checksum(partial))
+    except KeyboardInterrupt:
+        kept = "Finished steps are kept: the same command resumes there."
+        raise KeyboardInterrupt(kept) from None
     for remark in touched.remarks:
         output.note(f"warning: {remark}")
     text = touched.summary().to_string(index=False, header=False, float_format="{:.4g}".format)
     if len(touched.learned):
         text += f"\n{LEARNED}\n{touched.learned_summary().to_string(index=False)}"
-    output.show(f"{title}\n{text}\n-> {folder / 'index.html'}", touched.summary())
-    folders = {"recordings": recordings, "held_out": held_out, "mm_per_px": mm_per_px}
-    source: dict[str, Any] = given if grating else folders
-    output.write(
-        touched.to_dataframe(), seed, command=options_of(task=asked, **source, **setup, **options)
-    )
+    output.show(f"{title}\n{text}\n-> {page.path}", touched.summary())
+    output.write(touched.to_dataframe(), seed, command=options_of(**everything))
     output.draw(touched.plot)
 
 
@@ -151,17 +168,39 @@ def _check(
     require(mm_per_px is not None, "mm_per_px", "must give the scale of recordings", None)
 
 
-def step(
-    folder: Path, name: str, command: Callable[..., None], *inputs: Path | None, **options: Any
-) -> Path:
-    """Return a file, made unless the same command has made it from the same inputs."""
-    path, read = folder / name, [files.recorded(each) for each in inputs]
-    places = [str(each.resolve()) for each in inputs if each and each.is_dir()]
-    key = [command.__name__, options_of(**options), read, places, options.get("seed")]
-    new = Files(save=path, force=True)
-    if not files.made_once(path, key, lambda: command(*inputs, **options, output=new)):
-        say(f"{path} already exists")
-    return path
+@dataclass(frozen=True)
+class Step:
+    """A file, and the command that makes it from others."""
+
+    path: Path
+    command: Callable[..., None]
+    inputs: tuple[Path, ...]
+    options: dict[str, Any]
+
+    @property
+    def key(self) -> list[Any]:
+        """All that the file depends on."""
+        read = [files.recorded(each) for each in self.inputs]
+        places = [str(each.resolve()) for each in self.inputs if each.is_dir()]
+        seed = self.options.get("seed")
+        return [self.command.__name__, options_of(**self.options), read, places, seed]
+
+    def check(self, force: bool) -> None:
+        """Raise ValueError for another file of this name; ``force`` allows it to be overwritten."""
+        files.check_new(self.path, force=True)
+        there = self.path.exists() or self.path.is_symlink()
+        if there and not force and not files.made_by(self.path, self.key):
+            raise InputError(
+                f"{str(self.path)!r} was not made by this command with these settings: give "
+                "another folder, or --force to overwrite it",
+                "folder",
+            )
+
+    def make(self) -> None:
+        """Make the file, unless the same command has made it from the same inputs."""
+        made = {**self.options, "output": Files(save=self.path, force=True)}
+        if not files.made_once(self.path, self.key, lambda: self.command(*self.inputs, **made)):
+            say(f"{self.path} already exists")
 
 
 ARRIVING = EdgeDirection(step_ms=100.0, t_max=60)

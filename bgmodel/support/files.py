@@ -166,13 +166,17 @@ def checksum_entry(path: Path, key: Any) -> Entry[str]:
                  path.name)  # fmt: skip
 
 
+def made_by(path: Path, key: Any) -> bool:
+    """Whether a file is there that was made with this key, and has not changed since."""
+    return path.is_file() and checksum_entry(path, key).get() == checksum(path)
+
+
 def made_once(path: Path, key: Any, make: Callable[[], object]) -> bool:
     """Make a file unless the same key made the one that is there; return whether it was made."""
-    entry = checksum_entry(path, key)
-    if path.is_file() and entry.get() == checksum(path):
+    if made_by(path, key):
         return False
     make()
-    entry.put(checksum(path))
+    checksum_entry(path, key).put(checksum(path))
     return True
 
 

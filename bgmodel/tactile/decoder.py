@@ -73,6 +73,17 @@ class Training:
         require(0 < self.validation < 1, "validation", "must lie between 0 and 1", self.validation)
         require(0 <= self.dropout <= 2, "dropout", "must be within 0..2", self.dropout)
 
+    def held_out(self, taps: int) -> int:
+        """Return the number of taps for validation; ValueError if too few of all are left."""
+        held = round(self.validation * taps)
+        if held < 1 or taps - held < 2 * self.batch:
+            raise InputError(
+                f"training needs at least {2 * self.batch} taps plus those for validation, "
+                f"got {taps} in all",
+                "taps",
+            )
+        return held
+
 
 # Tuned on the error for held-out parts of the training taps.
 EDGE = Training(
@@ -339,13 +350,7 @@ def train(
     warn_of_angles(taps.labels)
     copies = len(taps) - len(np.unique(taps.numbers()))
     warn_of_copied_taps(copies, len(taps), "the decoder is validated on taps that it was fitted to")
-    held = round(training.validation * len(taps))
-    if held < 1 or len(taps) - held < 2 * training.batch:
-        raise InputError(
-            f"training needs at least {2 * training.batch} taps plus those for validation, "
-            f"got {len(taps)} in all",
-            "taps",
-        )
+    held = training.held_out(len(taps))
     inputs = _checked_inputs(kind.inputs(taps))
     order = np.random.default_rng(seed).permutation(len(taps))
     fitted, kept = order[held:], order[:held]

@@ -74,11 +74,7 @@ def fit_likelihood(
     period.
     """
     taps = min(len(part) for part in pool)
-    if taps < 4 * INNER_FOLDS:
-        raise InputError(
-            f"a likelihood needs at least {4 * INNER_FOLDS} taps of each kind, got {taps}",
-            "pool",
-        )
+    check_fitted(taps)
     if not all(np.isfinite(part).all() for part in pool):
         raise InputError("decoded angles must be finite, got NaN or infinity", "readings", readings)
     if few := [k for k, x in enumerate(readings(pool)) if not len(x)]:
@@ -96,6 +92,15 @@ def fit_likelihood(
     shrink = _cross_validated_shrink(pool, readings, grid, period, log_densities)
     logs = shrink * (raw - raw.max(axis=0))
     return TabulatedLikelihood(grid, np.maximum(logs, -np.log(taps)), period, shrink)
+
+
+def check_fitted(taps: int) -> None:
+    """Raise ValueError if so many taps of each kind are too few to fit a likelihood to."""
+    if taps < 4 * INNER_FOLDS:
+        raise InputError(
+            f"a likelihood needs at least {4 * INNER_FOLDS} taps of each kind, got {taps}",
+            "pool",
+        )
 
 
 def _cross_validated_shrink(

@@ -18,7 +18,7 @@ from bgmodel.evidence import Evidence
 from bgmodel.support.checks import check_range, whole
 from bgmodel.support.files import checksum, read_provenance, read_table
 from bgmodel.support.seeds import generator
-from bgmodel.tactile.likelihood import Pool, TabulatedLikelihood, fit_likelihood
+from bgmodel.tactile.likelihood import Pool, TabulatedLikelihood, check_fitted, fit_likelihood
 from bgmodel.tactile.taps import warn_of_copied_taps
 from bgmodel.task import Drawn
 from circuits.arrays import Array
@@ -185,7 +185,7 @@ class Folds:
     ) -> Evidence:
         """Draw trials as in ``Source.draw`` from each fold in turn, one per fold at least."""
         count = len(self.sources)
-        require(trials >= count, "trials", f"must be {count} or more, one per fold", trials)
+        check_folds(trials, count)
         values = np.empty((trials, steps, len(self.sources[0].names)))
         truth = np.empty(trials, dtype=np.int64)
         for fold, readings in enumerate(self.sources):
@@ -298,10 +298,7 @@ def source(
     fitted = [part[~mask] for part, mask in zip(pool, scored, strict=True)]
     likelihood = fit_likelihood(fitted, task.readings, task.range_deg, circular=task.circular)
     rest = task.readings([part[mask] for part, mask in zip(pool, scored, strict=True)])
-    if not all(len(x) for x in rest):
-        raise InputError(
-            f"too few taps {task.where}: a fold has no reading of some hypotheses", "taps"
-        )
+    _check_scored(rest, task)
     return Source([likelihood(x) for x in rest], task.names, likelihood, task.where)
 
 
@@ -309,6 +306,27 @@ def folds(taps: pd.DataFrame, task: Tactile, count: int = FOLDS) -> Folds:
     """Return the readings of all folds; an interval over folds needs ten or more."""
     every = range(whole("folds", count, 2))
     return Folds([source(taps, task, fold=fold, count=count) for fold in every])
+
+
+def check_folds(trials: int, count: int) -> None:
+    """Raise ValueError unless there are two folds or more, and a trial per fold."""
+    whole("folds", count, 2)
+    require(trials >= count, "trials", f"must be {count} or more, one per fold", trials)
+
+
+def check_taps_per_yaw(taps: int, task: Tactile, count: int) -> None:
+    """Raise ValueError if so many taps of each hypothesis' grating are too few for the folds."""
+    check_fitted(taps - -(-taps // count))
+    smallest = np.zeros(min(taps // count, task.taps_per_reading))
+    _check_scored(task.readings([smallest] * len(task.names)), task)
+
+
+def _check_scored(readings: list[Array], task: Tactile) -> None:
+    """Raise ValueError unless a fold has readings of every hypothesis."""
+    if not all(len(x) for x in readings):
+        raise InputError(
+            f"too few taps {task.where}: a fold has no reading of some hypotheses", "taps"
+        )
 
 
 # A 40 mm tip spans about 122 px of the 128; only the scale of displacements depends on this.
