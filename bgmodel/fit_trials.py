@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from bgmodel.fitting.fit_results import (
+    COMPARISON,
     EACH,
     GROUP,
     FitFolder,
@@ -39,6 +40,7 @@ from bgmodel.fitting.settings import (
 from bgmodel.support.checks import check_unused, path_of, whole
 from bgmodel.support.files import checksum
 from bgmodel.support.seeds import stream
+from bgmodel.trials.columns import Someone
 from bgmodel.trials.reader import OURS, Columns
 from bgmodel.trials.record import Trials, joined
 from bgmodel.trials.timed_readings import Source
@@ -399,7 +401,7 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
     people: People | None = None,
     compare: bool = False,
     strength: str | None = None,
-    participant: str | None = None,
+    participant: Someone = None,
     columns: Columns = OURS,
     rt_window: tuple[float, float] | None = None,
     mechanism: str = FitSettings.mechanism,
@@ -448,8 +450,8 @@ def fit(  # type: ignore[misc]  # the overloads spell out only what changes the 
         ``formula`` has one value, which is fitted, for all conditions.
     strength : str, optional
         Column of the signed strength of the evidence: positive favours response 1.
-    participant : str, optional
-        The participant to fit, if there are several.
+    participant : str, or sequence of str, optional
+        The participants to fit, if there are others.
     columns : Columns
         Names, units and codes of the columns of the table, if they are not ours.
     rt_window : (float, float), optional
@@ -582,7 +584,8 @@ def fit_all(
     people = [", ".join(one.people)] if asked.hierarchical else [*one.people]
     shared = settings_shared(asked, *one.data)
     place = FitFolder(folder, shared, people, [*one.versions], one.circuits(), asked.seed)
-    place.check(GROUP if asked.hierarchical else EACH, force, one.estimates())
+    compared = (COMPARISON,) if asked.compare else ()
+    place.check((*(GROUP if asked.hierarchical else EACH), *compared), force, one.estimates())
     fits = _fitted(one, folder, workers, most_draws, chains_seed, note, stages)
     place.write(fits, note)
     return fits

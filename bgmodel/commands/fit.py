@@ -22,7 +22,7 @@ GROUP_DRAWN = "; for each model figures of parameters and of the fit, and draws 
 
 
 @like(FitSettings, "strength", "participant", "people", "vary", "formula", "free", "fix", "prior",
-      "mechanism", "draws", "compare")  # fmt: skip
+      "mechanism", "draws", "compare", participant=tuple[str, ...] | None)  # fmt: skip
 def fit(
     data: str = "",
     folder: Path | None = None,

@@ -142,7 +142,7 @@ def like(function: Callable[..., Any], *names: str, **usual: Any) -> Callable[[T
         for name in names:
             kind = usual.get(name, theirs[name])
             text = Parameter(help=about.get(name, ""))
-            many = kind in (Sequence[float], Sequence[str], tuple[str, ...])
+            many = kind in (Sequence[float], Sequence[str], tuple[str, ...], tuple[str, ...] | None)
             hints[name] = Annotated[(kind, MANY, text) if many else (kind, text)]
             how: Any = {"default": defaults[name], "annotation": hints[name]}
             kept.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, **how))

@@ -247,6 +247,8 @@ def stem(model: str) -> str:
 EACH = ("parameters", "cells")
 GROUP = ("group", "people", "people_cells", "group_effects", "group_correlations")
 """Tables of fits to each participant, and of hierarchical fits."""
+COMPARISON = "comparison"
+"""Table, and figure, of the comparison of models."""
 ESTIMATES = "estimates.csv"
 """Table of estimates without a model, such as SSRT by integration, for trials that have any."""
 UNSHARED = ("evidence", "participant", "draws", "compare", "seed")
@@ -283,17 +285,27 @@ class FitFolder:
     ) -> None:
         """Raise ValueError if it can't be written, or holds other fits than these, unless by force.
 
+        Files that no table of a fit accounts for are not written over, tables not even by force.
         Estimates without a model are written, if there are any.
         """
         check_writable(self.path)
-        if estimates is not None:
-            check_new(self.path / ESTIMATES, force=is_result(self.path / ESTIMATES))
-        other = set()
-        for path in (self.path / f"{name}.csv" for name in names):
-            if path.exists() and not is_result(path):
-                reason = f"{str(path)!r} exists and is not a result of a fit: give another folder"
+        files = {*(f"{name}.csv" for name in names), *_drawn(self._made)}
+        files |= {f"{COMPARISON}.png"} if COMPARISON in names else set()
+        files |= {ESTIMATES} if estimates is not None else set()
+        ours, other = set[str](), set[str]()
+        for name in (*EACH, *GROUP, COMPARISON, Path(ESTIMATES).stem):
+            if is_result(path := self.path / f"{name}.csv"):
+                before = read_provenance(path)["parameters"]
+                ours |= {path.name, f"{name}.png", *_drawn(before)}
+                differing = self._differing(before)
+                other |= differing if name in names else differing & {"trials"}
+        for path in (self.path / name for name in sorted(files)):
+            table = path.suffix == ".csv"
+            if path.exists() and path.name not in ours and (table or not force):
+                way = "give another folder" + ("" if table else ", or --force to overwrite it")
+                reason = f"{str(path)!r} exists and is not a result of a fit: {way}"
                 raise InputError(reason, "folder")
-            other |= self._differing(path)
+            check_new(path, force=True)
         if other and not force:
             too = "fit it too, " if other <= {"participant", "model"} else ""
             raise InputError(
@@ -308,11 +320,10 @@ class FitFolder:
         """Write tables, figures and draws."""
         tables, figures = fits.tables(), fits.figures()
         if fits.comparison is not None:
-            tables["comparison"] = fits.comparison.to_dataframe()
-            figures["comparison"] = fits.comparison.plot
-        made = {name: getattr(self, name) for name in ("participants", "models", "circuits")}
+            tables[COMPARISON] = fits.comparison.to_dataframe()
+            figures[COMPARISON] = fits.comparison.plot
         for name, table in tables.items():
-            write_table(table, self.path / f"{name}.csv", seed=self.seed, **self.shared, **made)
+            write_table(table, self.path / f"{name}.csv", seed=self.seed, **self._made)
         for name, draw in figures.items():
             try:
                 save_figure(draw(), self.path / f"{name}.png")
@@ -322,11 +333,15 @@ class FitFolder:
             for name, fit in fits.fits.items():
                 fit.to_netcdf(self.path / f"{stem(name)}.nc")
 
-    def _differing(self, path: Path) -> set[str]:
-        """Return the names of settings with other values in an existing table, and of lost rows."""
-        if not is_result(path):
-            return set()
-        before = read_provenance(path)["parameters"]
+    @property
+    def _made(self) -> dict[str, Any]:
+        """What the tables of fits record."""
+        made = {name: getattr(self, name) for name in ("participants", "models", "circuits")}
+        return {**self.shared, **made}
+
+    def _differing(self, made: dict[str, Any]) -> set[str]:
+        """Return the names of settings with other values in a table's record, and of lost rows."""
+        before = dict(made)
         circuits, now = before.pop("circuits", {}), provenance(**self.shared)["parameters"]
         lost = {
             "participant": {*before.pop("participants", [""])} - {*self.participants},
@@ -336,3 +351,11 @@ class FitFolder:
         }  # fmt: skip
         names = {name for name in {*before, *now} if before.get(name) != now.get(name)}
         return names | {name for name, some in lost.items() if some}
+
+
+def _drawn(made: dict[str, Any]) -> set[str]:
+    """Return the names of figures and draws of the fits of a table, by its record."""
+    if made.get("people") not in ("hierarchical", "correlated"):
+        return {f"{safe(who)}.png" for who in made.get("participants", ())}
+    ends = (".png", " cells.png", ".nc")
+    return {f"{stem(name)}{end}" for name in made.get("models", ()) for end in ends}

@@ -126,7 +126,7 @@ DATA: dict[str, Any] = {"color": "k", "ls": "", "ms": 4}
 LOOKS = (("o", "-"), ("s", "--"), ("^", ":"), ("D", "-."))
 """Marker of the data and line of the models for each condition, reused cyclically."""
 TITLES = (
-    "a  Trials",
+    "a  Share of the favoured response",
     "b  Mean response time",
     "c  Spread of response times",
     "d  Quantiles 0.1, 0.3, 0.5, 0.7, 0.9",
@@ -170,7 +170,7 @@ def draw_fits(fits: Mapping[str, pd.DataFrame], title: str) -> Figure:
     few, most, total = (int(f(first["trials"])) for f in (np.min, np.max, np.sum))
     many = f"{most}" if few == most else f"{few} to {most}"
     figure.suptitle(
-        f"{title}: {total} trials, {many} per point; bars: 95 % intervals of the data",
+        f"{title}: {total} trials, {many} per point; bars (a, b, e): 95 % intervals of the data",
         x=0.01,
         ha="left",
     )

@@ -20,7 +20,7 @@ from bgmodel.fitting.parameters import ADDED, Parameter
 from bgmodel.fitting.responses import ENDS_S
 from bgmodel.fitting.simulated.circuit_model import MECHANISMS, CircuitModel
 from bgmodel.support.checks import check_flag, check_positive, check_unused, whole
-from bgmodel.trials.columns import named_participant
+from bgmodel.trials.columns import EVERYONE, Someone, of_participant
 from bgmodel.trials.reader import OURS, Columns, read_trials
 from bgmodel.trials.record import Trials, is_covariate
 from bgmodel.trials.timed_readings import Source
@@ -36,8 +36,8 @@ class FitSettings:
 
     strength: str | None = None
     """Column of the signed strength of the evidence: positive favours response 1."""
-    participant: str | None = None
-    """The participant to fit; by default all are."""
+    participant: Someone = None
+    """The participant to fit, or several; by default all are."""
     people: People = "each"
     """How participants are fitted: each separately, pooled as if they were one, or all together,
     each with parameters from a distribution of the group, which is fitted too (partial pooling;
@@ -279,7 +279,7 @@ class FitSettings:
             require(not lacking, "conditions", must, lacking)
             trials, who = data, data.participant
             if self.participant is not None:
-                trials = data.where(who == named_participant(self.participant, who))
+                trials = data.where(of_participant(self.participant, who))
         else:
             trials = read_trials(
                 data, strength=self.strength, conditions=self.by, participant=self.participant,
@@ -294,7 +294,9 @@ class FitSettings:
 
     def by_person(self, choices: Trials) -> dict[str, Trials]:
         """Return the trials of each person to fit, or of all pooled."""
-        return {self.participant or "all": choices} if self.pooled else choices.by_participant()
+        if not self.pooled:
+            return choices.by_participant()
+        return {EVERYONE if self.participant is None else ", ".join(choices.people()): choices}
 
     def design(self, choices: Trials) -> Design:
         """Return one person's trials by cell (combination of strength and conditions)."""

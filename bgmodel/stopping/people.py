@@ -58,7 +58,8 @@ def estimates_of(people: dict[str, StopTrials]) -> pd.DataFrame:
         share = f"{few} of {len(people)} participants have too few stop trials"
         DataWarning.warn(f"{share}: their estimates are unreliable, their mean is less so")
     if trends:
-        DataWarning.warn(f"{len(trends)} of {len(people)} participants, such as {trends[0]}")
+        share = f"{len(trends)} of {len(people)} participants have a trend in their go times"
+        DataWarning.warn(f"{share}: in {trends[0]}")
     return pd.DataFrame(rows)
 
 

@@ -33,6 +33,8 @@ MISSING_RT = -999.0
 NO_RESPONSE = -1
 FEWEST = 10
 """Least number of trials of a participant in a condition."""
+Someone = str | Sequence[str] | None
+"""One participant, several, or all."""
 EVERYONE = "all"
 """Name of the participant of a table without participants."""
 OURS = ("participant_id", "rt", "response")
@@ -118,8 +120,8 @@ def check_people(table: pd.DataFrame, used: Sequence[str]) -> None:
         )
 
 
-def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.DataFrame:
-    """Return the rows of one participant or of all, indexed by row number."""
+def rows(table: pd.DataFrame, wanted: list[str], participant: Someone) -> pd.DataFrame:
+    """Return the rows of some participants or of all, indexed by row number."""
     for name in wanted:
         is_name = isinstance(name, str)
         require(is_name, "conditions", "and strength must be names of columns", name)
@@ -134,16 +136,17 @@ def rows(table: pd.DataFrame, wanted: list[str], participant: str | None) -> pd.
     check_alike("participant_id", who)
     if participant is None:
         return table
-    return pd.DataFrame(table[who == named_participant(participant, who)])
+    return pd.DataFrame(table[of_participant(participant, who)])
 
 
-def named_participant(participant: object, who: npt.NDArray[np.str_]) -> str:
-    """Return the name of a participant, given as text or as a whole number."""
-    name = str(participant) if is_whole(participant) else participant
-    if not isinstance(name, str) or name not in who:
-        known = ", ".join(sorted(set(who.tolist())))
-        raise InputError.of("participant", f"must be one of {known}", participant)
-    return name
+def of_participant(participant: object, who: npt.NDArray[np.str_]) -> Truths:
+    """Return which rows are of a participant or of several, named by text or whole numbers."""
+    several = (isinstance(participant, (list, tuple)) and participant) or [participant]
+    names, known = [str(each) if is_whole(each) else each for each in several], set(who.tolist())
+    must = f"must be one of {', '.join(sorted(known))}"
+    for name in names:
+        require(isinstance(name, str) and name in known, "participant", must, name)
+    return np.isin(who, names)
 
 
 def participants(table: pd.DataFrame) -> npt.NDArray[np.str_]:

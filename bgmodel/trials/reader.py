@@ -35,6 +35,7 @@ from bgmodel.trials.columns import (
     FEWEST,
     NO_RESPONSE,
     UNITS,
+    Someone,
     check_alike,
     check_answers,
     check_both,
@@ -43,8 +44,8 @@ from bgmodel.trials.columns import (
     code,
     delays,
     levels,
-    named_participant,
     names_of,
+    of_participant,
     participants,
     refuse,
     responses,
@@ -186,7 +187,7 @@ def read_trials(
     *,
     strength: str | None = None,
     conditions: str | Sequence[str] = (),
-    participant: str | None = None,
+    participant: Someone = None,
     columns: Columns = OURS,
     evidence: Source | None = None,
     step_ms: float | None = None,
@@ -224,8 +225,8 @@ def read_trials(
         Column of the signed strength of the evidence; positive favours response 1.
     conditions : names
         Columns of conditions, read as text.
-    participant : str, optional
-        The participant whose trials are read; all by default.
+    participant : str, or sequence of str, optional
+        The participant whose trials are read, or several; all by default.
     columns : Columns
         Names, units and codes of the columns, if they are not ours.
     evidence : path or DataFrame, optional
@@ -309,7 +310,7 @@ def _check_effect(kind: str, columns: Columns, strength: str | None) -> None:
 
 
 def _choices(
-    table: pd.DataFrame, strength: str | None, wanted: list[str], participant: str | None,
+    table: pd.DataFrame, strength: str | None, wanted: list[str], participant: Someone,
     columns: Columns,
 ) -> Trials:  # fmt: skip
     stimulus, upper = columns.stimulus, columns.upper
@@ -372,7 +373,7 @@ def _check_alone(table: pd.DataFrame, chosen: npt.NDArray[np.int8], columns: Col
 
 
 def _others(
-    table: pd.DataFrame, needed: list[str], wanted: list[str], participant: str | None,
+    table: pd.DataFrame, needed: list[str], wanted: list[str], participant: Someone,
     columns: Columns,
 ) -> tuple[pd.DataFrame, npt.NDArray[np.str_], Array, pd.DataFrame]:  # fmt: skip
     """Return the rows, participants, times and conditions of trials with further columns."""
@@ -388,13 +389,13 @@ def _others(
     held = pd.DataFrame({each: levels(table[each]) for each in wanted}, index=range(len(table)))
     if participant is None:
         return table, who, rt_s, held
-    kept = who == named_participant(participant, who)
+    kept = of_participant(participant, who)
     part, conditions = (each[kept].reset_index(drop=True) for each in (table, held))
     return part, who[kept], rt_s[kept], conditions
 
 
 def _stop_signals(
-    table: pd.DataFrame, wanted: list[str], participant: str | None, columns: Columns
+    table: pd.DataFrame, wanted: list[str], participant: Someone, columns: Columns
 ) -> Trials:
     table, who, rt_s, held = _others(table, ["ssd"], wanted, participant, columns)
     if "response" in table:
@@ -421,7 +422,7 @@ def _stop_signals(
 
 
 def _rewarded(
-    table: pd.DataFrame, wanted: list[str], participant: str | None, columns: Columns
+    table: pd.DataFrame, wanted: list[str], participant: Someone, columns: Columns
 ) -> Trials:
     more = [name for name in wanted if name != "pair"]
     table, timed = with_times(table)
@@ -444,13 +445,13 @@ def _rewarded(
 
 
 def _known(
-    table: pd.DataFrame, wanted: list[str], participant: str | None, columns: Columns,
+    table: pd.DataFrame, wanted: list[str], participant: Someone, columns: Columns,
     asked: tuple[Source, float | None, bool], spikes: Source | None,
 ) -> Trials:  # fmt: skip
     table, timed = with_times(table)
     table, who, rt_s, held = _others(table, ["response", "trial"], wanted, participant, columns)
     evidence, step_ms, forced = asked
-    asked_for = participant if "participant_id" in table else None
+    asked_for = None if participant is None or "participant_id" not in table else who.tolist()
     unmatched = read_readings(evidence, step_ms, asked_for, columns.participant)
     missing = silent(table)
     if timed:

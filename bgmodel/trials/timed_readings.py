@@ -64,10 +64,10 @@ class Readings:
 
 
 def read_readings(
-    evidence: Source, step_ms: float | None = None, participant: str | None = None,
+    evidence: Source, step_ms: float | None = None, people: Sequence[str] | None = None,
     person: str | None = None,
 ) -> Readings:  # fmt: skip
-    """Read the readings of each trial; those of one participant if the table names participants.
+    """Read the readings of each trial; those of some people if the table names participants.
 
     The table has trial, step and ``ll_<alternative>``; or ``time``, s, instead of step; or one row
     per cue: trial, time, ``side`` and ``value``, its log likelihood ratio (by default 1; signed
@@ -84,8 +84,8 @@ def read_readings(
         table = read_csv_table(path) if plain else read_rows(path).reset_index(drop=True)
     if person is not None and "participant_id" not in table:
         table = table.rename(columns={person: "participant_id"})
-    if participant is not None and "participant_id" in table:
-        table = table[table["participant_id"].map(as_written) == participant].reset_index(drop=True)
+    if people is not None and "participant_id" in table:
+        table = table[table["participant_id"].map(as_written).isin(people)].reset_index(drop=True)
     try:
         return readings_of(table, step_ms)
     except ValueError as error:

@@ -111,6 +111,36 @@ def test_a_table_of_somebody_else_is_not_written_over(tmp_path, capsys):
     assert "out/cells.csv' exists and is not a result of a fit: give another folder" in sentence
 
 
+OTHERS = {
+    "a.png": "--participant a",
+    "comparison.csv": "--models constant_gap falling_gap --compare",
+    "comparison.png": "--models constant_gap falling_gap --compare",
+    "constant_gap cells.png": "--people hierarchical",
+    "constant_gap.nc": "--people hierarchical",
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_no_file_of_somebody_else_is_written_over(tmp_path, capsys, name):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / name).write_text("dear diary")
+    sentence = fails(capsys, "mine.csv", "out", *COHERENCE, *GAP, *words(OTHERS[name]))
+    assert f"{name}' exists and is not a result of a fit: give another folder" in sentence
+
+
+def test_tables_of_other_trials_do_not_share_a_folder(capsys):
+    """Those of a group neither, nor does its comparison replace that of each participant."""
+    asked = ["out", *COHERENCE, "--models", "constant_gap", "falling_gap", *QUICK[:2]]
+    group = ["--people", "hierarchical"]
+    for _ in range(2):  # the second time in place of its own files
+        assert run("fit", "mine.csv", *asked, "--compare", "--participant", "a") == 0
+    capsys.readouterr()
+    error = fails(capsys, "mine.csv", *asked, *group, "--compare")
+    assert "holds fits with another participant, people:" in error
+    changed(rt=GOOD["rt"] + 0.01).to_csv("other.csv", index=False)
+    assert "holds fits with another trials:" in fails(capsys, "other.csv", *asked, *group)
+
+
 def test_each_participant_gets_a_row_per_number_and_a_figure(thorough, tmp_path, capsys):
     assert run("fit", "mine.csv", *COHERENCE, *GAP, *QUICK) == 0
     shown = capsys.readouterr().out
@@ -142,7 +172,7 @@ def test_names_of_participants_and_levels_stay_as_they_are_written(capsys):
     capsys.readouterr()
     error = fails(capsys, "named.csv", "again", *one[1:], "--participant", "1")
     assert "holds fits with another participant: fit it too, give another folder" in error
-    assert run("fit", "named.csv", "again", *one[1:]) == 0
+    assert run("fit", "named.csv", "again", *one[1:], "--participant", "1", "01") == 0
     assert "01, constant_gap: already done" in capsys.readouterr().out
     for table in TABLES:
         assert Path("again", table).read_bytes() == Path("fits/named", table).read_bytes()
@@ -347,4 +377,4 @@ def test_the_command_and_python_fit_every_kind_of_trials_alike(kind, capsys):
     if kind == "stop signals":
         (folder / ESTIMATES).write_text("mine")
         (folder / f"{ESTIMATES}.json").unlink()
-        assert "already exists" in fails(capsys, *command[1:])
+        assert "is not a result of a fit" in fails(capsys, *command[1:])

@@ -163,4 +163,4 @@ def test_go_responses_that_become_slower_are_told_in_three_people_of_the_set(peo
     with pytest.warns(DataWarning) as caught:
         estimates_of(people)
     (text,) = [str(each.message) for each in caught if "trial to trial" in str(each.message)]
-    assert text.startswith("3 of 126 participants, such as sub-")
+    assert text.startswith("3 of 126 participants have a trend in their go times: in sub-")

@@ -63,6 +63,8 @@ def test_one_participant_is_read_with_the_trials_of_no_other():
     trials = read_trials(people(), **READ, participant="8")
     assert trials.people() == ["8"]
     assert trials.rt_s.tolist() == people()["rt"][30:].tolist()
+    others = read_trials(people().replace("007", "9"), **READ, participant=["9", 8])
+    assert others.people() == ["8", "9"]
     alone = read_trials(people().drop(columns="participant_id"))
     assert alone.people() == ["all"]
     assert alone.trials == 60
@@ -176,6 +178,8 @@ def test_bad_tables_get_one_sentence(says):
 test_options_that_do_not_fit_the_table_are_refused = refusing(
     ({"participant": "9"}, "participant"),
     ({"participant": 8.5}, "participant"),
+    ({"participant": ["8", "9"]}, "participant"),
+    ({"participant": []}, "participant"),
     ({"deadline_s": 0.5}, "rt"),
     ({"deadline_s": 0.0}, "deadline_s"),
     ({"deadline_s": np.nan}, "deadline_s"),

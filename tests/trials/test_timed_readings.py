@@ -80,7 +80,8 @@ def test_participants_may_share_ids_of_trials():
     two = pd.concat([data.assign(participant_id=p) for p in "ab"], ignore_index=True)
     one, other = (evidence.assign(participant_id=p) for p in "ab")
     by_person = pd.concat([one, other.assign(ll_a=2 * other["ll_a"])])
-    assert read_trials(two, evidence=by_person).people() == ["a", "b"]
+    for participant in (None, ["b", "a"]):
+        assert read_trials(two, evidence=by_person, participant=participant).trials == len(two)
     first, second = (read_known(two, by_person, participant=p) for p in "ab")
     np.testing.assert_allclose(2 * first.log_likelihood[..., 0], second.log_likelihood[..., 0])
     assert read_known(two, by_person).who == "all"
