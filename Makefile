@@ -24,7 +24,7 @@ figures: $(VENV)/figures.installed
 	$(BIN)/bgmodel figures --workers $(CORES) $(if $(FAST),--fast)
 
 demo: $(VENV)/core.installed
-	$(BIN)/bgmodel demo
+	$(BIN)/bgmodel demo --force
 
 # Small copies of the figures of a full run, kept with the documentation.
 pictures: figures
