@@ -13,7 +13,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as some
 
-from bgmodel.commands import touch
+from bgmodel.commands.touch import Step
 from bgmodel.experiments.experiment import Experiment
 from bgmodel.explorer.state import opened
 from bgmodel.fitting.simulated.network import read_network
@@ -58,8 +58,9 @@ def made(*, output, **options):
 @pytest.mark.parametrize("damage", ["result", "record"])
 def test_a_step_is_made_again_if_its_result_or_the_record_is_damaged(tmp_path, damage):
     result = tmp_path / "x"
+    step = Step(result, made, (), {"seed": 1})
     for _ in range(2):
-        touch.step(tmp_path, "x", made, seed=1)
+        step.make()
     assert result.with_suffix(".calls").read_text() == "1"
     if damage == "result":
         result.write_text("whale")
@@ -67,7 +68,7 @@ def test_a_step_is_made_again_if_its_result_or_the_record_is_damaged(tmp_path, d
         (record,) = (tmp_path / "steps").iterdir()
         record.write_bytes(record.read_bytes()[:-9])
     for _ in range(2):
-        touch.step(tmp_path, "x", made, seed=1)
+        step.make()
     assert result.with_suffix(".calls").read_text() == "11"
     assert result.read_text() == "whole"
 
