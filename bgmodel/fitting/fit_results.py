@@ -309,8 +309,8 @@ class FitFolder:
         if other and not force:
             too = "fit it too, " if other <= {"participant", "model"} else ""
             raise InputError(
-                f"{str(self.path)!r} holds fits with another {', '.join(sorted(other))}: {too}give "
-                "another folder, or --force to overwrite their tables",
+                f"{str(self.path)!r} holds fits that differ in {', '.join(sorted(other))}: {too}"
+                "give another folder, or --force to overwrite their tables",
                 "folder",
             )
         if estimates is not None:

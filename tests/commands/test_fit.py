@@ -136,9 +136,9 @@ def test_tables_of_other_trials_do_not_share_a_folder(capsys):
         assert run("fit", "mine.csv", *asked, "--compare", "--participant", "a") == 0
     capsys.readouterr()
     error = fails(capsys, "mine.csv", *asked, *group, "--compare")
-    assert "holds fits with another participant, people:" in error
+    assert "holds fits that differ in participant, people:" in error
     changed(rt=GOOD["rt"] + 0.01).to_csv("other.csv", index=False)
-    assert "holds fits with another trials:" in fails(capsys, "other.csv", *asked, *group)
+    assert "holds fits that differ in trials:" in fails(capsys, "other.csv", *asked, *group)
 
 
 def test_each_participant_gets_a_row_per_number_and_a_figure(thorough, tmp_path, capsys):
@@ -171,7 +171,7 @@ def test_names_of_participants_and_levels_stay_as_they_are_written(capsys):
     assert run("fit", "named.csv", "again", *one[1:], "--participant", "01") == 0
     capsys.readouterr()
     error = fails(capsys, "named.csv", "again", *one[1:], "--participant", "1")
-    assert "holds fits with another participant: fit it too, give another folder" in error
+    assert "holds fits that differ in participant: fit it too, give another folder" in error
     assert run("fit", "named.csv", "again", *one[1:], "--participant", "1", "01") == 0
     assert "01, constant_gap: already done" in capsys.readouterr().out
     for table in TABLES:
@@ -183,11 +183,11 @@ def test_fits_of_another_question_are_never_written_over_unasked(capsys):
     assert run("fit", *one) == 0
     capsys.readouterr()
     error = fails(capsys, *one, "--fix", "lapse=0.02")
-    assert error.startswith("'fits/mine' holds fits with another fix: give another folder, or --f")
+    assert error.startswith("'fits/mine' holds fits that differ in fix: give another folder, or")
     for option in ("--vary bound=drug", "--prior bound=0.5:0.51", "--columns rt_window=0.3,2"):
-        assert fails(capsys, *one, *words(option)).startswith("'fits/mine' holds fits with ano")
+        assert fails(capsys, *one, *words(option)).startswith("'fits/mine' holds fits that differ")
     changed(rt=GOOD["rt"] + 0.01).to_csv("mine.csv", index=False)
-    assert "holds fits with another trials:" in fails(capsys, *one)
+    assert "holds fits that differ in trials:" in fails(capsys, *one)
     assert run("fit", *one, "--fix", "lapse=0.02", "--force", "--participant", "a") == 0
     parameters = pd.read_csv("fits/mine/parameters.csv")
     assert set(parameters["participant"]) == {"a"}
@@ -210,9 +210,9 @@ def test_a_circuit_that_was_edited_is_another_question(tmp_path):
     fit({"mine": "a"})
     both = {"mine": "a", "other": "b"}
     assert fit(both) == both
-    with refused("folder holds fits with another model"):
+    with refused("folder holds fits that differ in model"):
         fit({"other": "b"})
-    with refused("folder holds fits with another circuit"):
+    with refused("folder holds fits that differ in circuit"):
         fit({**both, "mine": "c"})
     assert fit({"mine": "c"}, force=True) == {"mine": "c"}
 

@@ -42,7 +42,7 @@ def test_it_writes_tables_a_figure_and_draws_and_goes_on_from_them(mine, capsys)
     assert {path.suffix for path in (mine / "out").iterdir()} > {".nc", ".png", ".csv"}
     assert read_provenance(mine / "out" / GROUP)["parameters"]["trials"]
     assert run("fit", *ASKED, "--fix", "lapse=0.02") == 2
-    assert "holds fits with another fix" in capsys.readouterr().err
+    assert "holds fits that differ in fix" in capsys.readouterr().err
     assert run("fit", *ASKED, "--json") == 0
     records = json.loads(capsys.readouterr().out)["records"]
     assert records[0]["median"] == pytest.approx(group["median"][0])
