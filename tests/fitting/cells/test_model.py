@@ -83,8 +83,11 @@ def test_a_trial_without_a_choice_is_simulated_without_one(simulated):
     rt_s = np.where(choice < 0, np.nan, trials.rt_s)
     readings = replace(trials.readings, choice=choice)
     some = replace(trials, readings=readings, response=choice.astype(np.int8), rt_s=rt_s)
-    made = likelihood_of(some).simulated(vector, np.random.default_rng(5))
+    likelihood = likelihood_of(some)
+    made = likelihood.simulated(vector, np.random.default_rng(5))
     assert ((made.readings.choice < 0) == (choice < 0)).all()
+    answered = likelihood.density(vector).sum() * likelihood.design.grid.width_s
+    assert answered == pytest.approx((choice >= 0).sum() / likelihood.design.trials.sum())
 
 
 def test_scores_are_derivatives_of_each_trial(simulated):
